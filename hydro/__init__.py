@@ -1,0 +1,1 @@
+"""hydro: find the missing physics of an underwater vehicle."""

@@ -1,0 +1,62 @@
+"""Compile scalar kernels once per version of the sources, whichever module they stand in.
+
+Numba keys its on-disk cache on the file of the *calling* function alone, so a kernel edited in another
+module would leave stale machine code behind.  The cache folder here is therefore named by a digest of all
+of hydro's sources: same sources, same cache; any edit, a fresh one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _cache_folder() -> Path:
+    """Folder of compiled kernels for exactly these sources."""
+    package = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(numba.__version__.encode())
+    for part in ("core", "sim"):
+        for source in sorted((package / part).rglob("*.py")):
+            digest.update(source.read_bytes())
+    base = os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
+    return Path(base) / "hydro" / f"kernels-{digest.hexdigest()[:16]}"
+
+
+_FOLDER = str(_cache_folder())
+
+
+@contextlib.contextmanager
+def _cache_in_own_folder() -> Iterator[None]:
+    """Point Numba at our folder while a dispatcher sets up its cache; leave other users of Numba alone."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _FOLDER
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def jit(function: F) -> F:
+    """`numba.njit` with the cache above; runs uncached where no folder is writable."""
+    dispatcher = numba.njit(function, error_model="numpy", nogil=True)
+    with _cache_in_own_folder(), contextlib.suppress(RuntimeError):
+        dispatcher.enable_caching()
+    return dispatcher  # type: ignore[no-any-return]
+
+
+def cfunc(signature: Any) -> Callable[[F], F]:
+    """`numba.cfunc` (a native function pointer, called without the GIL) with the same cache."""
+
+    def decorate(function: F) -> F:
+        with _cache_in_own_folder():
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+
+    return decorate

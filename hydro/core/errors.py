@@ -1,0 +1,19 @@
+"""The errors a user can meet; the shell maps each to an exit code and prints its one line."""
+
+from __future__ import annotations
+
+
+class HydroError(Exception):
+    """Any error with one clear line for the user: what, where, what to do."""
+
+    exit_code = 1
+
+
+class DataError(HydroError):
+    """The data or the file is at fault (exit code 1)."""
+
+
+class UsageError(HydroError):
+    """The command was called wrongly (exit code 2)."""
+
+    exit_code = 2

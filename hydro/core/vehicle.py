@@ -1,0 +1,98 @@
+"""What is known of a vehicle: its rigid body, buoyancy, hull, thrusters and a list of effects.
+
+SI units, frame FRD about the body origin CO (Fossen 2011, ch. 2 and 7).  These structs are both the model in
+memory and the validator of the TOML file; `io.vehicle` reads and writes it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+Vector3 = tuple[float, float, float]
+Vector6 = tuple[float, float, float, float, float, float]
+Matrix3 = tuple[Vector3, Vector3, Vector3]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+DeadBand = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A table of the vehicle file: unknown keys are errors, so that a misspelt name is never ignored."""
+
+
+class Environment(_Part, frozen=True):
+    """Water and gravity: density [kg/m^3], gravity [m/s^2]."""
+
+    water_density: Positive = 1025.0
+    gravity: Positive = 9.81
+
+
+class RigidBody(_Part, frozen=True):
+    """Dry mass [kg], centre of gravity [m] and inertia matrix [kg m^2] about the centre of gravity.
+
+    `inertia` is the matrix itself: its off-diagonal entries are -int xy dm.
+    """
+
+    mass: Positive
+    center_of_gravity: Vector3
+    inertia: Matrix3
+
+
+class Buoyancy(_Part, frozen=True):
+    """Buoyant force [N] and the point it acts at [m]."""
+
+    force: NonNegative
+    center: Vector3
+
+
+class Hull(_Part, frozen=True):
+    """Bounding lengths [m] about `center` [m]; optionally a triangulated surface beside the vehicle file."""
+
+    length: Positive
+    width: Positive
+    height: Positive
+    center: Vector3 = (0.0, 0.0, 0.0)
+    mesh: str | None = None
+
+
+class Thruster(_Part, frozen=True):
+    """One thruster: a point and direction, or a constant body wrench per newton (axis demand).
+
+    The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order that `lag` says.
+    `lag = "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag on
+    the normalised rotor speed -> dead band -> curve.  `lag_step` [s], when given, says that the source of the data
+    integrates the lag by explicit Euler at that step.
+    """
+
+    name: str
+    max_thrust: Positive
+    max_reverse_thrust: Positive
+    position: Vector3 | None = None
+    direction: Vector3 | None = None
+    wrench: Vector6 | None = None
+    curve: Literal["linear", "quadratic"] = "linear"
+    lag: Literal["thrust", "speed"] = "thrust"
+    time_constant: NonNegative = 0.0
+    lag_step: Positive | None = None
+    deadband: DeadBand = 0.0
+    deadband_style: Literal["cut", "shift"] = "cut"
+    delay: NonNegative = 0.0
+
+
+class Vehicle(_Part, frozen=True):
+    """A vehicle file.  `effect` holds one table per physical effect, in the catalogue's names."""
+
+    name: str
+    rigid_body: RigidBody
+    buoyancy: Buoyancy
+    hull: Hull
+    format: Literal["hydro-vehicle/1"] = "hydro-vehicle/1"
+    environment: Environment = Environment()
+    thruster: tuple[Thruster, ...] = ()
+    effect: tuple[dict[str, Any], ...] = ()
+
+    def effects(self, name: str) -> tuple[dict[str, Any], ...]:
+        """All effect tables called `name`."""
+        return tuple(entry for entry in self.effect if entry.get("name") == name)

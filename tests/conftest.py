@@ -1,0 +1,32 @@
+"""Fixtures and Hypothesis profiles shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "ci", derandomize=True, deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("fuzz", deadline=None, max_examples=2000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared" / "data" / "stonefish"
+
+
+@pytest.fixture(scope="session")
+def stonefish() -> Path:
+    """Folder of the full Stonefish recordings; tests that need it skip where it is absent."""
+    if not (SHARED / "nominal.parquet").exists():
+        pytest.skip("the full Stonefish recordings are not beside this checkout (../shared/data/stonefish)")
+    return SHARED
+
+
+@pytest.fixture(scope="session")
+def datasets() -> Path:
+    """Folder of the bundled samples."""
+    return ROOT / "datasets"
