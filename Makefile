@@ -1,0 +1,43 @@
+# Two commands do everything on a fresh machine: `make demo` and `make test`.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+DEMO ?= demo-out
+WORKERS ?= 2
+
+.PHONY: help install demo test lint types docs wheel clean
+
+help:            ## list the targets
+	@grep -hE '^[a-z]+: .*##|^[a-z]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
+
+install: $(STAMP)     ## create .venv and install hydro with its development tools
+
+$(STAMP): pyproject.toml
+	@test -x $(BIN)/python || { echo "creating $(VENV)"; $(PYTHON) -m venv $(VENV); }
+	@echo "installing hydro and its dependencies into $(VENV) (a few minutes the first time)"
+	@$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	@touch $@
+
+demo: $(STAMP)        ## raw data to a replayed vehicle on the bundled sample; writes into demo-out
+	@$(BIN)/hydro demo $(DEMO)
+
+test: $(STAMP)        ## the whole test suite on two workers
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+lint: $(STAMP)        ## style and import rules
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP)       ## static types: strict in hydro/core and hydro/io
+	$(BIN)/mypy
+
+docs: $(STAMP)        ## regenerate docs/cli.md from the command line itself
+	$(BIN)/python docs/generate_cli.py
+
+wheel: $(STAMP)       ## build dist/*.whl
+	$(BIN)/python -m build --wheel
+
+clean:                ## remove everything that the targets above made
+	rm -rf $(VENV) $(DEMO) dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
