@@ -1,1 +1,1 @@
-""""""
+"""Residual models: the networks, their training and their evaluation (torch)."""
