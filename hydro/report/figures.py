@@ -1,0 +1,200 @@
+"""Figures of a replay: first the table of what would be drawn, then the drawing.
+
+The tables can be tested and queried; the drawings add nothing to them but ink.  Colours are Okabe and Ito's,
+which readers with any colour vision tell apart; the measured motion is a wide grey band that a true variant
+stays within.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
+UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
+MEASURED = "measured"
+HEADROOM = 0.35
+"""How far a panel reaches beyond the measured range, as a share of it, where variants run away."""
+MOST_POINTS = 3000
+"""Samples drawn per curve; more would not be seen at print resolution."""
+
+_INK = "#222222"
+_COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
+_STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.edgecolor": "#888888",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "text.color": _INK,
+    "axes.labelcolor": _INK,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "figure.dpi": 100,
+    "savefig.dpi": 150,
+}
+
+
+def overlay_table(
+    replay: pl.DataFrame, axes: tuple[str, ...] = ("u", "w", "v", "p", "q", "r")
+) -> pl.DataFrame:
+    """What the overlay draws: one row per axis, variant and time, with the panel's limits.
+
+    Args:
+        replay: a replay artefact's series; its first session is drawn.
+        axes: velocity columns, one panel each.
+
+    Returns:
+        Columns `axis`, `variant`, `t` [s, from the start], `value` [m/s or rad/s], and `bottom`, `top`: the
+        panel's limits, set by the measured motion so that a runaway variant does not flatten the rest.
+    """
+    one = replay.filter(pl.col("session") == replay["session"][0])
+    step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // MOST_POINTS))
+    thinned = one.filter(pl.int_range(pl.len()).over("variant") % step == 0)
+    series = thinned.select(
+        "variant",
+        (pl.col("t") - pl.col("t").min()).cast(pl.Float64),
+        *[pl.col(axis).cast(pl.Float64) for axis in axes],
+    ).unpivot(on=list(axes), index=["variant", "t"], variable_name="axis", value_name="value")
+    measured = series.filter(pl.col("variant") == MEASURED).group_by("axis")
+    low, high = pl.col("value").min(), pl.col("value").max()
+    margin = HEADROOM * (high - low).clip(1e-3)
+    limits = measured.agg(bottom=low - margin, top=high + margin)
+    return series.join(limits, on="axis", maintain_order="left").select(
+        "axis", "variant", "t", "value", "bottom", "top"
+    )
+
+
+def error_table(metrics: pl.DataFrame, metric: str = "rmse") -> pl.DataFrame:
+    """What the heat map draws: one row per variant and one column per velocity axis.
+
+    Args:
+        metrics: a metrics artefact; rows of other metrics and axes are left out.
+        metric: which metric to show.
+
+    Returns:
+        Columns `variant` and those of u, v, w [m/s], p, q, r [rad/s] that the metrics hold.
+    """
+    chosen = metrics.filter((pl.col("metric") == metric) & pl.col("axis").is_in(list(TITLES)))
+    table = chosen.pivot(
+        on="axis", index="variant", values="value", aggregate_function="mean", maintain_order=True
+    )
+    return table.select("variant", *[axis for axis in TITLES if axis in table.columns])
+
+
+def draw_overlay(table: pl.DataFrame) -> Figure:
+    """Draw measured and replayed velocities, one panel per axis, from `overlay_table`."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    axes = table["axis"].unique(maintain_order=True).to_list()
+    variants = [name for name in table["variant"].unique(maintain_order=True) if name != MEASURED]
+    columns = 2 if len(axes) > 1 else 1
+    rows = -(-len(axes) // columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(5.6 * columns, 1.0 + 1.95 * rows), layout="constrained")
+        panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+        for panel, axis in zip(panels, axes, strict=False):
+            _draw_panel(panel, table.filter(pl.col("axis") == axis), variants)
+        for spare in panels[len(axes) :]:
+            spare.set_visible(False)
+        for panel in panels[max(0, len(axes) - columns) : len(axes)]:
+            panel.tick_params(labelbottom=True)
+            panel.set_xlabel("time [s]")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(
+            handles,
+            labels,
+            loc="outside upper center",
+            ncols=min(6, len(labels)),
+            frameon=False,
+            handlelength=1.8,
+        )
+    return figure
+
+
+def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
+    """One axis: the measured motion as a wide grey band, variants as thin lines over it, the last one dashed."""
+    axis = rows["axis"][0]
+    measured = rows.filter(pl.col("variant") == MEASURED)
+    panel.plot(
+        measured["t"], measured["value"], color="#B9B9B9", linewidth=5, label=MEASURED, solid_capstyle="round"
+    )
+    for name, colour in zip(variants, _COLOURS * len(variants), strict=False):
+        curve = rows.filter(pl.col("variant") == name)
+        dashes = (0, (3, 1.6)) if name == variants[-1] and len(variants) > 1 else "-"
+        panel.plot(curve["t"], curve["value"], color=colour, linewidth=1.4, linestyle=dashes, label=name)
+    panel.set_ylim(rows["bottom"][0], rows["top"][0])
+    panel.margins(x=0.01)
+    panel.set_title(f"{TITLES[axis]} {axis}")
+    panel.set_ylabel(UNITS[axis])
+
+
+def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower is better)") -> Figure:
+    """Draw the errors of `error_table` as a heat map with its numbers, translation beside rotation."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    groups = [
+        ([axis for axis in "uvw" if axis in table.columns], "m/s"),
+        ([axis for axis in "pqr" if axis in table.columns], "rad/s"),
+    ]
+    groups = [group for group in groups if group[0]]
+    with mpl.rc_context(_STYLE | {"axes.grid": False}):
+        figure = Figure(figsize=(1.6 + 1.15 * sum(len(a) for a, _ in groups), 1.3 + 0.46 * table.height))
+        figure.set_layout_engine("constrained")
+        panels = figure.subplots(
+            1, len(groups), sharey=True, squeeze=False, width_ratios=[len(a) for a, _ in groups]
+        ).ravel()
+        for panel, (axes, unit) in zip(panels, groups, strict=True):
+            _draw_heat(panel, table, axes, unit)
+        panels[0].set_yticks(range(table.height), table["variant"].to_list())
+        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+    return figure
+
+
+def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> None:
+    """One block of cells on a logarithmic scale, each with its number in a colour that can be read on it."""
+    import numpy as np
+    from matplotlib.colors import LogNorm
+
+    values = table.select(axes).to_numpy().astype(float)
+    positive = values[np.isfinite(values) & (values > 0)]
+    low, high = (positive.min(), positive.max()) if positive.size else (1e-3, 1.0)
+    norm = LogNorm(low / 1.2, high * 1.2)
+    panel.imshow(np.clip(values, low, high), norm=norm, cmap="cividis_r", aspect="auto")
+    for (row, column), value in np.ndenumerate(values):
+        dark = np.isfinite(value) and norm(max(value, low)) > 0.55
+        text = "–" if not np.isfinite(value) else f"{value:#.3g}" if value < 1000 else f"{value:.1e}"
+        panel.text(column, row, text, ha="center", va="center", color="white" if dark else _INK)
+    panel.set_xticks(range(len(axes)), [f"{axis}\n{TITLES[axis]}" for axis in axes])
+    panel.set_title(unit, fontweight="normal")
+    panel.tick_params(length=0)
+    for spine in panel.spines.values():
+        spine.set_visible(False)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write `figure` as PNG through Agg, whole or not at all; the same figure gives the same bytes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        figure.savefig(partial, format="png", metadata={"Software": None})
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
