@@ -1,0 +1,110 @@
+"""Added mass: the inertia of the water that a body must accelerate with itself (Fossen 2011, section 6.3).
+
+Parameters are entries of M_A, the negatives of the SNAME derivatives: M_A[0,0] = -X_udot, M_A[1,5] = -Y_rdot.
+An `inertia` effect enters M, and with it C_A built from M_A by the skew parametrisation (theorem 3.2), so that
+its Coriolis terms do no work.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.compiled import jit
+from hydro.core.effects.layout import ADDED_MASS, RELATIVE_VELOCITY
+from hydro.core.effects.record import Array, Effect, Parameter
+
+UNITS = ("kg", "kg m", "kg m^2")
+COUPLED = ((1, 5), (2, 4), (0, 4), (1, 3), (0, 2))
+
+
+def symmetric_or_diagonal(p: Array, matrix: Array) -> None:
+    """Wrench -M_A nu_r_dot - C_A(nu_r) nu_r, with M_A given by its diagonal or whole.
+
+    A body with three planes of symmetry has a diagonal M_A; a full one must be symmetric, as it is in
+    potential flow (Newman 1977, section 4.14).
+    """
+    matrix += np.diag(p) if p.size == 6 else p.reshape(6, 6)
+
+
+def couplings(p: Array, matrix: Array) -> None:
+    """Off-diagonal entries of M_A, each on both sides of the diagonal.
+
+    Sway-yaw (1,5) and heave-pitch (2,4) belong to a hull that differs fore and aft, surge-pitch (0,4) and
+    sway-roll (1,3) to one that differs above and below, surge-heave (0,2) to one that does both.
+    """
+    for value, (i, j) in zip(p, COUPLED, strict=True):
+        matrix[i, j] += value
+        matrix[j, i] += value
+
+
+@jit
+def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -kappa C_A(nu_r) nu_r with the vehicle's whole M_A: -1 removes the Munk moment, 0 leaves it.
+
+    With the momentum of the water [a; b] = M_A nu_r, Fossen (2011) eq. 3.46 gives
+    C_A nu_r = [omega x a; v_r x a + omega x b].  For a diagonal M_A the yaw moment -C_A nu_r is
+    (M_A[0,0] - M_A[1,1]) u_r v_r: negative, thus destabilising, for u_r, v_r > 0 and M_A[1,1] > M_A[0,0].
+    It does no work for any kappa.
+    """
+    u, v, w = s[RELATIVE_VELOCITY], s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
+    q0, q1, q2 = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
+    a0 = a1 = a2 = b0 = b1 = b2 = 0.0
+    for j in range(6):
+        n = s[RELATIVE_VELOCITY + j]
+        a0 += c[ADDED_MASS + j] * n
+        a1 += c[ADDED_MASS + 6 + j] * n
+        a2 += c[ADDED_MASS + 12 + j] * n
+        b0 += c[ADDED_MASS + 18 + j] * n
+        b1 += c[ADDED_MASS + 24 + j] * n
+        b2 += c[ADDED_MASS + 30 + j] * n
+    kappa = p[0]
+    tau[0] -= kappa * (q1 * a2 - q2 * a1)
+    tau[1] -= kappa * (q2 * a0 - q0 * a2)
+    tau[2] -= kappa * (q0 * a1 - q1 * a0)
+    tau[3] -= kappa * (v * a2 - w * a1 + q1 * b2 - q2 * b1)
+    tau[4] -= kappa * (w * a0 - u * a2 + q2 * b0 - q0 * b2)
+    tau[5] -= kappa * (u * a1 - v * a0 + q0 * b1 - q1 * b0)
+
+
+EFFECTS = (
+    Effect(
+        name="added_mass",
+        family="inertia",
+        kind="inertia",
+        definition="-M_A nu_r_dot - C_A(nu_r) nu_r",
+        source="Fossen (2011), eqs. 6.38-6.45, theorem 3.2",
+        excitation="accelerations of both signs on every axis",
+        lookalikes=("fluid_memory", "thruster_lag", "payload"),
+        parameters=(
+            Parameter("diagonal", ("kg", "kg m^2"), "diagonal of M_A", (6,)),
+            Parameter("matrix", UNITS, "all of M_A, symmetric", (6, 6)),
+        ),
+        one_of=("diagonal", "matrix"),
+        inertia=symmetric_or_diagonal,
+    ),
+    Effect(
+        name="added_mass_coupling",
+        family="inertia",
+        kind="inertia",
+        definition="-M_A nu_r_dot - C_A(nu_r) nu_r with M_A[i,j] = M_A[j,i] for five pairs",
+        source="Fossen (2011), section 6.3.1; Newman (1977), section 4.14",
+        excitation="sway with yaw acceleration, heave with pitch, surge with pitch, sway with roll",
+        lookalikes=("coupled_damping", "sensor_lever_arm", "payload"),
+        parameters=tuple(
+            Parameter(f"M{i}{j}", ("kg" if j < 3 else "kg m",), f"M_A[{i},{j}] and M_A[{j},{i}]")
+            for i, j in COUPLED
+        ),
+        inertia=couplings,
+    ),
+    Effect(
+        name="added_mass_coriolis",
+        family="inertia",
+        kind="wrench",
+        definition="-kappa C_A(nu_r) nu_r",
+        source="Fossen (2011), theorem 3.2, section 6.3.1 (Munk moment)",
+        excitation="turns and drift at speed: surge with sway, surge with heave",
+        lookalikes=("body_lift", "coupled_damping"),
+        parameters=(Parameter("kappa", ("1",), "share of C_A that is missing (or, below 0, too much)"),),
+        kernel=coriolis_excess,
+    ),
+)
