@@ -26,7 +26,9 @@ def _cache_folder() -> Path:
     for part in ("core", "sim"):
         for source in sorted((package / part).rglob("*.py")):
             digest.update(source.read_bytes())
-    base = os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
+    base = (
+        os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
+    )
     return Path(base) / "hydro" / f"kernels-{digest.hexdigest()[:16]}"
 
 
@@ -44,9 +46,14 @@ def _cache_in_own_folder() -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
-def jit(function: F) -> F:
-    """`numba.njit` with the cache above; runs uncached where no folder is writable."""
-    dispatcher = numba.njit(function, error_model="numpy", nogil=True)
+def jit(function: F, *, reorder_sums: bool = False) -> F:
+    """`numba.njit` with the cache above; runs uncached where no folder is writable.
+
+    `reorder_sums` lets the compiler add in another, fixed order, so that a long sum uses vector instructions:
+    the same bits every time on one machine, rounding that may differ on another.
+    """
+    fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
+    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath)
     with _cache_in_own_folder(), contextlib.suppress(RuntimeError):
         dispatcher.enable_caching()
     return dispatcher  # type: ignore[no-any-return]

@@ -1,0 +1,61 @@
+"""Read the triangles of a Wavefront OBJ file: the hull of a vehicle."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+
+
+def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices and triangles of an OBJ file.
+
+    Args:
+        path: File with `v x y z` and `f a b c …` lines, in metres, body axes FRD about the body origin.
+            Faces with more than three corners become fans; texture and normal numbers (`a/b/c`) are passed
+            over; negative numbers count from the last vertex.
+
+    Returns:
+        Vertices (V, 3) [m] and faces (F, 3), numbered from 0.
+
+    Raises:
+        DataError: The file cannot be read, holds no faces, or has a line that is not as above.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not a text file"
+        raise DataError(f"{path}: cannot read the hull's mesh: {reason}") from None
+    vertices: list[list[float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        word, *rest = line.split("#", 1)[0].split() or [""]
+        try:
+            if word == "v":
+                x, y, z = (float(value) for value in rest[:3])
+                vertices.append([x, y, z])
+            elif word == "f":
+                first, *others = [_vertex(corner, len(vertices)) for corner in rest]
+                if len(others) < 2:
+                    raise ValueError("a face needs three corners")
+                faces += [(first, a, b) for a, b in itertools.pairwise(others)]
+        except ValueError:
+            raise DataError(
+                f"{path}: line {number} is not a vertex or face of an OBJ file: {line.strip()[:60]!r}"
+            ) from None
+    if not faces:
+        raise DataError(f"{path}: holds no faces ('f a b c' lines); export the hull as a Wavefront OBJ mesh")
+    return np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.int64)
+
+
+def _vertex(corner: str, count: int) -> int:
+    """Vertex number from 0 of a face corner like `7`, `7/1/3` or `-1`."""
+    number = int(corner.split("/", 1)[0])
+    index = number - 1 if number > 0 else count + number
+    if number == 0 or not 0 <= index < count:
+        raise ValueError(f"vertex {number} of {count}")
+    return index
