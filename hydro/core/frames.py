@@ -1,0 +1,200 @@
+"""Frames and attitudes: NED world, FRD body, ZYX Euler angles, quaternions, and MuJoCo's FLU mask.
+
+Equation numbers are of Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011), ch. 2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+
+FRD_FLU: Array = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+"""Signs that turn a twist or wrench in FRD axes into FLU axes and back (half a turn about x)."""
+
+_LOCK = 1e-8  # below this cos(theta), roll and yaw turn about the same axis
+
+
+@jit
+def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
+    """Write R_nb = Rz(psi) Ry(theta) Rx(phi) into `out` (9,), row-major; Fossen (2.18).
+
+    Its last row `out[6:9]` is the world's down direction in body axes.
+    """
+    c_phi, s_phi = math.cos(phi), math.sin(phi)
+    c_theta, s_theta = math.cos(theta), math.sin(theta)
+    c_psi, s_psi = math.cos(psi), math.sin(psi)
+    out[0] = c_psi * c_theta
+    out[1] = c_psi * s_theta * s_phi - s_psi * c_phi
+    out[2] = c_psi * s_theta * c_phi + s_psi * s_phi
+    out[3] = s_psi * c_theta
+    out[4] = s_psi * s_theta * s_phi + c_psi * c_phi
+    out[5] = s_psi * s_theta * c_phi - c_psi * s_phi
+    out[6] = -s_theta
+    out[7] = c_theta * s_phi
+    out[8] = c_theta * c_phi
+
+
+@jit
+def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
+    for k in range(phi.size):
+        rotation_kernel(phi[k], theta[k], psi[k], out[k])
+
+
+def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
+    """Rotation from body (FRD) to world (NED) axes, Fossen (2.18).
+
+    Args:
+        phi: Roll [rad], any shape.
+        theta: Pitch [rad], broadcast against `phi`.
+        psi: Yaw [rad], broadcast against `phi`.
+
+    Returns:
+        R of shape (..., 3, 3): a vector x in body axes is R x in world axes.
+    """
+    shape, (roll, pitch, yaw) = _columns(phi, theta, psi)
+    out = np.empty((roll.size, 9))
+    _rotation_columns(roll, pitch, yaw, out)
+    return out.reshape(*shape, 3, 3)
+
+
+def euler_rate_matrix(phi: ArrayLike, theta: ArrayLike) -> Array:
+    """Matrix T of shape (..., 3, 3) with d(phi, theta, psi)/dt = T (p, q, r); Fossen (2.28).
+
+    Args:
+        phi: Roll [rad].
+        theta: Pitch [rad]; T grows without bound toward +-90 degrees, where Euler angles are singular.
+    """
+    roll, pitch = np.broadcast_arrays(np.asarray(phi, float), np.asarray(theta, float))
+    matrix = np.zeros((*roll.shape, 3, 3))
+    matrix[..., 0, 0] = 1.0
+    matrix[..., 0, 1] = np.sin(roll) * np.tan(pitch)
+    matrix[..., 0, 2] = np.cos(roll) * np.tan(pitch)
+    matrix[..., 1, 1] = np.cos(roll)
+    matrix[..., 1, 2] = -np.sin(roll)
+    matrix[..., 2, 1] = np.sin(roll) / np.cos(pitch)
+    matrix[..., 2, 2] = np.cos(roll) / np.cos(pitch)
+    return matrix
+
+
+def euler_from_rotation(R: ArrayLike) -> Array:
+    """ZYX Euler angles (phi, theta, psi) [rad] of rotations; Fossen sec. 2.2.1.
+
+    Args:
+        R: Rotations body to world, shape (..., 3, 3).
+
+    Returns:
+        Angles of shape (..., 3), phi and psi in [-pi, pi], theta in [-pi/2, pi/2].  At theta = +-pi/2, where
+        only a combination of phi and psi is defined, phi = 0.
+    """
+    matrix = np.asarray(R, float)
+    cos_theta = np.hypot(matrix[..., 0, 0], matrix[..., 1, 0])
+    theta = np.arctan2(-matrix[..., 2, 0], cos_theta)
+    locked = cos_theta < _LOCK
+    phi = np.where(locked, 0.0, np.arctan2(matrix[..., 2, 1], matrix[..., 2, 2]))
+    psi = np.where(
+        locked,
+        np.arctan2(-matrix[..., 0, 1], matrix[..., 1, 1]),
+        np.arctan2(matrix[..., 1, 0], matrix[..., 0, 0]),
+    )
+    return np.stack([phi, theta, psi], axis=-1)
+
+
+def quaternion_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
+    """Unit quaternion (w, x, y, z) of the rotation body to world, with w >= 0.
+
+    Args:
+        phi: Roll [rad], any shape.
+        theta: Pitch [rad], broadcast against `phi`.
+        psi: Yaw [rad], broadcast against `phi`.
+
+    Returns:
+        Quaternions of shape (..., 4): the product of half-angle turns about z, y and x (Fossen sec. 2.2.3).
+    """
+    roll, pitch, yaw = (0.5 * np.asarray(angle, float) for angle in (phi, theta, psi))
+    c1, s1, c2, s2, c3, s3 = (
+        np.cos(roll),
+        np.sin(roll),
+        np.cos(pitch),
+        np.sin(pitch),
+        np.cos(yaw),
+        np.sin(yaw),
+    )
+    quaternion = np.stack(
+        [
+            c1 * c2 * c3 + s1 * s2 * s3,
+            s1 * c2 * c3 - c1 * s2 * s3,
+            c1 * s2 * c3 + s1 * c2 * s3,
+            c1 * c2 * s3 - s1 * s2 * c3,
+        ],
+        axis=-1,
+    )
+    return np.where(quaternion[..., :1] < 0.0, -quaternion, quaternion)
+
+
+def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
+    """Rotation body to world of shape (..., 3, 3) from quaternions (w, x, y, z); Fossen (2.71).
+
+    Args:
+        quaternion: Shape (..., 4), of any length but zero.
+
+    Raises:
+        DataError: A quaternion is zero or not finite, and so is no rotation.
+    """
+    q = np.asarray(quaternion, float)
+    norm = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(norm) & (norm > 0.0)):
+        raise DataError(
+            "quaternion: has length 0 or is not finite, so it is no rotation; give (w, x, y, z) of length 1"
+        )
+    q = q / norm
+    w, vector = q[..., 0, None, None], q[..., 1:]
+    cross = skew(vector)
+    return np.asarray(np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross)
+
+
+def euler_from_quaternion(quaternion: ArrayLike) -> Array:
+    """ZYX Euler angles of shape (..., 3) [rad] from quaternions (w, x, y, z) of shape (..., 4).
+
+    Raises:
+        DataError: A quaternion is zero or not finite.
+    """
+    return euler_from_rotation(rotation_from_quaternion(quaternion))
+
+
+def swap_frd_flu(x: ArrayLike) -> Array:
+    """Turn FRD into FLU axes, or back: half a turn about x, its own inverse.
+
+    Args:
+        x: Vectors of shape (..., 3), or twists and wrenches of shape (..., 6).
+
+    Raises:
+        DataError: The last axis has neither 3 nor 6 components.
+    """
+    values = np.asarray(x, float)
+    if values.shape[-1:] not in {(3,), (6,)}:
+        raise DataError(f"FRD/FLU: the last axis must have 3 or 6 components, got shape {values.shape}")
+    return np.asarray(values * FRD_FLU[: values.shape[-1]])
+
+
+def skew(a: ArrayLike) -> Array:
+    """Matrix S(a) of shape (..., 3, 3) with S(a) b = a x b; Fossen (2.10)."""
+    vector = np.asarray(a, float)
+    matrix = np.zeros((*vector.shape, 3))
+    matrix[..., 0, 1], matrix[..., 1, 0] = -vector[..., 2], vector[..., 2]
+    matrix[..., 0, 2], matrix[..., 2, 0] = vector[..., 1], -vector[..., 1]
+    matrix[..., 1, 2], matrix[..., 2, 1] = -vector[..., 0], vector[..., 0]
+    return matrix
+
+
+def _columns(*angles: ArrayLike) -> tuple[tuple[int, ...], tuple[Any, ...]]:
+    """The common shape of some angles, and each as a flat float64 column."""
+    wide = np.broadcast_arrays(*(np.asarray(angle, float) for angle in angles))
+    return wide[0].shape, tuple(np.ascontiguousarray(angle).ravel() for angle in wide)
