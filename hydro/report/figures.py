@@ -127,7 +127,7 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
 
 
 def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
-    """One axis: the measured motion as a wide grey band, variants as thin lines over it, the last one dashed."""
+    """One axis: the measured motion as a wide grey band, variants as thin lines over it."""
     axis = rows["axis"][0]
     measured = rows.filter(pl.col("variant") == MEASURED)
     panel.plot(
