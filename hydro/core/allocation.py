@@ -75,7 +75,7 @@ def thruster_table(vehicle: Vehicle) -> Array:
         if 0.0 < thruster.time_constant < step:
             raise DataError(
                 f"thruster {thruster.name}: lag_step {step:g} s exceeds time_constant "
-                f"{thruster.time_constant:g} s, where Euler steps overshoot; give the step of the data's source"
+                f"{thruster.time_constant:g} s, where Euler steps overshoot; give the source's step"
             )
         row[UNIT_WRENCH] = _unit_wrench(thruster)
         row[MAX_THRUST] = thruster.max_thrust
@@ -92,7 +92,7 @@ def thruster_table(vehicle: Vehicle) -> Array:
 
 @jit
 def static_thrust(row: Array, n: float) -> float:
-    """Thrust [N] that a normalised speed n in [-1, 1] settles on, by dead band and curve; odd but for the limits."""
+    """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
     size: float = abs(n)
     band: float = row[DEADBAND]
     if size <= band:
