@@ -1,0 +1,103 @@
+"""Unbroken runs of rows: one session without a gap in time, sampled at one constant rate.
+
+A step above 1.5 sample times is a gap and starts a new segment; every other step may differ from the sample
+time by 1 %.  Filters, lags and differences never reach across the end of a segment.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+Bounds = NDArray[np.int64]
+
+GAP = 1.5  # in sample times
+JITTER = 0.01  # of a sample time
+
+
+def sample_time(frame: pl.DataFrame) -> float:
+    """Sample time dt [s]: the median step of `t` within sessions, rounded to a nanosecond.
+
+    Args:
+        frame: A table with `session` and `t` [s].
+
+    Raises:
+        DataError: The table is empty, a session's rows are scattered or its time does not rise, or no
+            session has two rows.
+    """
+    return _clock(frame)[2]
+
+
+def segments(frame: pl.DataFrame) -> Bounds:
+    """First and past-the-last row of each unbroken run, shape (S, 2), in the order of the rows.
+
+    Args:
+        frame: A table with `session` and `t` [s].
+
+    Raises:
+        DataError: As for `sample_time`; or a step is neither the sample time within 1 % nor a gap.
+    """
+    sessions, steps, dt = _clock(frame)
+    gap = steps > GAP * dt
+    odd = ~sessions & ~gap & (np.abs(steps - dt) > JITTER * dt)
+    if odd.any():
+        row = int(np.flatnonzero(odd)[0]) + 1
+        raise DataError(
+            f"t [s] must step by {dt:g} s within 1 %, or by a gap above {GAP:g} times that: {odd.sum()} of "
+            f"{frame.height} rows do not (first: {_place(frame, row)}, step {steps[row - 1]:g} s); "
+            "resample the log to one constant rate"
+        )
+    cuts = np.flatnonzero(sessions | gap) + 1
+    edges = np.concatenate(([0], cuts, [frame.height]))
+    return np.ascontiguousarray(np.stack([edges[:-1], edges[1:]], axis=1), dtype=np.int64)
+
+
+def resumes(frame: pl.DataFrame, bounds: Bounds) -> NDArray[np.bool_]:
+    """Which segments go on with a session after a gap, shape (S,); the others begin a session."""
+    names = frame["session"]
+    first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)
+    same = (names.gather(first) == names.gather(before)).to_numpy()
+    return np.asarray(same & (first > 0))
+
+
+def _clock(frame: pl.DataFrame) -> tuple[NDArray[np.bool_], Array, float]:
+    """Of each step from a row to the next: whether the session changes, its length [s]; and dt [s]."""
+    if frame.height == 0:
+        raise DataError("the table has no rows; give at least one session")
+    names = frame["session"]
+    changes = (names != names.shift(1))[1:].to_numpy()
+    steps = np.diff(frame["t"].to_numpy().astype(np.float64, copy=False))
+    _check_contiguous(names, changes)
+    _check_rising(frame, changes, steps)
+    within = steps[~changes]
+    if within.size == 0:
+        raise DataError("no session has two rows: the sample time is unknown; give sessions, not single rows")
+    return changes, steps, round(float(np.median(within)), 9)
+
+
+def _check_contiguous(names: pl.Series, changes: NDArray[np.bool_]) -> None:
+    starts = names.gather(np.concatenate(([0], np.flatnonzero(changes) + 1)))
+    scattered = starts.filter(starts.is_duplicated())
+    if scattered.len():
+        raise DataError(
+            f"session {scattered[0]} is not one run of rows: rows of another session lie between; "
+            "sort the table by session and t"
+        )
+
+
+def _check_rising(frame: pl.DataFrame, changes: NDArray[np.bool_], steps: Array) -> None:
+    falling = ~changes & ~(steps > 0.0)
+    if falling.any():
+        row = int(np.flatnonzero(falling)[0]) + 1
+        raise DataError(
+            f"t [s] must rise within a session: {falling.sum()} of {frame.height} rows do not "
+            f"(first: {_place(frame, row)}); remove repeated rows or sort them by time"
+        )
+
+
+def _place(frame: pl.DataFrame, row: int) -> str:
+    return f"row {row}, session {frame['session'][row]}"
