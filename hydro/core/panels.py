@@ -222,6 +222,6 @@ def _check_surface(points: Array, triangles: NDArray[np.int64]) -> None:
     if unpaired or count.max() > 1:
         doubled = int((count > 1).sum())
         raise DataError(
-            f"the hull is not closed and consistently oriented: {unpaired} open edges, {doubled} run twice the "
+            f"the hull is not closed and consistently oriented: {unpaired} open edges, {doubled} twice the "
             "same way; fill the holes, or make all faces anticlockwise as seen from outside"
         )
