@@ -36,15 +36,14 @@ DECKS: dict[str, tuple[str, ...]] = {
 """Kinds of session that each excitation deals from, a deck shuffled anew whenever it is used up."""
 
 SHORTEST, LONGEST = 6_000, 29_000
-"""Rows of a session in a large collection; a small one deals one deck of shorter sessions, down to
-`LEAST`."""
+"""Rows of a session in a large collection."""
 LEAST = 250
+"""Rows of the shortest session of a small collection, which deals its deck about once."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """One recording: name, kind of excitation, length in rows, and its number, which with the seed makes
-    it."""
+    """One recording: name, kind of excitation, rows, and the number that with the seed makes it."""
 
     name: str
     kind: str
@@ -133,8 +132,7 @@ def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
 
 
 def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
-    """Logarithmic sine sweeps end to end, 40 to 80 s each, from about 0.03 to 0.5 Hz, each of new
-    amplitude."""
+    """Logarithmic sine sweeps end to end, 40 to 80 s each, from about 0.03 to 0.5 Hz, of random amplitude."""
     parts: list[Array] = []
     count = 0
     while count < rows:
