@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib.metadata
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,6 +24,8 @@ def _cache_folder() -> Path:
     """Folder of compiled kernels for exactly these sources."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(numba.__version__.encode())
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # sim's kernels hold offsets into its structs
+        digest.update(importlib.metadata.version("mujoco").encode())
     for part in ("core", "sim"):
         for source in sorted((package / part).rglob("*.py")):
             digest.update(source.read_bytes())

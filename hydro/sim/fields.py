@@ -1,0 +1,137 @@
+"""Where the fields of MuJoCo's C structs lie, so that compiled code can read them through bare pointers.
+
+The byte offsets follow from the declarations that MuJoCo ships in `mujoco.introspect` and the C layout rules of
+the platform.  They are checked once per process against the addresses the Python bindings themselves use: with a MuJoCo
+whose structs differ, hydro refuses to start rather than read a wrong number.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.introspect import ast_nodes, enums, structs
+
+from hydro.core.errors import HydroError
+
+# Every C type name that stands by value in mjModel or mjData and is not itself a struct or an enum.
+_SCALARS: dict[str, Any] = {
+    "mjtNum": ctypes.c_double,
+    "mjtSize": ctypes.c_int64,
+    "mjtByte": ctypes.c_uint8,
+    "mjtBool": ctypes.c_bool,
+    "int": ctypes.c_int,
+    "float": ctypes.c_float,
+    "double": ctypes.c_double,
+    "char": ctypes.c_char,
+    "size_t": ctypes.c_size_t,
+    "uintptr_t": ctypes.c_void_p,
+    "int64_t": ctypes.c_int64,
+    "uint64_t": ctypes.c_uint64,
+    "uint32_t": ctypes.c_uint32,
+    "unsigned int": ctypes.c_uint,
+}
+
+_PROBE = """
+<mujoco>
+  <size nuserdata="3"/>
+  <custom><numeric name="probe" data="1 2 3"/></custom>
+  <worldbody>
+    <body name="probe"><freejoint/><geom size="1"/><site name="probe"/></body>
+  </worldbody>
+  <actuator>
+    <general name="probe" site="probe" dyntype="filter"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def _c_type(declared: Any) -> Any:
+    """The ctypes type of one declaration."""
+    if isinstance(declared, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(declared, ast_nodes.ArrayType):
+        inner = _c_type(declared.inner_type)
+        for extent in reversed(declared.extents):
+            inner = inner * extent
+        return inner
+    if isinstance(declared, ast_nodes.AnonymousStructDecl | ast_nodes.AnonymousUnionDecl):
+        base = ctypes.Union if isinstance(declared, ast_nodes.AnonymousUnionDecl) else ctypes.Structure
+        return type("anonymous", (base,), {"_fields_": [(f.name, _c_type(f.type)) for f in declared.fields]})
+    if declared.name in structs.STRUCTS:
+        return _c_struct(declared.name)
+    if declared.name in enums.ENUMS:
+        return ctypes.c_int
+    if declared.name in _SCALARS:
+        return _SCALARS[declared.name]
+    raise HydroError(
+        f"MuJoCo {mujoco.__version__} declares a field of unknown type {declared.name!r}: install mujoco 4.0"
+    )
+
+
+@cache
+def _c_struct(name: str) -> type[ctypes.Structure]:
+    """The ctypes struct of a MuJoCo struct, by its declaration."""
+    declaration = structs.STRUCTS.get(name) or structs.STRUCTS[f"{name}_"]
+    return type(
+        name, (ctypes.Structure,), {"_fields_": [(f.name, _c_type(f.type)) for f in declaration.fields]}
+    )
+
+
+def offset(struct: str, field: str) -> int:
+    """Byte offset of a field.
+
+    Args:
+        struct: `"mjModel"` or `"mjData"`.
+        field: The field's name in C.
+
+    Raises:
+        HydroError: The installed MuJoCo has no such field.
+    """
+    descriptor = getattr(_c_struct(struct), field, None)
+    if descriptor is None:
+        raise HydroError(f"MuJoCo {mujoco.__version__} has no field {struct}.{field}: install mujoco 4.0")
+    return int(descriptor.offset)
+
+
+def _mismatch(struct: str, field: str, address: int, value: Any) -> str | None:
+    """Why a field read through its offset differs from what the bindings show, or None where it agrees."""
+    where = address + offset(struct, field)
+    if isinstance(value, np.ndarray):
+        agrees = ctypes.c_void_p.from_address(where).value == value.ctypes.data
+    else:
+        agrees = _c_type_of(struct, field).from_address(where).value == value
+    return None if agrees else f"{struct}.{field}"
+
+
+def _c_type_of(struct: str, field: str) -> Any:
+    """The ctypes type of a field."""
+    return dict(_c_struct(struct)._fields_)[field]  # type: ignore[arg-type]
+
+
+def verify(used: dict[str, tuple[str, ...]]) -> None:
+    """Check offsets against the addresses that MuJoCo's own bindings use, on a small probe model.
+
+    Args:
+        used: For `"mjModel"` and `"mjData"` the fields that compiled code reads.
+
+    Raises:
+        HydroError: Some field is not where its declaration says.
+    """
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    data.time = 0.125
+    found = [
+        _mismatch(struct, field, owner._address, getattr(owner, field))
+        for struct, owner in (("mjModel", model), ("mjData", data))
+        for field in used.get(struct, ())
+    ]
+    wrong = [name for name in found if name]
+    if wrong:
+        raise HydroError(
+            f"the structs of MuJoCo {mujoco.__version__} are not laid out as declared ({', '.join(wrong)}): "
+            "hydro would read wrong numbers and stops here; install mujoco 4.0"
+        )

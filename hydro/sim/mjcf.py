@@ -1,0 +1,183 @@
+"""A vehicle file as a MuJoCo model: rigid body, restoring forces, hull and thrusters, all native.
+
+MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The body's
+origin is the vehicle file's origin CO.  What MuJoCo has no notion of (added mass, a residual model, effects) travels in
+`<custom><numeric>` and is done by the compiled callback of `sim.native`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.core.vehicle import Hull, Thruster, Vehicle
+
+Array = NDArray[np.float64]
+Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
+
+FLIP = np.array([1.0, -1.0, -1.0])
+"""FRD <-> FLU, and NED <-> z-up world: the same half turn about x."""
+
+_INTEGRATORS = {
+    "euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+
+# The share of the vehicle's mass lent to the welded body that carries buoyancy.  MuJoCo's gravity compensation is
+# a multiple of a body's own weight, so the body must have some; the parent gives up exactly as much.
+_LENT_MASS = 1e-6
+# Radius of gyration of that body, only so that its inertia is not zero [m].
+_LENT_RADIUS = 1e-2
+
+
+def scene(
+    vehicle: Vehicle,
+    *,
+    timestep: float = 0.002,
+    integrator: Integrator = "implicitfast",
+    folder: Path | None = None,
+) -> mujoco.MjSpec:
+    """A MuJoCo specification of one vehicle alone in unbounded water.
+
+    Args:
+        vehicle: The vehicle file.
+        timestep: Physics step [s].
+        integrator: MuJoCo integrator.
+        folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an ellipsoid.
+
+    Returns:
+        A specification to which pillars, cameras or more vehicles may be added before `compile()`;
+        `sim.native.prepare` then makes the compiled model ready to step.
+
+    Raises:
+        DataError: The vehicle's inertia is one that no rigid body can have.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = vehicle.name
+    spec.compiler.fusestatic = False
+    spec.option.timestep = timestep
+    spec.option.integrator = _INTEGRATORS[integrator]
+    spec.option.gravity = [0.0, 0.0, -vehicle.environment.gravity]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
+    spec.worldbody.add_light(pos=[0, 0, 20], dir=[0, 0, -1], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+    add_vehicle(spec, vehicle, folder=folder)
+    return spec
+
+
+def add_vehicle(
+    spec: mujoco.MjSpec, vehicle: Vehicle, *, name: str | None = None, folder: Path | None = None
+) -> mujoco.MjsBody:
+    """Add a floating vehicle to a scene.
+
+    The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is that thruster's
+    thrust [N].
+
+    Args:
+        spec: The scene, with gravity along -z.
+        vehicle: The vehicle file.
+        name: Name of the body; the vehicle's own by default.
+        folder: Folder of the vehicle file, where a hull mesh is looked for.
+
+    Returns:
+        The vehicle's body.
+
+    Raises:
+        DataError: The vehicle's inertia is one that no rigid body can have.
+    """
+    name = vehicle.name if name is None else name
+    body = spec.worldbody.add_body(name=name, sleep=mujoco.mjtSleepPolicy.mjSLEEP_NEVER)
+    joint = body.add_freejoint(name=name)
+    joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+    _add_mass(body, vehicle, name)
+    _add_hull(spec, body, vehicle.hull, name, folder)
+    for thruster in vehicle.thruster:
+        _add_thruster(spec, body, thruster, f"{name}/{thruster.name}")
+    return body
+
+
+def _point_inertia(mass: float, at: Array) -> Array:
+    """Inertia of a point mass about the origin, (3, 3)."""
+    inertia: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
+    return inertia
+
+
+def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
+    """Give the body its mass and inertia, and a welded child at the centre of buoyancy that floats."""
+    rigid, buoyancy = vehicle.rigid_body, vehicle.buoyancy
+    mass, lent = rigid.mass, _LENT_MASS * rigid.mass
+    center_of_gravity = np.array(rigid.center_of_gravity)
+    center_of_buoyancy = np.array(buoyancy.center)
+    lent_inertia = np.full(3, lent * _LENT_RADIUS**2)
+
+    rest = mass - lent
+    rest_center = (mass * center_of_gravity - lent * center_of_buoyancy) / rest
+    rest_inertia = (
+        np.array(rigid.inertia)
+        - np.diag(lent_inertia)
+        - _point_inertia(lent, center_of_buoyancy - center_of_gravity)
+        - _point_inertia(rest, rest_center - center_of_gravity)
+    )
+    _refuse_impossible(rest_inertia, vehicle.name)
+    flipped = rest_inertia * np.outer(FLIP, FLIP)
+    body.explicitinertial = True
+    body.mass = rest
+    body.ipos = FLIP * rest_center
+    body.fullinertia = flipped[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+    float_ = body.add_body(name=f"{name}/buoyancy", pos=FLIP * center_of_buoyancy)
+    float_.explicitinertial = True
+    float_.ipos = np.zeros(3)
+    float_.mass = lent
+    float_.inertia = lent_inertia
+    float_.gravcomp = buoyancy.force / (lent * vehicle.environment.gravity)
+
+
+def _refuse_impossible(inertia: Array, vehicle: str) -> None:
+    """MuJoCo takes only the inertia of a real body: principal moments where none exceeds the sum of the others."""
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
+        raise DataError(
+            f"vehicle {vehicle}: rigid_body.inertia has principal moments {np.array2string(moments, precision=4)} "
+            "kg m^2, which no rigid body has: the largest may not exceed the sum of the other two; correct the file"
+        )
+
+
+def _add_hull(spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None) -> None:
+    """A hull to see and to touch, without mass: the mesh where the file names one and it is there, else an ellipsoid."""
+    style = {"name": f"{name}/hull", "mass": 0.0, "rgba": [0.95, 0.75, 0.1, 1.0]}
+    mesh = folder / hull.mesh if folder is not None and hull.mesh else None
+    if mesh is None:
+        half = np.array([hull.length, hull.width, hull.height]) / 2
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=FLIP * hull.center, **style)
+        return
+    if not mesh.is_file():
+        raise DataError(
+            f"{mesh}: the hull mesh named by the vehicle file is not there; correct hull.mesh or leave it out"
+        )
+    # The mesh is in FRD: half a turn about x brings it to FLU.
+    spec.add_mesh(name=f"{name}/hull", file=str(mesh.resolve()))
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
+
+
+def _add_thruster(spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, name: str) -> None:
+    """A site where the thrust acts and an actuator whose control is the thrust [N]."""
+    if thruster.wrench is not None:
+        site, wrench = body.add_site(name=name), np.array(thruster.wrench)
+    else:
+        site = body.add_site(name=name, pos=FLIP * thruster.position, size=[0.03, 0.03, 0.03])
+        wrench = np.concatenate([thruster.direction, np.zeros(3)])
+    gear = wrench * np.concatenate([FLIP, FLIP])
+    spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_SITE,
+        target=site.name,
+        gear=gear,
+        ctrllimited=mujoco.mjtLimited.mjLIMITED_FALSE,
+    )
