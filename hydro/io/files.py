@@ -1,0 +1,132 @@
+"""Bytes in and out of files and pipes: whole or not at all, and every failure told in one line."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from hydro.core.errors import DataError, UsageError
+
+Source = str | Path | BinaryIO
+
+_REMEDIES = {
+    errno.ENOENT: "no such file or folder: check the path",
+    errno.ENOTDIR: "part of this path is a file, not a folder: check the path",
+    errno.EISDIR: "this is a folder: name a file in it",
+    errno.EACCES: "permission denied: change the file's rights or choose another place",
+    errno.EPERM: "permission denied: change the file's rights or choose another place",
+    errno.EROFS: "this file system is read-only: choose another place",
+    errno.ENOSPC: "no space left on the device: free some and run again",
+    errno.EDQUOT: "disk quota exceeded: free some space and run again",
+    errno.EFBIG: "file too large for this file system or user: choose another place",
+    errno.ENAMETOOLONG: "file name too long: choose a shorter one",
+}
+
+
+def source_name(source: Source) -> str:
+    """What an error line calls this source: the path as given, or `stdin` for a stream."""
+    return os.fspath(source) if isinstance(source, str | Path) else "stdin"
+
+
+def explained(name: str, error: OSError) -> DataError:
+    """The one-line error for a failure of the operating system at `name`."""
+    reason = (error.strerror or str(error) or type(error).__name__).splitlines()[0]
+    remedy = _REMEDIES.get(error.errno or 0, f"{reason}: check the device and run again")
+    return DataError(f"{name}: {remedy}")
+
+
+def read_bytes(source: Source) -> bytes:
+    """All bytes of a file, or of a stream up to its end.
+
+    Raises:
+        DataError: the path cannot be read, or nothing came in.
+        UsageError: the stream is a terminal.
+    """
+    name = source_name(source)
+    try:
+        if isinstance(source, str | Path):
+            content = Path(source).read_bytes()
+        elif source.isatty():
+            raise UsageError("nothing is piped in: name a file, or pipe a command into this one")
+        else:
+            content = source.read()
+    except OSError as error:
+        raise explained(name, error) from error
+    if not content:
+        raise DataError(
+            f"{name}: empty, not a single byte: did the command that should have written it fail?"
+        )
+    return content
+
+
+@contextlib.contextmanager
+def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
+    """Open a temporary file beside `destination` and rename it when the block ends well.
+
+    Whatever ends the block early (an error, Ctrl-C) removes the temporary file and leaves a former file at
+    `destination` as it was.  A symbolic link is followed; a device or named pipe is written to directly.
+
+    Raises:
+        DataError: the operating system refused; the line says what to do.
+    """
+    name = os.fspath(destination)
+    try:
+        target = Path(os.path.realpath(name))
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        if target.exists() and not target.is_file():
+            with open(target, "wb") as device:
+                yield device
+            return
+        with _replacing(target) as stream:
+            yield stream
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise explained(name, error) from error
+
+
+@contextlib.contextmanager
+def _replacing(target: Path) -> Iterator[BinaryIO]:
+    """The temporary file that takes the place of `target` at the end, with the rights of any new file."""
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        with open(temporary, "xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def write_bytes(content: bytes | memoryview, destination: Source) -> None:
+    """Write all of `content` to a file (whole or not at all) or to a binary stream.
+
+    Raises:
+        DataError: the operating system refused; the line says what to do.
+        UsageError: the stream is a terminal.
+        BrokenPipeError: the reader of the stream is gone; the shell ends quietly.
+    """
+    if isinstance(destination, str | Path):
+        with whole_file(destination) as stream:
+            stream.write(content)
+        return
+    try:
+        if destination.isatty():
+            raise UsageError(
+                "a table will not go to a terminal: add -o FILE, or pipe it into the next command"
+            )
+        destination.write(content)
+        destination.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise explained("stdout", error) from error

@@ -1,0 +1,139 @@
+"""A trained network as a table of tensors: what `train` writes and every other stage reads, without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.io import table
+from hydro.io.table import Artefact
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scaler:
+    """Standardisation of columns: (x - mean) / std; both float64 of one length, std positive."""
+
+    mean: Array
+    std: Array
+
+
+@dataclass(frozen=True)
+class Model:
+    """A residual network: tau_res as a function of (nu, nu_dot).
+
+    Attributes:
+        name: name of the model, such as `physfeat`.
+        architecture: description from which the layers are built; JSON values.
+        features: name of the feature set, see `core.features`.
+        inputs: names of the features in order, shape (n_in,).
+        outputs: names of the outputs in order, shape (n_out,).
+        units: units of the outputs, shape (n_out,).
+        input_scaler: standardisation of the features, fitted on the training part.
+        output_scaler: standardisation of the outputs; a prediction is `mean + std * network(...)`.
+        tensors: weights by name in the order of the layers, all float32 or all float64.
+        training: summary of the training; JSON values.
+    """
+
+    name: str
+    architecture: Mapping[str, Any]
+    features: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    input_scaler: Scaler
+    output_scaler: Scaler
+    tensors: Mapping[str, NDArray[Any]]
+    training: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> int:
+        """The number of weights."""
+        return sum(tensor.size for tensor in self.tensors.values())
+
+
+def to_artefact(
+    model: Model,
+    *,
+    stage: str = "train",
+    parameters: Mapping[str, Any] | None = None,
+    seed: int | None = None,
+    inputs: Sequence[Artefact] = (),
+) -> Artefact:
+    """The model as an artefact; the same model gives the same bytes.
+
+    Raises:
+        DataError: a tensor is not finite, or is not of floating point.
+    """
+    tensors = {name: np.asarray(tensor) for name, tensor in model.tensors.items()}
+    dtype = np.result_type(np.float32, *tensors.values())
+    frame = pl.DataFrame(
+        {
+            "tensor": list(tensors),
+            "shape": [list(tensor.shape) for tensor in tensors.values()],
+            "data": [tensor.ravel().astype(dtype) for tensor in tensors.values()],
+        },
+        schema={
+            "tensor": pl.String,
+            "shape": pl.List(pl.Int64),
+            "data": pl.List(pl.Float32 if dtype == np.float32 else pl.Float64),
+        },
+    )
+    described = {
+        "name": model.name,
+        "architecture": dict(model.architecture),
+        "features": model.features,
+        "inputs": list(model.inputs),
+        "outputs": list(model.outputs),
+        "units": list(model.units),
+        "input_scaler": _described(model.input_scaler),
+        "output_scaler": _described(model.output_scaler),
+        "training": dict(model.training),
+    }
+    return table.make(
+        "model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs, model=described
+    )
+
+
+def from_artefact(artefact: Artefact) -> Model:
+    """The model in an artefact of kind `model`.
+
+    Raises:
+        DataError: the footer does not describe a model, or a tensor's shape is not that of its data.
+    """
+    described = artefact.provenance.model
+    if described is None:
+        raise DataError("model: the file's footer lacks the architecture: write it with `hydro train`")
+    tensors = {}
+    for name, shape, data in artefact.frame.iter_rows():
+        if np.prod(shape, dtype=np.int64) != len(data):
+            raise DataError(f"model: tensor {name} has {len(data)} numbers, its shape {shape} wants others")
+        dtype = np.float32 if artefact.frame.schema["data"] == pl.List(pl.Float32) else np.float64
+        tensors[name] = np.array(data, dtype=dtype).reshape(shape)
+    return Model(
+        name=described["name"],
+        architecture=described["architecture"],
+        features=described["features"],
+        inputs=tuple(described["inputs"]),
+        outputs=tuple(described["outputs"]),
+        units=tuple(described["units"]),
+        input_scaler=_scaler(described["input_scaler"]),
+        output_scaler=_scaler(described["output_scaler"]),
+        tensors=tensors,
+        training=described["training"],
+    )
+
+
+def _described(scaler: Scaler) -> dict[str, list[float]]:
+    return {"mean": np.asarray(scaler.mean).tolist(), "std": np.asarray(scaler.std).tolist()}
+
+
+def _scaler(described: Mapping[str, list[float]]) -> Scaler:
+    return Scaler(np.array(described["mean"]), np.array(described["std"]))

@@ -1,0 +1,160 @@
+"""Where a table comes from: the record in its Parquet footer, the hash of its content, its lineage.
+
+The record holds no clock and no host name: the same inputs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib import metadata
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.io.schema import storage_type
+
+FOOTER_KEY = b"hydro"
+"""The key of the record in a Parquet file's footer."""
+
+
+class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
+    """What a table was made from, and what that was made from in turn.
+
+    `content` is the hash of its content; `stage` and `parameters` say how it was made.
+    """
+
+    kind: str
+    content: str
+    stage: str | None = None
+    parameters: dict[str, Any] = {}
+    inputs: tuple[Input, ...] = ()
+
+
+class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
+    """The record in the footer.
+
+    `kind` is the kind of table, `schema` the digest of its rules and `content` the hash of its columns.  `stage`
+    is the command that wrote it, with `parameters` and `seed`; `package` is hydro's version.  `vehicle` is the text of the
+    vehicle file that the data belong to, and `model` what a network is beside its tensors.  A table from elsewhere
+    has neither `stage` nor `package`.
+    """
+
+    kind: str
+    schema: str
+    content: str
+    stage: str | None = None
+    parameters: dict[str, Any] = {}
+    seed: int | None = None
+    package: str | None = None
+    inputs: tuple[Input, ...] = ()
+    vehicle: str | None = None
+    model: dict[str, Any] | None = None
+    format: str = "hydro-artefact/1"
+
+    def as_input(self) -> Input:
+        """How a table that is made from this one refers to it."""
+        return Input(self.kind, self.content, self.stage, self.parameters, self.inputs)
+
+    def to_json(self) -> bytes:
+        """The record as JSON, the same bytes for the same record."""
+        return msgspec.json.encode(self, order="sorted")
+
+
+def from_json(text: bytes, source: str) -> Provenance:
+    """Read the record of a footer.
+
+    Raises:
+        DataError: it is not a record of this version.
+    """
+    try:
+        return msgspec.json.decode(text, type=Provenance)
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise DataError(
+            f"{source}: its `hydro` footer cannot be read ({error}): write the file again"
+        ) from error
+
+
+def package_version() -> str:
+    """The version of this package, as installed."""
+    return metadata.version("deep-hydro-sim")
+
+
+def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
+    """A table and all it was made from, each with its depth: the table itself 0, its inputs 1, theirs 2."""
+
+    def walk(depth: int, node: Input) -> Iterator[tuple[int, Input]]:
+        yield depth, node
+        for parent in node.inputs:
+            yield from walk(depth + 1, parent)
+
+    return walk(0, provenance.as_input())
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of the record, made from the structs above."""
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "The `hydro` footer of an artefact",
+    }
+    return schema | msgspec.json.schema(Provenance)
+
+
+def content_hash(frame: pl.DataFrame) -> str:
+    """SHA-256 of a table's columns in canonical form.
+
+    Each column is hashed apart, as little-endian float64 or int64, texts as UTF-8 with their lengths; one hash over names,
+    logical types and these digests, in the order of names, is the table's.  So it does not depend on chunks,
+    row groups, the order of columns, or on float32 against float64 storage of the same numbers.
+
+    Returns:
+        `sha256:` and 64 hexadecimal digits.
+    """
+    names = sorted(frame.columns)
+    with ThreadPoolExecutor(min(len(names), os.cpu_count() or 1) or 1) as pool:  # hashlib releases the GIL
+        digests = pool.map(lambda name: _column_digest(frame[name]), names)
+        whole = hashlib.sha256()
+        for name, digest in zip(names, digests, strict=True):
+            encoded = name.encode()
+            whole.update(len(encoded).to_bytes(8, "little") + encoded + digest)
+    return f"sha256:{whole.hexdigest()}"
+
+
+def _column_digest(values: pl.Series) -> bytes:
+    """Hash of one column: logical type, which rows are missing, then the values."""
+    digest = hashlib.sha256()
+    if isinstance(values.dtype, pl.List):
+        digest.update(b"list")
+        _add_missing(digest, values)
+        digest.update(_little(values.list.len().fill_null(0).to_numpy(), "<i8"))
+        digest.update(_column_digest(values.drop_nulls().explode(empty_as_null=False)))
+        return digest.digest()
+    if storage_type(values.dtype) == "string":
+        digest.update(b"string")
+        _add_missing(digest, values)
+        texts = values.cast(pl.String).fill_null("")
+        digest.update(_little(texts.str.len_bytes().to_numpy(), "<i8"))
+        digest.update(texts.str.join("").item().encode())
+        return digest.digest()
+    logical = "float64" if values.dtype.is_float() else "int64"
+    digest.update(logical.encode())
+    _add_missing(digest, values)
+    digest.update(_little(values.fill_null(0).to_numpy(), "<f8" if logical == "float64" else "<i8"))
+    return digest.digest()
+
+
+def _add_missing(digest: hashlib._Hash, values: pl.Series) -> None:
+    """Length of the column, and where values are missing if any are."""
+    digest.update(len(values).to_bytes(8, "little"))
+    if values.null_count():
+        digest.update(np.packbits(values.is_null().to_numpy()))
+
+
+def _little(numbers: np.ndarray[Any, Any], dtype: str) -> np.ndarray[Any, Any]:
+    """The numbers in one contiguous little-endian buffer; no copy where they already are."""
+    return np.ascontiguousarray(numbers, dtype=dtype)

@@ -1,0 +1,306 @@
+"""The schema files: what every column of every table is, and the checks that hold a table to it.
+
+A schema is a Frictionless Table Schema (v2) file in `schemas/`, with these keys beyond the standard.  Of a field:
+`arrowType` (the storage types accepted), `unit`, `frame`, `source` (equation or paper) and `repeat`: a field named
+`cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields that repeat by the same letter come
+equally often.  Of a table: `extends` (the table whose fields come first), and `series`, whose `key` columns name a
+recording; its rows stand together and `time` increases along them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from hydro.core.errors import DataError
+
+_PACKAGED = Path(__file__).resolve().parents[1] / "_schemas"
+FOLDER = _PACKAGED if _PACKAGED.is_dir() else Path(__file__).resolve().parents[2] / "schemas"
+"""Where the schema files are: inside an installed package, or beside it in a checkout."""
+
+KINDS = ("raw", "labels", "split", "blocks", "features", "model", "metrics", "replay")
+"""The kinds of table that hydro reads and writes."""
+
+Rows = npt.NDArray[np.intp]
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
+    """A part of a schema file; an unknown key there is an error, for it would be a rule that nobody checks."""
+
+
+class Constraints(_Part, frozen=True):
+    """What the values of a column must satisfy.  Numbers must be finite besides, always."""
+
+    required: bool = False
+    unique: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    min_length: int | None = None
+    pattern: str | None = None
+    enum: tuple[str, ...] | None = None
+
+
+class Field(_Part, frozen=True):
+    """One column, or with `repeat` several: what it is, in which unit and frame, and where it is defined."""
+
+    name: str
+    type: str
+    arrow_type: tuple[str, ...]
+    description: str
+    unit: str | None = None
+    frame: str | None = None
+    source: str | None = None
+    repeat: str | None = None
+    optional: bool = False
+    constraints: Constraints = Constraints()
+
+    def column(self, number: int) -> Field:
+        """The field of the `number`-th column of a repeated field."""
+        assert self.repeat is not None
+        name = self.name.replace(f"{{{self.repeat}}}", str(number))
+        return msgspec.structs.replace(self, name=name, repeat=None)
+
+    @property
+    def label(self) -> str:
+        """The column's name with its unit, as error lines give it."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+class Series(_Part, frozen=True):
+    """Rows of one recording share `key`, stand together, and `time` increases along them."""
+
+    key: tuple[str, ...]
+    time: str
+
+
+class _File(_Part, frozen=True):
+    """A schema file as it stands."""
+
+    schema: str = msgspec.field(name="$schema")
+    name: str
+    title: str
+    description: str
+    fields: tuple[Field, ...]
+    fields_match: str = "equal"
+    missing_values: tuple[str, ...] = ()
+    extends: str | None = None
+    primary_key: tuple[str, ...] = ()
+    series: Series | None = None
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The schema of one kind of table, with what it extends already in place."""
+
+    kind: str
+    title: str
+    description: str
+    fields: tuple[Field, ...]
+    primary_key: tuple[str, ...]
+    series: Series | None
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the rules, independent of how the schema file is laid out."""
+        content = (self.kind, self.fields, self.primary_key, self.series)
+        return "sha256:" + hashlib.sha256(msgspec.json.encode(content, order="sorted")).hexdigest()
+
+    def columns(self, names: Iterable[str]) -> dict[str, Field]:
+        """The fields by column name, in order, as often as the columns `names` repeat them."""
+        names = set(names)
+        times: dict[str, int] = {}
+        for field in self.fields:
+            if field.repeat is not None:
+                times[field.repeat] = max(times.get(field.repeat, 1), _repeats(field, names))
+        columns: dict[str, Field] = {}
+        for field in self.fields:
+            if field.repeat is not None:
+                repeated = (field.column(number) for number in range(1, times[field.repeat] + 1))
+                columns.update((column.name, column) for column in repeated)
+            elif not field.optional or field.name in names:
+                columns[field.name] = field
+        return columns
+
+    def check(self, frame: pl.DataFrame, source: str) -> pl.DataFrame:
+        """Hold a table to this schema: columns, types, finite values, bounds, order of time.
+
+        Args:
+            frame: the table.
+            source: what error lines call it, usually the file's name.
+
+        Returns:
+            The same table with its columns in the schema's order (no value is copied or changed).
+
+        Raises:
+            DataError: the first rule that is broken, with the number of rows and the first of them (counted from 0).
+        """
+        self.check_columns({name: storage_type(dtype) for name, dtype in frame.schema.items()}, source)
+        columns = self.columns(frame.columns)
+        frame = frame.select(
+            pl.col(name) if frame.schema[name] != pl.Categorical else pl.col(name).cast(pl.String)
+            for name in columns
+        )
+        if frame.height == 0:
+            raise DataError(f"{source}: no rows: a {self.kind} table needs at least one")
+        for name, field in columns.items():
+            for rule, bad in _broken(field, frame[name]):
+                self._refuse(frame, source, f"{field.label} must be {rule}", bad)
+        if self.series is not None:
+            self._check_series(frame, source)
+        elif self.primary_key:
+            self._refuse(
+                frame,
+                source,
+                f"{', '.join(self.primary_key)} must be unique",
+                _again(frame, self.primary_key),
+            )
+        return frame
+
+    def check_columns(self, types: Mapping[str, str], source: str) -> None:
+        """Hold column names and storage types (such as `float32`) to this schema.
+
+        Raises:
+            DataError: columns are missing, are too many, or are stored as the wrong type.
+        """
+        columns = self.columns(types)
+        missing = [field.label for name, field in columns.items() if name not in types]
+        if missing:
+            raise DataError(f"{source}: {_count('column', missing)} missing: every {self.kind} table has it")
+        extra = [name for name in types if name not in columns]
+        if extra:
+            raise DataError(
+                f"{source}: {_count('column', extra)} not part of a {self.kind} table: leave it out"
+            )
+        for name, field in columns.items():
+            if types[name] not in field.arrow_type:
+                accepted = " or ".join(field.arrow_type)
+                raise DataError(
+                    f"{source}: {field.label} must be {accepted}, but is {types[name]}: convert the column"
+                )
+
+    def _check_series(self, frame: pl.DataFrame, source: str) -> None:
+        """Each recording in one piece, its time increasing."""
+        assert self.series is not None
+        key, time = self.series.key, self.series.time
+        label = next(field.label for field in self.fields if field.name == time)
+        place = " and ".join(key)
+        runs = [np.diff(frame[name].rle_id().to_numpy(), prepend=-1) for name in key]
+        starts = np.flatnonzero(np.any(runs, axis=0))
+        again = starts[_again(frame[starts], key)]
+        self._refuse(frame, source, f"rows of one {place} must be together", again)
+        step = np.diff(frame[time].to_numpy())
+        step[starts[1:] - 1] = 1.0
+        self._refuse(frame, source, f"{label} must be unique within a {place}", np.flatnonzero(step == 0) + 1)
+        self._refuse(
+            frame, source, f"{label} must be increasing within a {place}", np.flatnonzero(step < 0) + 1
+        )
+
+    def _refuse(self, frame: pl.DataFrame, source: str, rule: str, bad: Rows) -> None:
+        """Raise the error line for the rows that break `rule`, if there are any."""
+        if bad.size == 0:
+            return
+        first = int(bad[0])
+        where = [f"row {first}"]
+        if self.series is not None:
+            where += [f"{name} {frame[name][first]}" for name in self.series.key]
+        verb = "is" if bad.size == 1 else "are"
+        count = f"{bad.size} of {frame.height} rows {verb} not"
+        raise DataError(f"{source}: {rule}: {count} (first: {', '.join(where)})")
+
+
+@cache
+def load(kind: str) -> Schema:
+    """The schema of a kind of table, read from its file.
+
+    Raises:
+        DataError: there is no such kind.
+    """
+    if kind not in KINDS:
+        raise DataError(f"{kind}: no such kind of table: the kinds are {', '.join(KINDS)}")
+    file = msgspec.json.decode((FOLDER / f"{kind}.json").read_bytes(), type=_File)
+    parent = load(file.extends) if file.extends else None
+    return Schema(
+        kind=kind,
+        title=file.title,
+        description=file.description,
+        fields=(*(parent.fields if parent else ()), *file.fields),
+        primary_key=file.primary_key or (parent.primary_key if parent else ()),
+        series=file.series or (parent.series if parent else None),
+    )
+
+
+def storage_type(dtype: pl.DataType) -> str:
+    """The name by which schema files call a polars type, such as `float32` or `list<int64>`."""
+    if isinstance(dtype, pl.List):
+        return f"list<{storage_type(dtype.inner)}>"  # type: ignore[arg-type]
+    return "string" if dtype in (pl.String, pl.Categorical, pl.Enum) else str(dtype).lower()
+
+
+def _repeats(field: Field, names: set[str]) -> int:
+    """How many columns among `names` a repeated field accounts for."""
+    pattern = re.escape(field.name).replace(re.escape(f"{{{field.repeat}}}"), "[1-9][0-9]*")
+    return sum(re.fullmatch(pattern, name) is not None for name in names)
+
+
+def _count(noun: str, names: list[str]) -> str:
+    """`column a is`, or `columns a, b are`, of at most eight names."""
+    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return f"{noun} {shown} is" if len(names) == 1 else f"{noun}s {shown} are"
+
+
+def _again(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:
+    """Rows whose `key` another row had before."""
+    return np.flatnonzero(~frame.select(pl.struct(key).is_first_distinct()).to_series().to_numpy())
+
+
+def _rows(broken: pl.Series) -> Rows:
+    """Rows where a polars test says true."""
+    return np.flatnonzero(broken.fill_null(False).to_numpy())
+
+
+def _broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """The rules that a column breaks, each with the rows that break it."""
+    rules = field.constraints
+    if rules.required and values.null_count():
+        yield "present", _rows(values.is_null())
+    if values.dtype == pl.String:
+        yield from _broken_texts(rules, values)
+    elif values.dtype.is_numeric():
+        yield from _broken_numbers(rules, values)
+    elif isinstance(values.dtype, pl.List) and values.dtype.inner.is_float():  # type: ignore[union-attr]
+        yield "finite", np.flatnonzero([not numbers.is_finite().all() for numbers in values])
+    if rules.unique and values.n_unique() < len(values):
+        yield "unique", _rows(~values.is_first_distinct())
+
+
+def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """One pass for the least and one for the greatest; rows are looked for only when one of them is wrong."""
+    numbers = values.drop_nulls().to_numpy()
+    if numbers.size == 0:
+        return
+    least, greatest = numbers.min(), numbers.max()  # a NaN anywhere makes both NaN
+    if not (np.isfinite(least) and np.isfinite(greatest)):
+        yield "finite", _rows(~values.is_finite())
+    if rules.minimum is not None and least < rules.minimum:
+        yield f"at least {rules.minimum:g}", _rows(values < rules.minimum)
+    if rules.maximum is not None and greatest > rules.maximum:
+        yield f"at most {rules.maximum:g}", _rows(values > rules.maximum)
+
+
+def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """Length, pattern and the list of values allowed."""
+    if rules.min_length is not None:
+        yield f"at least {rules.min_length} character long", _rows(values.str.len_chars() < rules.min_length)
+    if rules.pattern is not None:
+        yield f"like {rules.pattern}", _rows(~values.str.contains(f"^(?:{rules.pattern})$"))
+    if rules.enum is not None:
+        yield f"one of {', '.join(rules.enum)}", _rows(~values.is_in(rules.enum))

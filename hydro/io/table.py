@@ -1,0 +1,208 @@
+"""Tables in Parquet: every read and write is checked against its schema, and carries its provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from hydro.core.errors import DataError
+from hydro.io import provenance, schema, vehicle
+from hydro.io.files import Source, read_bytes, source_name, write_bytes
+from hydro.io.provenance import Input, Provenance
+
+ROWS_PER_GROUP = 131_072
+"""Rows of a Parquet row group: fixed, so that the same table is the same bytes."""
+
+_MAGIC = b"PAR1"
+
+
+@dataclass(frozen=True)
+class Artefact:
+    """A table that has passed its schema, and where it comes from."""
+
+    kind: str
+    frame: pl.DataFrame
+    provenance: Provenance
+
+
+def make(
+    kind: str,
+    frame: pl.DataFrame,
+    *,
+    stage: str,
+    parameters: Mapping[str, Any] | None = None,
+    seed: int | None = None,
+    inputs: Sequence[Artefact] = (),
+    vehicle_text: str | None = None,
+    model: Mapping[str, Any] | None = None,
+) -> Artefact:
+    """Make an artefact of a table: check it, hash it, and record how it came about.
+
+    Args:
+        kind: kind of table, one of `schema.KINDS`.
+        frame: the table, its columns in any order.
+        stage: the command that made it, such as `labels`.
+        parameters: what the result depends on besides inputs and seed; JSON values.
+        seed: seed of everything random.
+        inputs: the artefacts it was made from.
+        vehicle_text: text of the vehicle file used; by default the one that all inputs with one agree on.
+        model: what a network is beside its tensors.
+
+    Raises:
+        DataError: the table breaks the schema of its kind.
+    """
+    rules = schema.load(kind)
+    frame = rules.check(frame, kind)
+    lineage = [artefact.provenance.as_input() for artefact in inputs]
+    if vehicle_text is None:
+        carried = {artefact.provenance.vehicle for artefact in inputs} - {None}
+        vehicle_text = carried.pop() if len(carried) == 1 else None
+    else:
+        lineage.append(Input("vehicle", vehicle.vehicle_hash(vehicle.parse(vehicle_text))))
+    record = Provenance(
+        kind=kind,
+        schema=rules.digest,
+        content=provenance.content_hash(frame),
+        stage=stage,
+        parameters=dict(parameters or {}),
+        seed=seed,
+        package=provenance.package_version(),
+        inputs=tuple(lineage),
+        vehicle=vehicle_text,
+        model=dict(model) if model is not None else None,
+    )
+    return Artefact(kind, frame, record)
+
+
+def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
+    """Read a table and hold it to its schema.
+
+    Args:
+        source: path of a Parquet file, or a binary stream, read to its end.
+        kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is taken as
+            the first of them whose columns it has.
+
+    Returns:
+        The artefact; columns in the schema's order, each in one contiguous piece.
+
+    Raises:
+        DataError: the file cannot be read, is of another kind, breaks its schema, or is not what its footer says.
+        UsageError: the stream is a terminal.
+    """
+    name = source_name(source)
+    wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
+    file = _open(read_bytes(source), name)
+    columns = _columns(file, name)
+    footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
+    record = provenance.from_json(footer, name) if footer is not None else None
+    kind = record.kind if record is not None else _fitting(wanted, columns)
+    if kind not in wanted:
+        raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
+    rules = schema.load(kind)
+    rules.check_columns(columns, name)
+    frame = rules.check(_decode(file, name), name)
+    content = provenance.content_hash(frame)
+    if record is None:
+        return Artefact(kind, frame, Provenance(kind, rules.digest, content))
+    if content != record.content:
+        raise DataError(
+            f"{name}: its rows are not those that its footer was written for: make the file again"
+        )
+    return Artefact(kind, frame, record)
+
+
+def write(artefact: Artefact, destination: Source) -> None:
+    """Write an artefact to a path (whole or not at all) or to a binary stream; the same artefact, the same bytes.
+
+    Raises:
+        DataError: the table breaks its schema, or the operating system refuses.
+        UsageError: the stream is a terminal.
+        BrokenPipeError: the reader of the stream is gone.
+    """
+    name = source_name(destination) if not hasattr(destination, "write") else "stdout"
+    schema.load(artefact.kind).check(artefact.frame, name)
+    write_bytes(_encode(artefact), destination)
+
+
+def _encode(artefact: Artefact) -> memoryview:
+    """The Parquet bytes of an artefact, whatever the chunks of its frame."""
+    arrow = artefact.frame.rechunk().to_arrow(compat_level=pl.CompatLevel.oldest())
+    texts = [name for name, dtype in artefact.frame.schema.items() if dtype == pl.String]
+    sink = pa.BufferOutputStream()
+    writer = pq.ParquetWriter(
+        sink, arrow.schema, compression="zstd", compression_level=1, use_dictionary=texts
+    )
+    with writer:
+        writer.write_table(arrow, row_group_size=ROWS_PER_GROUP)
+        writer.add_key_value_metadata({provenance.FOOTER_KEY: artefact.provenance.to_json()})
+    return memoryview(sink.getvalue())
+
+
+def _open(content: bytes, name: str) -> pq.ParquetFile:
+    """The Parquet file in these bytes."""
+    if not content.startswith(_MAGIC):
+        raise DataError(f"{name}: not a Parquet file: turn a log into one with `hydro import`")
+    if not content.endswith(_MAGIC) or len(content) < 12:
+        raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
+    try:
+        return pq.ParquetFile(pa.BufferReader(content))
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(name, error) from error
+
+
+def _columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
+    """Name and storage type of every column."""
+    try:
+        fields = list(file.schema_arrow)
+        names = [field.name for field in fields]
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
+    twice = sorted({column for column in names if names.count(column) > 1})
+    if twice:
+        raise DataError(f"{name}: column {twice[0]} is there twice: leave one out")
+    return {column: _storage_type(field.type) for column, field in zip(names, fields, strict=True)}
+
+
+def _storage_type(arrow: pa.DataType) -> str:
+    """The name by which schema files call an Arrow type, such as `float32`."""
+    if pa.types.is_dictionary(arrow):
+        return _storage_type(arrow.value_type)
+    if pa.types.is_string(arrow) or pa.types.is_large_string(arrow) or pa.types.is_string_view(arrow):
+        return "string"
+    if pa.types.is_list(arrow) or pa.types.is_large_list(arrow):
+        return f"list<{_storage_type(arrow.value_type)}>"
+    return {"float": "float32", "double": "float64", "halffloat": "float16"}.get(str(arrow), str(arrow))
+
+
+def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
+    """The first kind whose columns these are; of one kind wanted, that one, for its own errors to tell more."""
+    for kind in wanted:
+        rules = schema.load(kind).columns(columns)
+        if rules.keys() == columns.keys():
+            return kind
+    return wanted[0] if len(wanted) == 1 else "raw"
+
+
+def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
+    """All rows, as polars; Arrow's memory is shared where it is in one piece."""
+    try:
+        arrow = file.read()
+        for column in arrow.columns:
+            if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+                column.validate(full=True)
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(name, error) from error
+    frame = pl.from_arrow(arrow, rechunk=True)
+    assert isinstance(frame, pl.DataFrame)
+    return frame
+
+
+def _damaged(name: str, error: Exception) -> DataError:
+    """The error line for a file that Arrow cannot decode."""
+    reason = (str(error) or type(error).__name__).splitlines()[0]
+    return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")
