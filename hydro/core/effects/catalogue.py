@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hydro.core.effects import inertia
+from hydro.core import allocation
+from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
 from hydro.core.effects.record import Array, Effect
 from hydro.core.errors import DataError
 from hydro.core.vehicle import Vehicle
 
-FAMILIES = (inertia,)
+FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
 
 
@@ -36,8 +37,8 @@ def entries(vehicle: Vehicle) -> list[Entry]:
         if name not in CATALOGUE:
             raise DataError(f"{where}.name: {name!r} is not in the catalogue; it has {', '.join(CATALOGUE)}")
         effect = CATALOGUE[name]
-        where = f"{where} ({name})"
-        found.append(Entry(effect, effect.pack(table, thrusters=len(vehicle.thruster), where=where), where))
+        parameters = effect.pack(table, thrusters=len(vehicle.thruster), where=where)
+        found.append(Entry(effect, parameters, where))
     return found
 
 
@@ -53,17 +54,64 @@ def inertia_matrix(vehicle: Vehicle) -> Array:
     Raises:
         DataError: Parameters that the catalogue does not admit.
     """
-    return _sum_of_inertia(vehicle, "inertia", "wrench")
+    total = np.zeros((6, 6))
+    for effect, parameters, _ in entries(vehicle):
+        if effect.inertia is not None:
+            effect.inertia(parameters, total)
+    return total
 
 
 def added_mass_matrix(vehicle: Vehicle) -> Array:
     """M_A, the inertia of the water alone: `inertia_matrix` without payloads. (6, 6)."""
-    return _sum_of_inertia(vehicle, "inertia")
-
-
-def _sum_of_inertia(vehicle: Vehicle, *kinds: str) -> Array:
     total = np.zeros((6, 6))
     for effect, parameters, _ in entries(vehicle):
-        if effect.inertia is not None and effect.kind in kinds:
+        if effect.kind == "inertia" and effect.inertia is not None:
             effect.inertia(parameters, total)
     return total
+
+
+def current(vehicle: Vehicle) -> Array:
+    """Velocity v_c of the water [m/s], NED, shape (3,): the sum of the vehicle's `flow` effects."""
+    velocity = np.zeros(3)
+    for effect, parameters, _ in entries(vehicle):
+        if effect.flow is not None:
+            effect.flow(parameters, velocity)
+    return velocity
+
+
+def thruster_table(vehicle: Vehicle) -> Array:
+    """The (n, COLUMNS) thruster table of `core.allocation` with the vehicle's `actuator` effects applied.
+
+    Raises:
+        DataError: A thruster is misplaced, or the effects in sum leave a time constant, delay or dead band
+            that no thruster can have.
+    """
+    table = allocation.thruster_table(vehicle)
+    for effect, parameters, _ in entries(vehicle):
+        if effect.actuator is not None:
+            effect.actuator(parameters, table)
+    _require_possible(table)
+    return table
+
+
+def velocity_log(vehicle: Vehicle) -> Array:
+    """The velocity log as a row of numbers, shape (13,), with the vehicle's `sensor` effects applied."""
+    log = np.zeros(sensor.LOG)
+    for effect, parameters, _ in entries(vehicle):
+        if effect.sensor is not None:
+            effect.sensor(parameters, log)
+    return log
+
+
+def _require_possible(table: Array) -> None:
+    """Raise DataError where a thruster table has left the range in which its kernels mean anything."""
+    constant, step = table[:, allocation.TIME_CONSTANT], table[:, allocation.LAG_STEP]
+    band = table[:, allocation.DEADBAND]
+    if (constant < 0.0).any() or ((constant > 0.0) & (constant < step)).any():
+        raise DataError("effect: the time constant in sum must not be below 0 nor below lag_step")
+    if (table[:, allocation.DELAY] < 0.0).any():
+        raise DataError("effect: the delay in sum must not be below 0")
+    if (band < 0.0).any() or (band >= 1.0).any():
+        raise DataError("effect: the dead band in sum must lie within [0, 1)")
+    if (table[:, allocation.GAIN] < -1.0).any() or (table[:, allocation.ASYMMETRY] > 1.0).any():
+        raise DataError("effect: the gain in sum must not reverse the thrust")

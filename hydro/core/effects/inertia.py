@@ -1,8 +1,8 @@
 """Added mass: the inertia of the water that a body must accelerate with itself (Fossen 2011, section 6.3).
 
 Parameters are entries of M_A, the negatives of the SNAME derivatives: M_A[0,0] = -X_udot, M_A[1,5] = -Y_rdot.
-An `inertia` effect enters M, and with it C_A built from M_A by the skew parametrisation (theorem 3.2), so that
-its Coriolis terms do no work.
+An `inertia` effect enters M, and with it C_A built from M_A by the skew parametrisation (theorem 3.2), so
+that its Coriolis terms do no work.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ EFFECTS = (
         family="inertia",
         kind="inertia",
         definition="-M_A nu_r_dot - C_A(nu_r) nu_r",
-        source="Fossen (2011), eqs. 6.38-6.45, theorem 3.2",
+        source="Fossen (2011), section 6.3, theorem 3.2",
         excitation="accelerations of both signs on every axis",
         lookalikes=("fluid_memory", "thruster_lag", "payload"),
         parameters=(

@@ -14,18 +14,17 @@ from __future__ import annotations
 # Constants of the vehicle, SI units, body frame FRD about CO.
 DENSITY = 0  # rho [kg/m^3]
 GRAVITY = 1  # g [m/s^2]
-MASS = 2  # dry mass of the vehicle file [kg]
-WEIGHT = 3  # W = m g [N]
-BUOYANCY = 4  # B of the vehicle file [N]
-CENTER_OF_GRAVITY = 5  # 3 [m]
-CENTER_OF_BUOYANCY = 8  # 3 [m], with every `buoyancy_offset` applied
-FILE_CENTER_OF_BUOYANCY = 11  # 3 [m], as `[buoyancy]` gives it, for the restoring forces
+MASS = 2  # dry mass [kg]
+BUOYANCY = 3  # B of the vehicle file [N]
+BALANCE = 4  # weight and buoyancy as `rigid_body.balance` gives them, 4
+CENTER_OF_GRAVITY = 8  # 3 [m]
+CENTER_OF_BUOYANCY = 11  # 3 [m], with every `buoyancy_offset` applied
 HULL = 14  # length, width, height [m]
 HULL_CENTER = 17  # 3 [m]
 CURRENT = 20  # v_c, 3 [m/s], NED
-ADDED_MASS = 23  # M_A of the fluid, 36, row by row
-RIGID_BODY_MASS = 59  # M_RB, 36
-MASS_MATRIX = 95  # M = M_RB + M_A + rigid payloads, 36
+ADDED_MASS = 23  # M_A of the water alone, 36, row by row
+INERTIA = 59  # what the effects add to M_RB: M_A and rigid payloads, 36
+MASS_MATRIX = 95  # M = M_RB + INERTIA, 36
 INVERSE_MASS_MATRIX = 131  # 36
 CONSTANTS = 167  # length of c
 

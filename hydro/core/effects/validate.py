@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hydro.core.effects.catalogue import added_mass_matrix, entries
+from hydro.core.effects import damping
+from hydro.core.effects.catalogue import added_mass_matrix, entries, inertia_matrix, thruster_table
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
+from hydro.core.rigid_body import mass_matrix
 from hydro.core.vehicle import Vehicle
 
 TOLERANCE = 1e-9
@@ -20,22 +22,52 @@ def validate(vehicle: Vehicle) -> None:
         vehicle: The vehicle.
 
     Raises:
-        DataError: Naming the path in the vehicle file: an unknown effect or parameter, a number out of bounds, an
-            added mass that is not symmetric or not positive semi-definite.
+        DataError: Naming the path in the vehicle file: an unknown effect or parameter, a number out of
+            bounds; or, of the sum, an added mass that is not symmetric positive semi-definite, a mass
+            matrix that is not positive definite, a damping that can drive the vehicle, a thruster that
+            cannot be.
     """
-    entries(vehicle)
+    thruster_table(vehicle)
     added_mass = added_mass_matrix(vehicle)
-    asymmetric = np.argwhere(np.abs(added_mass - added_mass.T) > TOLERANCE * np.abs(added_mass).max())
-    if len(asymmetric):
-        i, j = asymmetric[0]
+    _require_symmetric(added_mass)
+    _require_semidefinite(added_mass, "added mass")
+    if np.linalg.eigvalsh(mass_matrix(vehicle) + inertia_matrix(vehicle))[0] <= 0.0:
+        raise DataError("rigid_body: the mass matrix with all effects must be positive definite")
+    linear, quadratic, drag = damping_in_sum(vehicle)
+    _require_semidefinite(linear, "linear damping with coupled damping")
+    for what, values in (("quadratic damping", quadratic), ("cross-flow drag", drag)):
+        if (values < 0.0).any():
+            raise DataError(f"effect: {what} in sum must not be below 0: it is {values.min():.6g}")
+
+
+def damping_in_sum(vehicle: Vehicle) -> tuple[Array, Array, Array]:
+    """Linear damping (6, 6), the diagonal of quadratic damping (6,), and the cross-flow coefficients (2,)."""
+    linear, quadratic, drag = np.zeros((6, 6)), np.zeros(6), np.zeros(2)
+    for effect, p, _ in entries(vehicle):
+        if effect.name == "linear_damping":
+            linear += np.diag(p) if p.size == 6 else p.reshape(6, 6)
+        elif effect.name == "coupled_damping":
+            for value, (i, j) in zip(p, damping.COUPLED, strict=True):
+                linear[i, j] += value
+        elif effect.name == "quadratic_damping":
+            quadratic += p
+        elif effect.name == "crossflow_drag":
+            drag += p
+    return linear, quadratic, drag
+
+
+def _require_symmetric(added_mass: Array) -> None:
+    apart = np.abs(added_mass - added_mass.T)
+    if apart.max() > TOLERANCE * np.abs(added_mass).max():
+        i, j = np.unravel_index(apart.argmax(), apart.shape)
         raise DataError(
-            f"effect: added mass in sum must be symmetric: M_A[{i},{j}] differs from M_A[{j},{i}]"
+            f"effect: added mass in sum must be symmetric: M_A[{i},{j}] is {added_mass[i, j]:.9g} and "
+            f"M_A[{j},{i}] is {added_mass[j, i]:.9g}"
         )
-    require_semidefinite(added_mass, "added mass")
 
 
-def require_semidefinite(matrix: Array, what: str) -> None:
-    """Raise DataError where the symmetric part of a matrix has a negative eigenvalue beyond rounding."""
+def _require_semidefinite(matrix: Array, what: str) -> None:
+    """Raise DataError where the symmetric part has a negative eigenvalue beyond rounding."""
     least = float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
     if least < -TOLERANCE * float(np.abs(matrix).max()):
         raise DataError(

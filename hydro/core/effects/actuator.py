@@ -1,0 +1,117 @@
+"""Deviations of the thrusters from the vehicle file: changes to the thruster table of `core.allocation`.
+
+Scalar parameters act on all thrusters alike.  The chain is: clip -> delay -> {dead band, curve, lag} ->
+gain -> asymmetry -> inflow.
+"""
+
+from __future__ import annotations
+
+from hydro.core.allocation import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, TIME_CONSTANT
+from hydro.core.effects.record import Array, Effect, Parameter
+
+
+def thruster_gain(p: Array, table: Array) -> None:
+    """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), a better one, another supply voltage."""
+    table[:, GAIN] += p
+
+
+def thruster_asymmetry(p: Array, table: Array) -> None:
+    """Thrust (1 - a) f where f < 0: blades and ducts are shaped for one direction."""
+    table[:, ASYMMETRY] += p[0]
+
+
+def thruster_lag(p: Array, table: Array) -> None:
+    """Time constant T + dT of the first-order lag."""
+    table[:, TIME_CONSTANT] += p[0]
+
+
+def command_delay(p: Array, table: Array) -> None:
+    """Command u(t - d): transport and computing time before a thruster obeys."""
+    table[:, DELAY] += p[0]
+
+
+def thruster_deadband(p: Array, table: Array) -> None:
+    """Dead band wider by d, in units of command or normalised speed."""
+    table[:, DEADBAND] += p[0]
+
+
+def thruster_inflow(p: Array, table: Array) -> None:
+    """Thrust f - c sqrt(|f| f_max) u_a, u_a = d_i . (v_r + omega x r_i) the water's speed into the propeller.
+
+    The linear part of the open-water curve K_T(J) = a_0 - a_1 J: with T ~ n^2 the loss goes with n u_a,
+    thus with sqrt(|T|) u_a.
+    """
+    table[:, INFLOW] += p[0]
+
+
+def _effect(
+    fill: object,
+    definition: str,
+    source: str,
+    excitation: str,
+    lookalikes: tuple[str, ...],
+    parameter: Parameter,
+) -> Effect:
+    return Effect(
+        name=fill.__name__,  # type: ignore[attr-defined]
+        family="actuator",
+        kind="actuator",
+        definition=definition,
+        source=source,
+        excitation=excitation,
+        lookalikes=lookalikes,
+        parameters=(parameter,),
+        actuator=fill,  # type: ignore[arg-type]
+    )
+
+
+EFFECTS = (
+    _effect(
+        thruster_gain,
+        "f_i (1 + g_i)",
+        "Fossen (1994), section 4.1 (propeller thrust)",
+        "every thruster used apart from the others",
+        ("quadratic_damping", "thruster_asymmetry", "buoyancy_offset"),
+        Parameter("g", ("1",), "relative gain of each thruster", ("thrusters",), low=-1.0, required=True),
+    ),
+    _effect(
+        thruster_asymmetry,
+        "(1 - a) f for f < 0",
+        "Fossen (1994), section 4.1 (propeller thrust astern)",
+        "thrust of both signs on every thruster",
+        ("thruster_gain", "net_buoyancy"),
+        Parameter("a", ("1",), "share of reverse thrust lost", high=1.0),
+    ),
+    _effect(
+        thruster_lag,
+        "T + dT",
+        "Yoerger, Cooke and Slotine (1990)",
+        "steps and fast sweeps of the commands",
+        ("command_delay", "added_mass", "fluid_memory"),
+        Parameter("dT", ("s",), "added time constant"),
+    ),
+    _effect(
+        command_delay,
+        "u(t - d)",
+        "pure transport delay",
+        "steps and fast sweeps of the commands",
+        ("thruster_lag", "sensor_delay"),
+        Parameter("d", ("s",), "added delay"),
+    ),
+    _effect(
+        thruster_deadband,
+        "dead band + d",
+        "Yoerger, Cooke and Slotine (1990); paper (10)",
+        "small commands of both signs",
+        ("thruster_gain", "linear_damping"),
+        Parameter("d", ("1",), "added half-width of the dead band", low=-1.0, high=1.0),
+    ),
+    _effect(
+        thruster_inflow,
+        "f - c sqrt(abs(f) f_max) u_a, u_a = d_i . (v_r + omega x r_i)",
+        "Fossen (1994), section 4.1 (bilinear thruster model)",
+        "the same thrust at several speeds, ahead and astern",
+        ("linear_damping", "quadratic_damping"),
+        Parameter("c", ("s/m",), "relative loss per speed at full thrust"),
+    ),
+)

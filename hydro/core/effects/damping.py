@@ -1,0 +1,98 @@
+"""Damping: viscous forces as functions of the velocity relative to the water (Fossen 2011, section 6.4).
+
+Parameters are entries of D, the negatives of the SNAME derivatives: D[0,0] = -X_u, D[1,5] = -Y_r, and are
+therefore positive for a force that opposes motion.
+"""
+
+from __future__ import annotations
+
+from hydro.core.compiled import jit
+from hydro.core.effects.layout import RELATIVE_VELOCITY
+from hydro.core.effects.record import Array, Effect, Parameter
+
+LINEAR = ("N s/m", "N s", "N m s")
+COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
+
+
+@jit
+def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -D_L nu_r: laminar skin friction and potential damping, what is left of damping at low speed.
+
+    D_L is given by its diagonal or whole; it does no positive work where its symmetric part is positive
+    semi-definite.
+    """
+    if p.size == 6:
+        for i in range(6):
+            tau[i] -= p[i] * s[RELATIVE_VELOCITY + i]
+    else:
+        for i in range(6):
+            for j in range(6):
+                tau[i] -= p[6 * i + j] * s[RELATIVE_VELOCITY + j]
+
+
+@jit
+def quadratic(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -D_Q |nu_r| nu_r, axis by axis: form drag of the separated flow.
+
+    In surge D_Q[0] = 1/2 rho C_d A with the frontal area A.
+    """
+    for i in range(6):
+        n = s[RELATIVE_VELOCITY + i]
+        tau[i] -= p[i] * abs(n) * n
+
+
+@jit
+def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -D[i,j] nu_r[j] for sway-yaw, heave-pitch and sway-roll, each with its own coefficient.
+
+    A centre of lateral resistance aft of CO (x_c < 0) gives D[1,5] = D[5,1] = x_c D[1,1] < 0: a turn to
+    starboard then drags to port at the stern.
+    """
+    v, w = s[RELATIVE_VELOCITY + 1], s[RELATIVE_VELOCITY + 2]
+    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
+    tau[1] -= p[0] * yaw + p[4] * roll
+    tau[5] -= p[1] * v
+    tau[2] -= p[2] * pitch
+    tau[4] -= p[3] * w
+    tau[3] -= p[5] * v
+
+
+EFFECTS = (
+    Effect(
+        name="linear_damping",
+        family="damping",
+        kind="wrench",
+        definition="-D_L nu_r",
+        source="Fossen (2011), section 6.4",
+        excitation="slow motion on every axis, and coasting down",
+        lookalikes=("quadratic_damping", "thruster_inflow", "fluid_memory"),
+        parameters=(
+            Parameter("diagonal", ("N s/m", "N m s"), "diagonal of D_L", (6,)),
+            Parameter("matrix", LINEAR, "all of D_L", (6, 6)),
+        ),
+        one_of=("diagonal", "matrix"),
+        kernel=linear,
+    ),
+    Effect(
+        name="quadratic_damping",
+        family="damping",
+        kind="wrench",
+        definition="-D_Q abs(nu_r) nu_r",
+        source="Morison et al. (1950); Fossen (2011), section 6.4",
+        excitation="steady speeds from slow to full on every axis",
+        lookalikes=("linear_damping", "crossflow_drag", "thruster_inflow", "thruster_gain"),
+        parameters=(Parameter("diagonal", ("N s^2/m^2", "N m s^2"), "diagonal of D_Q", (6,), required=True),),
+        kernel=quadratic,
+    ),
+    Effect(
+        name="coupled_damping",
+        family="damping",
+        kind="wrench",
+        definition="-D[i,j] nu_r[j] for (1,5), (5,1), (2,4), (4,2), (1,3), (3,1)",
+        source="Fossen (2011), section 6.4 (off-diagonal entries)",
+        excitation="yaw without sway and sway without yaw, and likewise heave with pitch, sway with roll",
+        lookalikes=("body_lift", "crossflow_drag", "added_mass_coupling", "sensor_lever_arm"),
+        parameters=tuple(Parameter(f"D{i}{j}", ("N s",), f"D[{i},{j}]") for i, j in COUPLED),
+        kernel=coupled,
+    ),
+)

@@ -1,0 +1,170 @@
+"""A vehicle compiled into one flat vector of numbers, and the dispatchers that run its effects from it.
+
+The vector holds, in order: a header, the constants `c`, one row per wrench effect (its place in the
+catalogue, where its parameters and states begin and end), all parameters, and the thruster table.  Being
+plain numbers, it can lie in any memory: a numpy array here, a numeric field of a MuJoCo model there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hydro.core import rigid_body
+from hydro.core.allocation import COLUMNS
+from hydro.core.compiled import jit
+from hydro.core.effects import layout
+from hydro.core.effects.catalogue import (
+    CATALOGUE,
+    added_mass_matrix,
+    current,
+    entries,
+    inertia_matrix,
+    thruster_table,
+)
+from hydro.core.effects.record import Array
+from hydro.core.errors import DataError
+from hydro.core.vehicle import Vehicle
+
+# The header.
+EFFECT_COUNT = 0
+EFFECT_TABLE = 1  # where it begins
+STATE_COUNT = 2
+THRUSTER_COUNT = 3
+THRUSTER_TABLE = 4  # where it begins
+HEADER = 5
+EFFECT_ROW = 5  # place in DISPATCHED, first and last parameter, first and last state
+
+DISPATCHED = tuple(effect for effect in CATALOGUE.values() if effect.kernel is not None)
+"""The effects that have a kernel, in the order by which a program refers to them."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A vehicle in compiled form.
+
+    Attributes:
+        flat: All its numbers, a contiguous float64 vector; what the kernels take.
+        states: Number of internal states of its effects.
+        thrusters: Number of thrusters.
+        effects: Names of the wrench effects, in the order in which they run.
+    """
+
+    flat: Array
+    states: int
+    thrusters: int
+    effects: tuple[str, ...]
+
+
+def assemble(vehicle: Vehicle) -> Program:
+    """Compile a vehicle.
+
+    Args:
+        vehicle: The vehicle; effects of kind `sensor` play no part.
+
+    Raises:
+        DataError: An effect the catalogue does not admit, or a mass matrix that cannot be inverted.
+    """
+    running = [entry for entry in entries(vehicle) if entry.effect.kernel is not None]
+    table, thrusters = np.zeros((len(running), EFFECT_ROW)), thruster_table(vehicle)
+    begin = HEADER + layout.CONSTANTS + table.size
+    states = 0
+    for row, (effect, parameters, _) in zip(table, running, strict=True):
+        own = effect.states(parameters) if effect.states is not None else 0
+        row[:] = DISPATCHED.index(effect), begin, begin + parameters.size, states, states + own
+        begin += parameters.size
+        states += own
+    header = [len(running), HEADER + layout.CONSTANTS, states, len(thrusters), begin]
+    packed = [entry.parameters for entry in running]
+    flat = np.concatenate([header, constants(vehicle), table.ravel(), *packed, thrusters.ravel()])
+    return Program(flat, states, len(thrusters), tuple(entry.effect.name for entry in running))
+
+
+def constants(vehicle: Vehicle) -> Array:
+    """The constants `c` of a vehicle, laid out as `core.effects.layout` says."""
+    c = np.zeros(layout.CONSTANTS)
+    body, inertia = vehicle.rigid_body, inertia_matrix(vehicle)
+    mass = rigid_body.mass_matrix(vehicle) + inertia
+    try:
+        inverse = np.linalg.inv(mass)
+    except np.linalg.LinAlgError:
+        raise DataError("rigid_body: the mass matrix with all effects cannot be inverted") from None
+    moved = sum((p for effect, p, _ in entries(vehicle) if effect.name == "buoyancy_offset"), np.zeros(3))
+    for at, values in (
+        (layout.DENSITY, [vehicle.environment.water_density]),
+        (layout.GRAVITY, [vehicle.environment.gravity]),
+        (layout.MASS, [body.mass]),
+        (layout.BUOYANCY, [vehicle.buoyancy.force]),
+        (layout.BALANCE, rigid_body.balance(vehicle)),
+        (layout.CENTER_OF_GRAVITY, body.center_of_gravity),
+        (layout.CENTER_OF_BUOYANCY, np.asarray(vehicle.buoyancy.center) + moved),
+        (layout.HULL, [vehicle.hull.length, vehicle.hull.width, vehicle.hull.height]),
+        (layout.HULL_CENTER, vehicle.hull.center),
+        (layout.CURRENT, current(vehicle)),
+        (layout.ADDED_MASS, added_mass_matrix(vehicle).ravel()),
+        (layout.INERTIA, inertia.ravel()),
+        (layout.MASS_MATRIX, mass.ravel()),
+        (layout.INVERSE_MASS_MATRIX, inverse.ravel()),
+    ):
+        c[at : at + len(values)] = values
+    return c
+
+
+@jit
+def constants_of(flat: Array) -> Array:
+    """The constants `c` within a program, as a view."""
+    return flat[HEADER : HEADER + layout.CONSTANTS]
+
+
+@jit
+def thrusters_of(flat: Array) -> Array:
+    """The thruster table within a program, as a view of shape (n, COLUMNS)."""
+    begin, count = int(flat[THRUSTER_TABLE]), int(flat[THRUSTER_COUNT])
+    return flat[begin : begin + count * COLUMNS].reshape(count, COLUMNS)
+
+
+_LOOP = """
+def {name}({arguments}):
+    c = flat[{constants}:{constants_end}]
+    row = int(flat[{table}])
+    for _ in range(int(flat[{count}])):
+        which = int(flat[row])
+        p = flat[int(flat[row + 1]):int(flat[row + 2])]
+        begin, end = int(flat[row + 3]), int(flat[row + 4])
+        row += {length}
+"""
+
+
+def _dispatcher(name: str, arguments: str, attribute: str, call: str) -> Any:
+    """Compile a loop over a program's effects whose branches are made from the catalogue.
+
+    Numba compiles no call through a table of functions that it could keep on disk, hence the generated
+    source; it carries this file's name, by which Numba finds the cache.
+    """
+    functions = {
+        i: getattr(e, attribute) for i, e in enumerate(DISPATCHED) if getattr(e, attribute) is not None
+    }
+    source = _LOOP.format(
+        name=name,
+        arguments=arguments,
+        constants=HEADER,
+        constants_end=HEADER + layout.CONSTANTS,
+        table=EFFECT_TABLE,
+        count=EFFECT_COUNT,
+        length=EFFECT_ROW,
+    )
+    for i in functions:
+        source += f"        if which == {i}:\n            effect_{i}{call}\n            continue\n"
+    namespace: dict[str, Any] = {"__name__": __name__} | {f"effect_{i}": f for i, f in functions.items()}
+    exec(compile(source, __file__, "exec"), namespace)
+    return jit(namespace[name])
+
+
+wrench = _dispatcher("wrench", "flat, s, x, dx, tau", "kernel", "(p, c, s, x[begin:end], dx[begin:end], tau)")
+"""`wrench(flat, s, x, dx, tau)`: add the wrench of all effects of a program to tau (6,), write dx
+(states,)."""
+
+start = _dispatcher("start", "flat, s, x", "start", "(p, c, s, x[begin:end])")
+"""`start(flat, s, x)`: set the internal states (states,) as if the motion s had always been."""

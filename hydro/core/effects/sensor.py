@@ -1,0 +1,155 @@
+"""Errors of the velocity log: they change what is recorded, never the motion.
+
+u_m(t) = (1 + s) R(alpha)^T [v(t - d) + omega(t - d) x r] + b, of the velocity v of CO.  The log's reading
+of p, q, r and the pose are left alone.  As no force can make d(pose)/dt and R nu disagree, these effects
+show in the kinematics, and are inverted once, before any dynamics.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.frames import rotation
+
+# The log as a row of numbers, filled by the effects.
+SCALE = slice(0, 3)
+ANGLES = slice(3, 6)
+DELAY = 6
+LEVER = slice(7, 10)
+BIAS = slice(10, 13)
+LOG = 13
+
+
+def sensor_scale(p: Array, log: Array) -> None:
+    """Reading (1 + s) v, one s for all axes or three: a speed of sound misjudged."""
+    log[SCALE] += p
+
+
+def sensor_misalignment(p: Array, log: Array) -> None:
+    """Reading R(alpha)^T v: the log is mounted turned by roll, pitch, yaw alpha (ZYX) against the body."""
+    log[ANGLES] += p
+
+
+def sensor_delay(p: Array, log: Array) -> None:
+    """Reading of the moment t - d, stamped t: averaging and transmission."""
+    log[DELAY] += p[0]
+
+
+def sensor_lever_arm(p: Array, log: Array) -> None:
+    """Reading v + omega x r: the log sits at r from where its data say."""
+    log[LEVER] += p
+
+
+def sensor_bias(p: Array, log: Array) -> None:
+    """Reading v + b, constant in the log's axes."""
+    log[BIAS] += p
+
+
+def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
+    """What the log writes down while the vehicle moves with nu.
+
+    Args:
+        log: Row of the velocity log, shape (13,), of `core.effects.velocity_log`.
+        t: Time of one unbroken segment [s], shape (N,), rising.
+        nu: Velocity of CO over ground, body frame, shape (N, 6).
+
+    Returns:
+        Logged velocity, shape (N, 6); p, q, r as they were.  What happened before the first row is taken to
+        be like it.
+    """
+    motion = np.array(nu, dtype=np.float64)
+    local = motion[:, :3] + np.cross(motion[:, 3:], log[LEVER])
+    local = _at(np.asarray(t, float) - log[DELAY], np.asarray(t, float), local)
+    motion[:, :3] = (1.0 + log[SCALE]) * (local @ rotation(*log[ANGLES])) + log[BIAS]
+    return motion
+
+
+def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
+    """Velocity of CO from what the log wrote down: the inverse of `measured`, up to the last `d` seconds.
+
+    Args:
+        log: Row of the velocity log, shape (13,).
+        t: Time of one unbroken segment [s], shape (N,), rising.
+        nu: Logged velocity, shape (N, 6).
+
+    Returns:
+        Velocity of CO, shape (N, 6).
+    """
+    motion = np.array(nu, dtype=np.float64)
+    local = ((motion[:, :3] - log[BIAS]) / (1.0 + log[SCALE])) @ rotation(*log[ANGLES]).T
+    local = _at(np.asarray(t, float) + log[DELAY], np.asarray(t, float), local)
+    motion[:, :3] = local - np.cross(motion[:, 3:], log[LEVER])
+    return motion
+
+
+def _at(moments: Array, t: Array, values: Array) -> Array:
+    """Values (N, 3) known at t, at other moments within: a cubic spline, constant beyond both ends."""
+    if len(t) < 2 or np.array_equal(moments, t):
+        return values
+    return np.asarray(CubicSpline(t, values)(np.clip(moments, t[0], t[-1])))
+
+
+EFFECTS = (
+    Effect(
+        name="sensor_scale",
+        family="sensor",
+        kind="sensor",
+        definition="(1 + s) v",
+        source="Kinsey and Whitcomb (2007)",
+        excitation="straight runs over known distances",
+        lookalikes=("ocean_current", "sensor_bias"),
+        parameters=(
+            Parameter("s", ("1",), "relative error, all axes", low=-0.9),
+            Parameter("axes", ("1",), "relative error of each axis", (3,), low=-0.9),
+        ),
+        one_of=("s", "axes"),
+        sensor=sensor_scale,
+    ),
+    Effect(
+        name="sensor_misalignment",
+        family="sensor",
+        kind="sensor",
+        definition="R(alpha)^T v",
+        source="Kinsey and Whitcomb (2007)",
+        excitation="straight runs ahead and sideways with the pose known",
+        lookalikes=("ocean_current", "sensor_bias"),
+        parameters=(Parameter("alpha", ("rad",), "roll, pitch, yaw of the log against the body", (3,)),),
+        sensor=sensor_misalignment,
+    ),
+    Effect(
+        name="sensor_delay",
+        family="sensor",
+        kind="sensor",
+        definition="v(t - d)",
+        source="pure delay",
+        excitation="fast changes of velocity with the pose known",
+        lookalikes=("command_delay", "thruster_lag"),
+        parameters=(Parameter("d", ("s",), "age of a reading", low=0.0),),
+        sensor=sensor_delay,
+    ),
+    Effect(
+        name="sensor_lever_arm",
+        family="sensor",
+        kind="sensor",
+        definition="v + omega x r",
+        source="Fossen (2011), eq. 2.20 (velocity of a point)",
+        excitation="turning about every axis with the pose known",
+        lookalikes=("added_mass_coupling", "coupled_damping"),
+        parameters=(Parameter("r", ("m",), "position of the log", (3,)),),
+        sensor=sensor_lever_arm,
+    ),
+    Effect(
+        name="sensor_bias",
+        family="sensor",
+        kind="sensor",
+        definition="v + b",
+        source="Kinsey and Whitcomb (2007)",
+        excitation="several headings with the pose known",
+        lookalikes=("ocean_current", "sensor_scale"),
+        parameters=(Parameter("b", ("m/s",), "constant error of each axis", (3,)),),
+        sensor=sensor_bias,
+    ),
+)
