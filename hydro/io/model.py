@@ -17,12 +17,8 @@ from hydro.io.table import Artefact
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Scaler:
-    """Standardisation of columns: (x - mean) / std; both float64 of one length, std positive."""
-
-    mean: Array
-    std: Array
+SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
+"""Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""
 
 
 @dataclass(frozen=True)
@@ -31,26 +27,24 @@ class Model:
 
     Attributes:
         name: name of the model, such as `physfeat`.
-        architecture: description from which the layers are built; JSON values.
-        features: name of the feature set, see `core.features`.
-        inputs: names of the features in order, shape (n_in,).
-        outputs: names of the outputs in order, shape (n_out,).
-        units: units of the outputs, shape (n_out,).
-        input_scaler: standardisation of the features, fitted on the training part.
-        output_scaler: standardisation of the outputs; a prediction is `mean + std * network(...)`.
+        architecture: description that the layers are built from; JSON values.
         tensors: weights by name in the order of the layers, all float32 or all float64.
+        features: name of the feature set, see `core.features`.
+        scalers: `SCALERS` by name, float64, shapes (n_in,) and (n_out,), fitted on the training part.
+        inputs: names of the features in order, (n_in,).
+        outputs: names of the outputs in order, (n_out,).
+        units: unit of every input and output by name.
         training: summary of the training; JSON values.
     """
 
     name: str
     architecture: Mapping[str, Any]
+    tensors: Mapping[str, NDArray[Any]]
     features: str
+    scalers: Mapping[str, Array]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    units: tuple[str, ...]
-    input_scaler: Scaler
-    output_scaler: Scaler
-    tensors: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
     training: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -92,9 +86,8 @@ def to_artefact(
         "features": model.features,
         "inputs": list(model.inputs),
         "outputs": list(model.outputs),
-        "units": list(model.units),
-        "input_scaler": _described(model.input_scaler),
-        "output_scaler": _described(model.output_scaler),
+        "units": dict(model.units),
+        "scalers": {name: np.asarray(model.scalers[name]).tolist() for name in SCALERS},
         "training": dict(model.training),
     }
     return table.make(
@@ -120,20 +113,11 @@ def from_artefact(artefact: Artefact) -> Model:
     return Model(
         name=described["name"],
         architecture=described["architecture"],
+        tensors=tensors,
         features=described["features"],
+        scalers={name: np.array(described["scalers"][name]) for name in SCALERS},
         inputs=tuple(described["inputs"]),
         outputs=tuple(described["outputs"]),
-        units=tuple(described["units"]),
-        input_scaler=_scaler(described["input_scaler"]),
-        output_scaler=_scaler(described["output_scaler"]),
-        tensors=tensors,
+        units=described["units"],
         training=described["training"],
     )
-
-
-def _described(scaler: Scaler) -> dict[str, list[float]]:
-    return {"mean": np.asarray(scaler.mean).tolist(), "std": np.asarray(scaler.std).tolist()}
-
-
-def _scaler(described: Mapping[str, list[float]]) -> Scaler:
-    return Scaler(np.array(described["mean"]), np.array(described["std"]))

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
 from hydro.io.schema import storage_type
@@ -155,6 +156,6 @@ def _add_missing(digest: hashlib._Hash, values: pl.Series) -> None:
         digest.update(np.packbits(values.is_null().to_numpy()))
 
 
-def _little(numbers: np.ndarray[Any, Any], dtype: str) -> np.ndarray[Any, Any]:
+def _little(numbers: NDArray[Any], dtype: str) -> NDArray[Any]:
     """The numbers in one contiguous little-endian buffer; no copy where they already are."""
     return np.ascontiguousarray(numbers, dtype=dtype)
