@@ -89,13 +89,15 @@ def _rotational_factor(axis: float, b: float, c: float) -> float:
     scale = max(axis, b, c)
     a2, b2, c2 = (axis / scale) ** 2, (b / scale) ** 2, (c / scale) ** 2
 
-    def integrand(angle: float) -> float:
-        # s = tan^2(angle) maps the half line to a bounded one and keeps the integrand smooth at both ends.
-        s, cosine = np.tan(angle) ** 2, np.cos(angle)
-        stretch = 2.0 * np.sqrt(s) / (cosine * cosine)
-        return float(stretch / (((b2 + s) * (c2 + s)) ** 1.5 * np.sqrt(a2 + s)))
+    def integrand(log_s: float) -> float:
+        # In log s every scale of a slender or flat body is as wide as any other.
+        s = np.exp(log_s)
+        return float(s / (((b2 + s) * (c2 + s)) ** 1.5 * np.sqrt(a2 + s)))
 
-    integral, _ = quad(integrand, 0.0, 0.5 * np.pi, epsabs=0.0, epsrel=1e-12, limit=400)
+    knots = sorted({float(np.log(square)) for square in (a2, b2, c2)})
+    integral, _ = quad(
+        integrand, knots[0] - 40.0, knots[-1] + 20.0, points=knots, epsabs=0.0, epsrel=1e-12, limit=400
+    )
     ratio = np.sqrt(a2 * b2 * c2) * integral
     total = b2 + c2
     return float((b2 - c2) ** 2 * ratio / (total * (2.0 - total * ratio)))
