@@ -1,0 +1,85 @@
+"""The bundled recordings are what their README says they are."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro.core import effects
+from hydro.core.segments import sample_time, segments
+from hydro.io import table, vehicle
+
+TABLES = ("sample", "replay90")
+
+
+def listed(datasets: Path, pattern: str) -> dict[str, str]:
+    """Hashes in the README by file."""
+    text = (datasets / "README.md").read_text()
+    return {
+        name: digest
+        for digest, name in re.findall(rf"^({pattern}[0-9a-f]{{64}})  (\S+)$", text, re.MULTILINE)
+    }
+
+
+def test_files_have_the_hashes_of_the_readme(datasets: Path) -> None:
+    files = {f"stonefish/{path.name}": path for path in (datasets / "stonefish").iterdir()}
+    digests = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
+    assert digests == {
+        name: digest for name, digest in listed(datasets, "").items() if name.startswith("stonefish/")
+    }
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_carry_their_content_hash_and_their_vehicle(datasets: Path, name: str) -> None:
+    artefact = table.read(datasets / "stonefish" / f"{name}.parquet", "raw")
+    assert artefact.provenance.content == listed(datasets, "sha256:")[f"stonefish/{name}.parquet"]
+    known, text = vehicle.read(datasets / "stonefish" / "vehicle.toml")
+    assert artefact.provenance.vehicle == text
+    assert [source.content for source in artefact.provenance.inputs] == [vehicle.vehicle_hash(known)]
+
+
+def test_rows_and_sessions(datasets: Path) -> None:
+    sample, replay = (table.read(datasets / "stonefish" / f"{name}.parquet").frame for name in TABLES)
+    assert (sample.height, sample["session"].n_unique()) == (59_928, 8)
+    assert (replay.height, replay["session"].n_unique()) == (4_500, 1)
+    for frame in (sample, replay):
+        assert sample_time(frame) == pytest.approx(0.02)
+        assert len(segments(frame)) == frame["session"].n_unique(), "a session without gaps"
+        assert "cmd_8" in frame.columns
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_pose_and_velocity_agree_in_frame_and_sign(datasets: Path, name: str) -> None:
+    """The world velocity R(phi, theta, psi) (u, v, w) is the pose's derivative, by central differences."""
+    from hydro.core.frames import rotation
+
+    frame = table.read(datasets / "stonefish" / f"{name}.parquet").frame
+    one = frame.filter(pl.col("session") == frame["session"][0]).cast({pl.Float32: pl.Float64})
+    pose, body = one.select("x", "y", "z").to_numpy(), one.select("u", "v", "w").to_numpy()
+    turn = rotation(*(one[angle].to_numpy() for angle in ("phi", "theta", "psi")))
+    world = np.einsum("kij,kj->ki", turn, body)
+    derivative = (pose[2:] - pose[:-2]) / 0.04
+    assert np.sqrt(np.mean((world[1:-1] - derivative) ** 2)) < 2e-3
+
+
+def test_the_rotor_is_integrated_as_stonefish_does(datasets: Path) -> None:
+    known, _ = vehicle.read(datasets / "stonefish" / "vehicle.toml")
+    effects.validate(known)
+    assert {thruster.lag_step for thruster in known.thruster} == {0.002}
+    assert {thruster.lag for thruster in known.thruster} == {"speed"}
+
+
+def test_samples_are_rows_of_the_full_recordings(datasets: Path, stonefish: Path) -> None:
+    sample = table.read(datasets / "stonefish" / "sample.parquet").frame
+    full = pl.scan_parquet(stonefish / "nominal.parquet").filter(
+        pl.col("session").is_in(sample["session"].unique())
+    )
+    assert full.collect().equals(sample)
+    assert pl.read_parquet(stonefish / "replay90.parquet").equals(
+        table.read(datasets / "stonefish" / "replay90.parquet").frame
+    )
