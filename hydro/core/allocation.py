@@ -293,17 +293,19 @@ def thrusts(
 
 
 def substep_thrusts(
-    vehicle: Vehicle, commands: ArrayLike, dt: float, substeps: int, *, settled: bool = False
+    vehicle: Vehicle, commands: ArrayLike, dt: float, substeps: int, *, at: float = 0.5, settled: bool = False
 ) -> Array:
-    """Thrusts in the middle of every physics step of a segment, to be held over that step.
+    """Thrusts to be held over every physics step of a segment.
 
-    The middle gives each step its impulse to second order, and exactly where there is no lag.
+    The middle of a step gives it its impulse to second order, and exactly where there is no lag.  A source
+    that moves its rotors before its body, as Stonefish does, holds what they reach by its end (at = 1).
 
     Args:
         vehicle: The vehicle.
         commands: Commands, shape (N, n), one row per `dt`.
         dt: Time between rows [s].
         substeps: Physics steps per row.
+        at: Where in each step the thrust is taken, from 0 (start) to 1 (end).
         settled: Start settled on the first command instead of at rest.
 
     Returns:
@@ -314,8 +316,8 @@ def substep_thrusts(
     """
     table = thruster_table(vehicle)
     rows = np.shape(commands)[0]
-    middles = (np.arange(rows * substeps) + 0.5) * (dt / substeps)
-    states = lag_states(table, commands, np.arange(rows) * dt, middles, settled=settled)
+    moments = (np.arange(rows * substeps) + at) * (dt / substeps)
+    states = lag_states(table, commands, np.arange(rows) * dt, moments, settled=settled)
     _thrust_kernel(table, states, np.empty((0, 6)), states)
     return states.reshape(rows, substeps, len(table))
 
