@@ -1,0 +1,315 @@
+"""Velocity and acceleration from measured velocity: a constant-acceleration Kalman filter per axis.
+
+The state of each axis is (nu_i, nu_dot_i), driven by white jerk of spectral density q [m^2/s^5, rad^2/s^5];
+nu_i is measured with variance R.  The gains depend on one dimensionless number, the ratio q dt^3 / R: far
+below 1 the filter averages over many rows; far above 1 it follows every row, and the smoother becomes the
+natural cubic spline through the data.
+
+The filter and the Rauch-Tung-Striebel smoother are designed with `filterpy`, in units of sqrt(R) and dt.  The
+gains depend on nothing but the number of rows since the start of the segment, and settle; so compiled code
+applies them.  A segment starts at its first measurement with an acceleration that could be anything.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+Bounds = NDArray[np.int64]
+Method = Literal["rts", "kalman", "kalman-difference"]
+METHODS: tuple[str, ...] = ("rts", "kalman", "kalman-difference")
+
+DIFFUSE = 1e6  # variance of the unknown first acceleration [R / dt^2], times the ratio where that is above 1
+SETTLED = 1e-13  # relative change of a gain that counts as none
+LONGEST = 5000  # rows a gain may take to settle
+RATIOS = 10.0 ** np.arange(-8.0, 6.01, 0.25)  # a step changes the filter's bandwidth by 15 %
+WINDOW, WINDOWS = 256, 64  # rows and number of the pieces of data that the ratio is estimated from
+UNINFORMED = 2  # innovations at the start of a window that only find the first acceleration
+REACH = 1e-3  # share of its largest weight below which a row's weight is nothing
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """The filter of one vehicle's velocity log.
+
+    Attributes:
+        dt: Sample time [s].
+        ratio: q dt^3 / R of each axis, shape (6,).
+        noise: Standard deviation sqrt(R) of each axis, shape (6,) [m/s, rad/s]; no gain depends on it.
+    """
+
+    dt: float
+    ratio: tuple[float, ...]
+    noise: tuple[float, ...]
+
+    def at(self, dt: float) -> Design:
+        """The same noise and the same jerk, sampled every `dt` [s]."""
+        return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
+
+    @property
+    def jerk(self) -> tuple[float, ...]:
+        """Spectral density q of the white jerk of each axis, shape (6,) [m^2/s^5, rad^2/s^5]."""
+        return tuple(r * s**2 / self.dt**3 for r, s in zip(self.ratio, self.noise, strict=True))
+
+
+class Gains(NamedTuple):
+    """Gains by row since the start of a segment; the last row holds from there on.
+
+    `forward` (n, 6, 2): what (nu, nu_dot) take of the innovation, the second in 1/s.
+    `backward` (n, 6, 4): row-major 2 x 2 gain of the smoother, in SI units.
+    """
+
+    forward: Array
+    backward: Array
+
+
+def gains(design: Design) -> Gains:
+    """Design the filter and the smoother of every axis with `filterpy`, until their gains have settled."""
+    designed = {ratio: _unit_gains(ratio) for ratio in set(design.ratio)}
+    axes = [designed[ratio] for ratio in design.ratio]
+    rows = max(len(forward) for forward, _ in axes)
+    forward = np.stack([_hold_last(f, rows) for f, _ in axes], axis=1)
+    backward = np.stack([_hold_last(b, rows) for _, b in axes], axis=1)
+    dt = design.dt
+    return Gains(forward * [1.0, 1.0 / dt], backward * [1.0, dt, 1.0 / dt, 1.0])
+
+
+def steady_gain(design: Design) -> Array:
+    """Settled gain of the online filter, shape (6, 2) [-, 1/s]; for `filter_step`."""
+    return np.array(gains(design).forward[-1])
+
+
+def _unit_gains(ratio: float) -> tuple[Array, Array]:
+    """Forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
+    from filterpy.common import Q_continuous_white_noise
+    from filterpy.kalman import KalmanFilter
+
+    axis = KalmanFilter(dim_x=2, dim_z=1)
+    axis.F = np.array([[1.0, 1.0], [0.0, 1.0]])
+    axis.H = np.array([[1.0, 0.0]])
+    axis.R = np.eye(1)
+    axis.Q = Q_continuous_white_noise(dim=2, dt=1.0, spectral_density=ratio)
+    axis.P = np.diag([1.0, DIFFUSE * max(1.0, ratio)])
+    forward, covariances = [np.array([1.0, 0.0])], [axis.P.copy()]
+    while len(forward) < LONGEST:
+        axis.predict()
+        axis.update(0.0)
+        forward.append(axis.K[:, 0].copy())
+        covariances.append(axis.P.copy())
+        if np.all(np.abs(forward[-1] - forward[-2]) <= SETTLED * np.abs(forward[-1])):
+            break
+    covariances.append(axis.P.copy())
+    _, _, backward, _ = axis.rts_smoother(np.zeros((len(covariances), 2)), np.array(covariances))
+    return np.array(forward), backward[:-1].reshape(-1, 4)
+
+
+def _hold_last(values: Array, rows: int) -> Array:
+    return np.concatenate([values, np.repeat(values[-1:], rows - len(values), axis=0)])
+
+
+@jit
+def _step(nu: float, dot: float, z: float, k_nu: float, k_dot: float, dt: float) -> tuple[float, float]:
+    """One prediction and correction of one axis."""
+    predicted = nu + dt * dot
+    innovation = z - predicted
+    return predicted + k_nu * innovation, dot + k_dot * innovation
+
+
+@jit
+def filter_step(state: Array, z: Array, gain: Array, dt: float) -> None:
+    """Advance the six filters in place by one sample.
+
+    Args:
+        state: nu and nu_dot of each axis, shape (6, 2) [m/s, rad/s; m/s^2, rad/s^2].
+        z: Measured velocity, shape (6,) [m/s, rad/s].
+        gain: Gain of this row, shape (6, 2) [-, 1/s].
+        dt: Time since the last sample [s].
+    """
+    for i in range(6):
+        state[i, 0], state[i, 1] = _step(state[i, 0], state[i, 1], z[i], gain[i, 0], gain[i, 1], dt)
+
+
+@jit
+def _filter_segment(z: Array, forward: Array, dt: float, out: Array) -> None:
+    """Filtered (nu, nu_dot) of one segment into `out` (N, 6, 2)."""
+    settled = forward.shape[0] - 1
+    for i in range(6):
+        out[0, i, 0], out[0, i, 1] = z[0, i], 0.0
+        for k in range(1, z.shape[0]):
+            row = min(k, settled)
+            out[k, i, 0], out[k, i, 1] = _step(
+                out[k - 1, i, 0], out[k - 1, i, 1], z[k, i], forward[row, i, 0], forward[row, i, 1], dt
+            )
+
+
+@jit
+def _smooth_segment(backward: Array, dt: float, out: Array) -> None:
+    """Rauch-Tung-Striebel pass, in place, over the filtered states `out` (N, 6, 2) of one segment."""
+    settled = backward.shape[0] - 1
+    for i in range(6):
+        for k in range(out.shape[0] - 2, -1, -1):
+            row = min(k, settled)
+            nu, dot = out[k, i, 0], out[k, i, 1]
+            nu_ahead = out[k + 1, i, 0] - nu - dt * dot
+            dot_ahead = out[k + 1, i, 1] - dot
+            out[k, i, 0] = nu + backward[row, i, 0] * nu_ahead + backward[row, i, 1] * dot_ahead
+            out[k, i, 1] = dot + backward[row, i, 2] * nu_ahead + backward[row, i, 3] * dot_ahead
+
+
+@jit
+def _difference_segment(dt: float, out: Array) -> None:
+    """Replace nu_dot by the difference of nu: central, one-sided in the first and last row of the segment."""
+    last = out.shape[0] - 1
+    for k in range(last + 1):
+        before, after = max(k - 1, 0), min(k + 1, last)
+        for i in range(6):
+            out[k, i, 1] = (out[after, i, 0] - out[before, i, 0]) / ((after - before) * dt)
+
+
+def smooth(
+    velocity: ArrayLike, bounds: ArrayLike, design: Design, method: str = "rts", designed: Gains | None = None
+) -> Array:
+    """Smoothed velocity and acceleration of every row, each belonging to the row's own time t_k.
+
+    Args:
+        velocity: Measured nu of CO in body axes, shape (N, 6) [m/s, rad/s].
+        bounds: Segments [start, stop), shape (S, 2), that cover all rows; each starts afresh.
+        design: The filter.
+        method: `rts`: two-sided, without delay.  `kalman`: the filter's own nu and nu_dot, from past rows
+            alone.  `kalman-difference`: the paper's recipe (IV-B), the filter's nu and its differences.
+        designed: `gains(design)`, where they are at hand already.
+
+    Returns:
+        (nu, nu_dot), shape (N, 6, 2).
+
+    Raises:
+        DataError: The method is not known, or a segment has a single row and so no acceleration.
+    """
+    if method not in METHODS:
+        raise DataError(f"acceleration {method!r} is not known; choose one of {', '.join(METHODS)}")
+    z = np.ascontiguousarray(velocity, dtype=np.float64)
+    forward, backward = designed or gains(design)
+    out = np.empty((*z.shape, 2))
+    for start, stop in np.asarray(bounds, np.int64):
+        if stop - start < 2:
+            raise DataError(
+                f"row {start} stands alone between gaps in time: it has no acceleration; remove such rows"
+            )
+        part = out[start:stop]
+        _filter_segment(z[start:stop], forward, design.dt, part)
+        if method == "rts":
+            _smooth_segment(backward, design.dt, part)
+        elif method == "kalman-difference":
+            _difference_segment(design.dt, part)
+    return out
+
+
+def reach(design: Design) -> int:
+    """Rows on either side that the smoothed (nu, nu_dot) of a row depend on, in any axis.
+
+    A row further away has less than 1e-3 of the largest weight.
+    """
+    half = LONGEST
+    impulse = np.zeros((2 * half + 1, 6))
+    impulse[half] = 1.0
+    weights = np.abs(smooth(impulse, [[0, 2 * half + 1]], design))
+    heavy = np.flatnonzero((weights > REACH * weights.max(axis=0)).any(axis=(1, 2)))
+    return int(max(half - heavy[0], heavy[-1] - half))
+
+
+def estimate(
+    velocity: ArrayLike, bounds: ArrayLike, dt: float, noise: Sequence[float] | None = None
+) -> Design:
+    """Find each axis' ratio, and its noise unless given, from the innovations: maximum likelihood.
+
+    Innovations e_k of the right filter are white with variance R s_k, where s_k follows from the ratio.  For
+    each of a grid of ratios R is the mean of e_k^2 / s_k (or given); the ratio with the greatest likelihood
+    is taken.  Up to 64 windows of 256 rows, evenly spread over the log, are used.  On data without noise the
+    likelihood rises to the upper end of the grid: the data are interpolated and nothing is smoothed away.
+
+    Args:
+        velocity: Measured nu, shape (N, 6) [m/s, rad/s].
+        bounds: Segments [start, stop), shape (S, 2).
+        dt: Sample time [s].
+        noise: Standard deviation of each axis' measurement, shape (6,) [m/s, rad/s]; 0 is no noise.
+
+    Raises:
+        DataError: `noise` is not six finite numbers of at least 0, or no segment has eight rows.
+    """
+    known = None if noise is None else np.asarray(noise, float)
+    if known is not None and (known.shape != (6,) or not np.isfinite(known).all() or (known < 0).any()):
+        raise DataError(
+            f"noise: give six standard deviations of at least 0 (m/s, rad/s), not {list(noise or [])}"
+        )
+    z = np.ascontiguousarray(velocity, dtype=np.float64)
+    scores = np.empty((len(RATIOS), 6, 3))
+    windows = _windows(np.asarray(bounds, np.int64))
+    for k, ratio in enumerate(RATIOS):
+        _innovations_kernel(z, windows, _unit_design(ratio, WINDOW), scores[k])
+    squares, logs = scores[:, :, 0] / scores[:, :, 2], scores[:, :, 1] / scores[:, :, 2]
+    smallest = np.finfo(float).tiny  # an axis that never moves has no innovations at all
+    variance = np.maximum(squares if known is None else np.broadcast_to(known**2, squares.shape), smallest)
+    cost = squares / variance + logs + np.log(variance)  # -2 log(likelihood) / rows
+    best = np.argmin(cost, axis=0)
+    noise_found = np.sqrt(variance[best, np.arange(6)])
+    return Design(float(dt), tuple(RATIOS[best].tolist()), tuple(noise_found.tolist()))
+
+
+def _windows(bounds: Bounds) -> Bounds:
+    """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2)."""
+    pieces = [
+        (at, min(at + WINDOW, stop)) for start, stop in bounds.tolist() for at in range(start, stop, WINDOW)
+    ]
+    long = [piece for piece in pieces if piece[1] - piece[0] >= 8]
+    if not long:
+        raise DataError(
+            "no session has eight rows without a gap: too few to design a filter for the velocity"
+        )
+    chosen = sorted(set(np.linspace(0, len(long) - 1, WINDOWS).round().astype(int).tolist()))
+    return np.array([long[k] for k in chosen], dtype=np.int64)
+
+
+@jit
+def _unit_design(ratio: float, rows: int) -> Array:
+    """Gains and innovation variance (k_1, k_2, s) of each row for R = dt = 1, shape (rows, 3).
+
+    The recursion of `_unit_gains` in compiled form: a search over ratios would take `filterpy` seconds.
+    """
+    design = np.zeros((rows, 3))
+    p11, p12, p22 = 1.0, 0.0, DIFFUSE * max(1.0, ratio)
+    for k in range(1, rows):
+        p11, p12, p22 = p11 + 2.0 * p12 + p22 + ratio / 3.0, p12 + p22 + ratio / 2.0, p22 + ratio
+        s = p11 + 1.0
+        k1, k2 = p11 / s, p12 / s
+        p11, p12, p22 = k1, p12 / s, p22 - k2 * p12
+        design[k, 0], design[k, 1], design[k, 2] = k1, k2, s
+    return design
+
+
+@jit
+def _innovations_kernel(z: Array, windows: Bounds, design: Array, out: Array) -> None:
+    """Sums over the windows of e^2 / s, of log s, and their number, for each axis, into `out` (6, 3)."""
+    out[:] = 0.0
+    for m in range(windows.shape[0]):
+        start, stop = windows[m, 0], windows[m, 1]
+        for i in range(6):
+            nu, step = z[start, i], 0.0
+            for k in range(1, stop - start):
+                k1, k2, s = design[k, 0], design[k, 1], design[k, 2]
+                nu += step
+                innovation = z[start + k, i] - nu
+                nu += k1 * innovation
+                step += k2 * innovation
+                if k >= UNINFORMED:
+                    out[i, 0] += innovation * innovation / s
+                    out[i, 1] += math.log(s)
+                    out[i, 2] += 1.0
