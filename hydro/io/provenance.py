@@ -27,7 +27,12 @@ FOOTER_KEY = b"hydro"
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     """What a table was made from, and what that was made from in turn.
 
-    `content` is the hash of its content; `stage` and `parameters` say how it was made.
+    Attributes:
+        kind: kind of table, or `vehicle`.
+        content: hash of its content.
+        stage: the command that made it.
+        parameters: parameters of that command.
+        inputs: what it was made from itself.
     """
 
     kind: str
@@ -40,10 +45,18 @@ class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
 class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
     """The record in the footer.
 
-    `kind` is the kind of table, `schema` the digest of its rules and `content` the hash of its columns.  `stage`
-    is the command that wrote it, with `parameters` and `seed`; `package` is hydro's version.  `vehicle` is the text of the
-    vehicle file that the data belong to, and `model` what a network is beside its tensors.  A table from elsewhere
-    has neither `stage` nor `package`.
+    Attributes:
+        kind: kind of table.
+        schema: digest of the rules it was checked by.
+        content: hash of its columns, see `content_hash`.
+        stage: the command that wrote it; None for a table from elsewhere.
+        parameters: what the result depends on besides inputs and seed.
+        seed: seed of everything random.
+        package: version of hydro that wrote it.
+        inputs: what it was made from.
+        vehicle: text of the vehicle file that the data belong to.
+        model: what a network is beside its tensors.
+        format: version of this record.
     """
 
     kind: str
@@ -109,9 +122,10 @@ def json_schema() -> dict[str, Any]:
 def content_hash(frame: pl.DataFrame) -> str:
     """SHA-256 of a table's columns in canonical form.
 
-    Each column is hashed apart, as little-endian float64 or int64, texts as UTF-8 with their lengths; one hash over names,
-    logical types and these digests, in the order of names, is the table's.  So it does not depend on chunks,
-    row groups, the order of columns, or on float32 against float64 storage of the same numbers.
+    Each column is hashed apart: its logical type, which rows are missing, and the values as little-endian
+    float64 or int64, or as UTF-8 with their lengths.  One hash over these digests and the names, in the order
+    of names, is the table's.  So it does not depend on chunks, row groups or the order of columns, nor on
+    whether the same numbers are stored as float32 or float64.
 
     Returns:
         `sha256:` and 64 hexadecimal digits.
@@ -153,9 +167,9 @@ def _add_missing(digest: hashlib._Hash, values: pl.Series) -> None:
     """Length of the column, and where values are missing if any are."""
     digest.update(len(values).to_bytes(8, "little"))
     if values.null_count():
-        digest.update(np.packbits(values.is_null().to_numpy()))
+        digest.update(np.packbits(values.is_null().to_numpy()).data)
 
 
-def _little(numbers: NDArray[Any], dtype: str) -> NDArray[Any]:
-    """The numbers in one contiguous little-endian buffer; no copy where they already are."""
-    return np.ascontiguousarray(numbers, dtype=dtype)
+def _little(numbers: NDArray[Any], dtype: str) -> memoryview:
+    """The numbers as contiguous little-endian bytes; no copy where they already are."""
+    return np.ascontiguousarray(numbers, dtype=dtype).data

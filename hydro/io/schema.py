@@ -1,10 +1,18 @@
 """The schema files: what every column of every table is, and the checks that hold a table to it.
 
-A schema is a Frictionless Table Schema (v2) file in `schemas/`, with these keys beyond the standard.  Of a field:
-`arrowType` (the storage types accepted), `unit`, `frame`, `source` (equation or paper) and `repeat`: a field named
-`cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields that repeat by the same letter come
-equally often.  Of a table: `extends` (the table whose fields come first), and `series`, whose `key` columns name a
-recording; its rows stand together and `time` increases along them.
+A schema is a Frictionless Table Schema (v2) file in `schemas/`, with these keys beyond the standard.
+
+Of a field:
+
+* `arrowType`: the storage types accepted; `unit`, `frame`, and `source`, an equation or paper;
+* `repeat`: a field named `cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields
+  that repeat by the same letter come equally often;
+* `optional`: the column may be absent.
+
+Of a table:
+
+* `extends`: the table whose fields come first;
+* `series`: the `key` columns name a recording, whose rows stand together and along which `time` increases.
 """
 
 from __future__ import annotations
@@ -34,7 +42,7 @@ Rows = npt.NDArray[np.intp]
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
-    """A part of a schema file; an unknown key there is an error, for it would be a rule that nobody checks."""
+    """A part of a schema file; an unknown key is an error: it would be a rule that nobody checks."""
 
 
 class Constraints(_Part, frozen=True):
@@ -141,7 +149,7 @@ class Schema:
             The same table with its columns in the schema's order (no value is copied or changed).
 
         Raises:
-            DataError: the first rule that is broken, with the number of rows and the first of them (counted from 0).
+            DataError: the first rule that is broken, how often, and the first row (rows count from 0).
         """
         self.check_columns({name: storage_type(dtype) for name, dtype in frame.schema.items()}, source)
         columns = self.columns(frame.columns)
@@ -276,7 +284,7 @@ def _broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
         yield from _broken_texts(rules, values)
     elif values.dtype.is_numeric():
         yield from _broken_numbers(rules, values)
-    elif isinstance(values.dtype, pl.List) and values.dtype.inner.is_float():  # type: ignore[union-attr]
+    elif isinstance(values.dtype, pl.List) and values.dtype.inner.is_float():
         yield "finite", np.flatnonzero([not numbers.is_finite().all() for numbers in values])
     if rules.unique and values.n_unique() < len(values):
         yield "unique", _rows(~values.is_first_distinct())

@@ -84,14 +84,15 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
 
     Args:
         source: path of a Parquet file, or a binary stream, read to its end.
-        kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is taken as
-            the first of them whose columns it has.
+        kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is
+            taken as the first of them whose columns it has.
 
     Returns:
         The artefact; columns in the schema's order, each in one contiguous piece.
 
     Raises:
-        DataError: the file cannot be read, is of another kind, breaks its schema, or is not what its footer says.
+        DataError: the file cannot be read, is of another kind, breaks its schema, or was changed after
+            its footer was written.
         UsageError: the stream is a terminal.
     """
     name = source_name(source)
@@ -117,7 +118,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
 
 
 def write(artefact: Artefact, destination: Source) -> None:
-    """Write an artefact to a path (whole or not at all) or to a binary stream; the same artefact, the same bytes.
+    """Write an artefact to a path (whole or not at all) or a binary stream: same artefact, same bytes.
 
     Raises:
         DataError: the table breaks its schema, or the operating system refuses.
@@ -180,7 +181,7 @@ def _storage_type(arrow: pa.DataType) -> str:
 
 
 def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
-    """The first kind whose columns these are; of one kind wanted, that one, for its own errors to tell more."""
+    """The first of the kinds wanted whose columns these are."""
     for kind in wanted:
         rules = schema.load(kind).columns(columns)
         if rules.keys() == columns.keys():

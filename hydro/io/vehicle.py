@@ -1,24 +1,45 @@
-"""Vehicle files: TOML text to a checked `Vehicle`, and additions that keep the comments."""
+"""Vehicle files: TOML text to a checked `Vehicle`, and effects written into the text beside its comments."""
 
 from __future__ import annotations
 
+import difflib
 import hashlib
+import math
 import os
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import msgspec
+import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 from hydro.io.files import read_bytes, write_bytes
+
+if TYPE_CHECKING:
+    from tomlkit.items import Table
+
+RELATIVE = 1e-9
+"""Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
+
+UNIT = 1e-6
+"""Tolerance of the length of a direction."""
+
+_KEYS = {
+    key: hint
+    for part in (Environment, RigidBody, Buoyancy, Hull, Thruster, Vehicle)
+    for key, hint in get_type_hints(part).items()
+}
 
 
 def read(path: str | Path) -> tuple[Vehicle, str]:
     """Read a vehicle file.
 
     Returns:
-        The vehicle, and the file's text as it stands.
+        The vehicle, and the text of the file as it stands.
 
     Raises:
         DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
@@ -32,20 +53,54 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
-    """The vehicle that a text describes, checked.
+    """The vehicle that a text describes, checked and never changed.
+
+    Args:
+        text: TOML.
+        name: what error lines call it, usually the file's name.
 
     Raises:
         DataError: the text is not TOML or not a vehicle; the line names the path in the file.
     """
     try:
-        return msgspec.toml.decode(text, type=Vehicle)
-    except msgspec.MsgspecError as error:
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DataError(f"{name}: not valid TOML: {error}") from error
+    try:
+        vehicle = msgspec.convert(content, Vehicle)
+    except msgspec.ValidationError as error:
+        raise DataError(f"{name}: {_told(str(error), content)}") from error
+    try:
+        check(vehicle)
+    except DataError as error:
         raise DataError(f"{name}: {error}") from error
+    return vehicle
+
+
+def check(vehicle: Vehicle) -> None:
+    """What types alone do not say: finite numbers, a possible inertia, thrusters given once, known effects.
+
+    Raises:
+        DataError: the line begins with the path in the file.
+    """
+    from hydro.core import effects
+
+    for path, number in _numbers(msgspec.to_builtins(vehicle), ""):
+        if not math.isfinite(number):
+            raise DataError(f"{path}: must be finite, got {number}")
+    _check_inertia(np.array(vehicle.rigid_body.inertia))
+    for index, thruster in enumerate(vehicle.thruster):
+        _check_thruster(f"thruster[{index}]", thruster)
+    effects.validate(vehicle)
 
 
 def vehicle_hash(vehicle: Vehicle) -> str:
-    """SHA-256 of what a vehicle file says; comments and layout do not matter."""
-    content = msgspec.json.encode(vehicle, order="sorted")
+    """SHA-256 of what a vehicle file says: comments, layout and `1` for `1.0` make no difference.
+
+    Returns:
+        `sha256:` and 64 hexadecimal digits.
+    """
+    content = msgspec.json.encode(_floats(msgspec.to_builtins(vehicle)), order="sorted")
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
@@ -57,3 +112,147 @@ def write(text: str, destination: str | Path) -> None:
     """
     parse(text, os.fspath(destination))
     write_bytes(text.encode(), destination)
+
+
+def append_effect(text: str, effect: Mapping[str, Any]) -> str:
+    """The text with one more `[[effect]]` at its end; everything before it stays as it is.
+
+    Args:
+        text: a vehicle file.
+        effect: the table's keys and values; numpy arrays are written as arrays, mappings as sub-tables.
+
+    Raises:
+        DataError: the file's effects are not `[[effect]]` tables.
+    """
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    if not isinstance(document.get("effect", tomlkit.aot()), tomlkit.items.AoT):
+        raise DataError("effect: write the effects as [[effect]] tables, so that one can be added")
+    tables = tomlkit.aot()
+    tables.append(_table(effect))
+    return f"{text.rstrip()}\n\n{tomlkit.dumps({'effect': tables})}"
+
+
+def set_effect(text: str, effect: Mapping[str, Any]) -> str:
+    """The text with the values of `effect` in the table of that name, or appended where there is none.
+
+    Other keys of the table, and comments, stay.
+
+    Raises:
+        DataError: there are several effects of that name, so that it is not clear which is meant.
+    """
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    present = [entry for entry in document.get("effect", []) if entry.get("name") == effect["name"]]
+    if not present:
+        return append_effect(text, effect)
+    if len(present) > 1:
+        raise DataError(f"effect: {len(present)} are named {effect['name']}: merge them first")
+    for key, value in _table(effect).items():
+        present[0][key] = value
+    return tomlkit.dumps(document)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of a vehicle file, made from the structs of `core.vehicle`."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro vehicle file"}
+    return schema | msgspec.json.schema(Vehicle)
+
+
+def _told(message: str, content: Mapping[str, Any]) -> str:
+    """A message of msgspec as `rigid_body.mass: expected float > 0, got -3`."""
+    what, _, where = message.partition(" - at `$")
+    what = re.sub(r"(\d)\.0\b", r"\1", what.replace("`", ""))
+    path = where.removesuffix("`").removeprefix(".")
+    if match := re.fullmatch(r"Object missing required field (\w+)", what):
+        return f"{_joined(path, match[1])}: missing: add it"
+    if match := re.fullmatch(r"Object contains unknown field (.+)", what):
+        near = difflib.get_close_matches(match[1], _KEYS, 1)
+        return f"{_joined(path, match[1])}: unknown key: " + (
+            f"did you mean {near[0]}?" if near else "remove it"
+        )
+    value: Any = content
+    key = ""
+    for key, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
+        value = value[key] if key else value[int(index)]
+    if what.startswith("Invalid enum value"):
+        what = f"expected {' or '.join(get_args(_KEYS[key]))}"
+    shown = f", got {value}" if isinstance(value, str | int | float) and "got" not in what else ""
+    return f"{path or 'file'}: {what[0].lower()}{what[1:]}{shown}"
+
+
+def _joined(path: str, key: str) -> str:
+    return f"{path}.{key}" if path else key
+
+
+def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
+    """Every number under `value` with its path in the file."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _numbers(inner, _joined(path, key))
+    elif isinstance(value, list | tuple):
+        for index, inner in enumerate(value):
+            yield from _numbers(inner, f"{path}[{index}]")
+    elif isinstance(value, float):
+        yield path, value
+
+
+def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:
+    """Symmetric, positive definite, and no principal moment above the sum of the other two."""
+    path = "rigid_body.inertia"
+    tolerance = RELATIVE * float(np.abs(inertia).max())
+    i, j = np.unravel_index(np.argmax(np.abs(inertia - inertia.T)), (3, 3))
+    if abs(inertia[i, j] - inertia[j, i]) > tolerance:
+        pair = f"[{i}][{j}] is {inertia[i, j]:g} and [{j}][{i}] is {inertia[j, i]:g}"
+        raise DataError(f"{path}: must be symmetric, but {pair}")
+    moments = np.linalg.eigvalsh(inertia)
+    shown = ", ".join(f"{moment:g}" for moment in moments)
+    if moments[0] <= tolerance:
+        raise DataError(f"{path}: must be positive definite, but its principal moments are {shown}")
+    if moments[2] > moments[0] + moments[1] + tolerance:
+        raise DataError(
+            f"{path}: no body has principal moments {shown}: none may exceed the sum of the other two"
+        )
+
+
+def _check_thruster(path: str, thruster: Thruster) -> None:
+    """A point and a unit direction, or a wrench; an Euler step of the lag that is stable."""
+    placed = (thruster.position is not None) + (thruster.direction is not None)
+    if placed != (0 if thruster.wrench is not None else 2):
+        raise DataError(f"{path}: give either position and direction, or wrench")
+    if thruster.direction is not None:
+        length = math.hypot(*thruster.direction)
+        if abs(length - 1) > UNIT:
+            unit = [round(part / length, 9) for part in thruster.direction] if length else "a unit vector"
+            raise DataError(f"{path}.direction: must have length 1, but it is {length:.9g}: write {unit}")
+    if thruster.lag_step is not None and thruster.lag_step >= thruster.time_constant:
+        limit = f"time_constant = {thruster.time_constant:g}"
+        raise DataError(f"{path}.lag_step: must be below {limit}, got {thruster.lag_step:g}")
+
+
+def _floats(value: Any) -> Any:
+    """The same content with every number as a float, and without negative zeros."""
+    if isinstance(value, Mapping):
+        return {key: _floats(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_floats(inner) for inner in value]
+    return float(value) + 0.0 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _table(effect: Mapping[str, Any]) -> Table:
+    """A TOML table; matrices take a line per row."""
+    import tomlkit
+
+    table = tomlkit.table()
+    for key, value in effect.items():
+        if isinstance(value, Mapping):
+            table.add(key, _table(value))
+            continue
+        value = np.asarray(value).tolist()
+        item = tomlkit.item(value)
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            item.multiline(True)
+        table.add(key, item)
+    return table
