@@ -7,7 +7,7 @@ gain -> asymmetry -> inflow.
 from __future__ import annotations
 
 from hydro.core.allocation import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, TIME_CONSTANT
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Array, Effect, Fill, Parameter
 
 
 def thruster_gain(p: Array, table: Array) -> None:
@@ -45,15 +45,17 @@ def thruster_inflow(p: Array, table: Array) -> None:
 
 
 def _effect(
-    fill: object,
+    name: str,
+    fill: Fill,
     definition: str,
     source: str,
     excitation: str,
     lookalikes: tuple[str, ...],
     parameter: Parameter,
 ) -> Effect:
+    """An actuator effect: all have one parameter and one function."""
     return Effect(
-        name=fill.__name__,  # type: ignore[attr-defined]
+        name=name,
         family="actuator",
         kind="actuator",
         definition=definition,
@@ -61,12 +63,13 @@ def _effect(
         excitation=excitation,
         lookalikes=lookalikes,
         parameters=(parameter,),
-        actuator=fill,  # type: ignore[arg-type]
+        actuator=fill,
     )
 
 
 EFFECTS = (
     _effect(
+        "thruster_gain",
         thruster_gain,
         "f_i (1 + g_i)",
         "Fossen (1994), section 4.1 (propeller thrust)",
@@ -75,6 +78,7 @@ EFFECTS = (
         Parameter("g", ("1",), "relative gain of each thruster", ("thrusters",), low=-1.0, required=True),
     ),
     _effect(
+        "thruster_asymmetry",
         thruster_asymmetry,
         "(1 - a) f for f < 0",
         "Fossen (1994), section 4.1 (propeller thrust astern)",
@@ -83,6 +87,7 @@ EFFECTS = (
         Parameter("a", ("1",), "share of reverse thrust lost", high=1.0),
     ),
     _effect(
+        "thruster_lag",
         thruster_lag,
         "T + dT",
         "Yoerger, Cooke and Slotine (1990)",
@@ -91,6 +96,7 @@ EFFECTS = (
         Parameter("dT", ("s",), "added time constant"),
     ),
     _effect(
+        "command_delay",
         command_delay,
         "u(t - d)",
         "pure transport delay",
@@ -99,6 +105,7 @@ EFFECTS = (
         Parameter("d", ("s",), "added delay"),
     ),
     _effect(
+        "thruster_deadband",
         thruster_deadband,
         "dead band + d",
         "Yoerger, Cooke and Slotine (1990); paper (10)",
@@ -107,6 +114,7 @@ EFFECTS = (
         Parameter("d", ("1",), "added half-width of the dead band", low=-1.0, high=1.0),
     ),
     _effect(
+        "thruster_inflow",
         thruster_inflow,
         "f - c sqrt(abs(f) f_max) u_a, u_a = d_i . (v_r + omega x r_i)",
         "Fossen (1994), section 4.1 (bilinear thruster model)",

@@ -1,0 +1,239 @@
+"""Forward simulation: commands and a vehicle in, its motion out, by the classical Runge-Kutta method.
+
+The state is position, unit quaternion, nu and the effects' internal states.  The thrusters' lags depend on
+the commands alone and are advanced exactly.  A step ends wherever a command takes effect, so that delays of
+any length keep the order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import polars as pl
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.allocation import DELAY, lag_decay, settled_state
+from hydro.core.compiled import jit
+from hydro.core.dynamics import accelerate, observe, propel
+from hydro.core.effects import Program, assemble, sensor, velocity_log
+from hydro.core.effects.layout import MOTION, ROTATION
+from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
+from hydro.core.effects.record import Array
+from hydro.core.errors import DataError
+from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.segments import resumes, sample_time, segments
+from hydro.core.vehicle import Vehicle
+
+RATE = 500.0
+"""Integration steps per second, at least [Hz]."""
+POSE = ("x", "y", "z", "phi", "theta", "psi")
+VELOCITY = ("u", "v", "w", "p", "q", "r")
+BODY = 13  # position 3, quaternion 4, nu 6: the states before those of the effects
+
+
+def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+    """Move a vehicle by recorded or designed commands.
+
+    Args:
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`; the command of a row is held until the next.
+            Where all columns of pose and velocity are there too (a raw table), the first row of every
+            session, and the first after a gap, gives the initial state; else every session starts at rest
+            at the origin.
+        vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
+
+    Returns:
+        The raw table of what would have been logged, without noise, row for row.
+
+    Raises:
+        DataError: Missing columns, a gap in time without a state after it, or a motion without bounds.
+    """
+    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
+    missing = [name for name in ("session", "t", *names) if name not in commands.columns]
+    if missing:
+        raise DataError(
+            f"commands: column {missing[0]} is missing; this vehicle needs session, t, {', '.join(names)}"
+        )
+    known = [name for name in (*POSE, *VELOCITY) if name in commands.columns]
+    if known and len(known) < len(POSE) + len(VELOCITY):
+        raise DataError(
+            f"commands: has {', '.join(known)} but not all of pose and velocity; give all of them or none"
+        )
+    bounds, dt = segments(commands), sample_time(commands)
+    after_gap = resumes(commands, bounds)
+    if after_gap.any() and not known:
+        at = int(bounds[int(after_gap.argmax()), 0])
+        raise DataError(
+            f"commands: a gap in t before row {at}, and no pose and velocity to go on from; fill the gap"
+        )
+    program, log = assemble(vehicle), velocity_log(vehicle)
+    t = commands["t"].to_numpy().astype(np.float64)
+    demand = np.ascontiguousarray(commands.select(names).to_numpy().astype(np.float64))
+    given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
+    motion = np.empty((len(t), 12))
+    for (begin, end), resumed in zip(bounds, after_gap, strict=True):
+        rows = slice(begin, end)
+        velocity = sensor.corrected(log, t[begin : begin + 1], given[begin : begin + 1, 6:])[0]
+        motion[rows] = trajectory(
+            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity, dt=dt, settled=bool(resumed)
+        )
+        motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
+    logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
+    return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
+
+
+def trajectory(
+    program: Program,
+    commands: ArrayLike,
+    t: ArrayLike,
+    *,
+    eta: ArrayLike = (0.0,) * 6,
+    nu: ArrayLike = (0.0,) * 6,
+    dt: float | None = None,
+    settled: bool = False,
+    rate: float = RATE,
+) -> Array:
+    """True motion of one unbroken segment.
+
+    Args:
+        program: The compiled vehicle.
+        commands: Shape (N, n); row k is held on [t_k, t_k+1).
+        t: Times [s], shape (N,), rising.
+        eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
+        nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
+        dt: Sample time [s] that the number of steps per row follows from; by default the mean step of `t`.
+        settled: Thrusters start settled on the first command; by default at rest.
+        rate: Least number of integration steps per second [Hz].
+
+    Returns:
+        Pose and velocity (x ... psi, u ... r), shape (N, 12).
+
+    Raises:
+        DataError: The commands do not fit the thrusters or the times, or the motion has grown beyond all
+        bounds.
+    """
+    clock, demand = np.ascontiguousarray(t, np.float64), np.ascontiguousarray(commands, np.float64)
+    if demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
+        raise DataError(
+            f"commands: expected {clock.size} finite rows of {program.thrusters} thrusters, got shape "
+            f"{demand.shape}"
+        )
+    pose = np.asarray(eta, np.float64)
+    first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
+    step = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
+    substeps = max(1, math.ceil(step * rate * (1.0 - 1e-9)))
+    out = np.empty((clock.size, BODY))
+    reached = _march(program.flat, demand, clock, substeps, settled, first, out)
+    if reached < clock.size:
+        raise DataError(
+            f"the motion grows beyond all bounds by t = {clock[reached]:g} s; check the vehicle's damping"
+        )
+    return np.hstack([out[:, :3], euler_from_quaternion(out[:, 3:7]), out[:, 7:]])
+
+
+@jit
+def _march(
+    flat: Array, commands: Array, t: Array, substeps: int, settled: bool, first: Array, out: Array
+) -> int:
+    """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
+    table = thrusters_of(flat)
+    count = table.shape[0]
+    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
+    y[:BODY] = first
+    observe(flat, y[:3], y[3:7], y[7:BODY], s)
+    start(flat, s, y[BODY:])
+    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
+    rotors, work = np.zeros((3, count)), np.zeros((4, y.size))
+    if settled and t.size:
+        for i in range(count):
+            rotors[2, i] = target[i] = settled_state(table[i], commands[0, i])
+    change, decayed = t[0] if t.size else 0.0, 0.0
+    for k in range(t.size):
+        out[k] = y[:BODY]
+        if not np.isfinite(y.sum()):
+            return k
+        if k + 1 == t.size:
+            break
+        h = (t[k + 1] - t[k]) / substeps
+        close = 1e-9 * h
+        for j in range(substeps):
+            now, end = t[k] + j * h, t[k] + (j + 1) * h
+            while now < end - close:
+                if change <= now + close:
+                    change = _obey(table, commands, t, now + close, target, upcoming)
+                until = change if change < end - close else end
+                step = until - now
+                if abs(step - decayed) > 1e-9 * step:
+                    decayed = step
+                    for i in range(count):
+                        decay[i] = lag_decay(table[i], 0.5 * step)
+                _spin(target, decay, rotors)
+                _step(flat, step, y, s, rotors, work)
+                now = until
+    return int(t.size)
+
+
+@jit
+def _obey(
+    table: Array, commands: Array, t: Array, now: float, target: Array, upcoming: NDArray[np.int64]
+) -> float:
+    """Set the settled states of the commands felt at `now`; the time of the next change."""
+    change = np.inf
+    for i in range(target.size):
+        while upcoming[i] < t.size and t[upcoming[i]] + table[i, DELAY] <= now:
+            target[i] = settled_state(table[i], commands[upcoming[i], i])
+            upcoming[i] += 1
+        if upcoming[i] < t.size:
+            change = min(change, t[upcoming[i]] + table[i, DELAY])
+    return change
+
+
+@jit
+def _spin(target: Array, decay: Array, rotors: Array) -> None:
+    """Lag states at the beginning, middle and end of a step; `decay` is of half of it, 0 without lag."""
+    for i in range(target.size):
+        away = rotors[2, i] - target[i] if decay[i] > 0.0 else 0.0
+        rotors[0, i] = target[i] + away
+        rotors[1, i] = target[i] + away * decay[i]
+        rotors[2, i] = target[i] + away * decay[i] * decay[i]
+
+
+@jit
+def _step(flat: Array, h: float, y: Array, s: Array, rotors: Array, work: Array) -> None:
+    """One Runge-Kutta step of `y` in place; `work` is room for three states and a wrench."""
+    rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
+    _rates(flat, y, s, rotors[0], tau, rates)
+    for i in range(y.size):
+        total[i] = rates[i]
+        trial[i] = y[i] + 0.5 * h * rates[i]
+    _rates(flat, trial, s, rotors[1], tau, rates)
+    for i in range(y.size):
+        total[i] += 2.0 * rates[i]
+        trial[i] = y[i] + 0.5 * h * rates[i]
+    _rates(flat, trial, s, rotors[1], tau, rates)
+    for i in range(y.size):
+        total[i] += 2.0 * rates[i]
+        trial[i] = y[i] + h * rates[i]
+    _rates(flat, trial, s, rotors[2], tau, rates)
+    for i in range(y.size):
+        y[i] += h / 6.0 * (total[i] + rates[i])
+    norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+    for i in range(3, 7):
+        y[i] /= norm
+
+
+@jit
+def _rates(flat: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array) -> None:
+    """Time derivative of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance."""
+    observe(flat, y[0:3], y[3:7], y[7:BODY], s)
+    u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
+    for i in range(3):
+        row = ROTATION + 3 * i
+        rates[i] = s[row] * u + s[row + 1] * v + s[row + 2] * w
+    rates[3] = -0.5 * (y[4] * p + y[5] * q + y[6] * r)
+    rates[4] = 0.5 * (y[3] * p - y[6] * q + y[5] * r)
+    rates[5] = 0.5 * (y[6] * p + y[3] * q - y[4] * r)
+    rates[6] = 0.5 * (-y[5] * p + y[4] * q + y[3] * r)
+    tau[:] = 0.0
+    propel(flat, s, rotors, tau)
+    accelerate(flat, s, y[BODY:], rates[BODY:], tau, rates[7:BODY])
