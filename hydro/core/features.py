@@ -33,13 +33,14 @@ CROSS = np.array(  # (i, j) of |nu_i| nu_j
 )
 _CROSS_FIRST, _CROSS_SECOND = CROSS[:, 0].copy(), CROSS[:, 1].copy()
 
+_RAW = (*VELOCITIES, *(f"{name}_dot" for name in VELOCITIES))
 _PHYSFEAT = (
-    *INPUTS,
-    *(f"{name}_abs_{name}" for name in VELOCITIES),
-    *(f"{VELOCITIES[i]}_{VELOCITIES[j]}" for i in range(6) for j in range(i + 1, 6)),
-    *(f"abs_{VELOCITIES[i]}_{VELOCITIES[j]}" for i, j in CROSS),
+    *_RAW,
+    *(f"{name}|{name}|" for name in VELOCITIES),
+    *(VELOCITIES[i] + VELOCITIES[j] for i in range(6) for j in range(i + 1, 6)),
+    *(f"|{VELOCITIES[i]}|{VELOCITIES[j]}" for i, j in CROSS),
 )
-NAMES: dict[str, tuple[str, ...]] = {"raw": INPUTS, "physfeat": _PHYSFEAT}
+NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
 
 
 @jit
@@ -65,7 +66,7 @@ def _physfeat_columns(states: Array, out: Array) -> None:
 
 
 def names(feature_set: str) -> tuple[str, ...]:
-    """Names of a set's features in their order: `u_abs_u` is u |u|, `u_v` is u v, `abs_v_u` is |v| u.
+    """Names of a set's features in their order, such as u, u_dot, u|u|, uv, |v|u; u is the smoothed velocity.
 
     Raises:
         DataError: No set has this name.
