@@ -5,7 +5,7 @@ A network carries the means and scales of its inputs and outputs as buffers, so 
 IV-C) is its own affair and nobody else's: callers hand over features as `hydro.core.features` makes them and
 receive newtons and newton metres.
 
-To add a model: write a `Residual`, enter it in `NETWORKS` and give its default description in `ARCHITECTURES`.
+To add a model: write a `Residual`, enter it in `NETWORKS` and describe its default in `ARCHITECTURES`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from hydro.core.errors import DataError, UsageError
+from hydro.io.model import SCALERS, Model
 
 AXES = 6
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
@@ -49,7 +50,7 @@ class Residual(nn.Module):
 
     def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
         """Take over `input_mean`, `input_scale` (k,) and `output_mean`, `output_scale` (6,)."""
-        for name in ("input_mean", "input_scale", "output_mean", "output_scale"):
+        for name in SCALERS:
             self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
 
     def standardised(self, inputs: Tensor) -> Tensor:
@@ -63,7 +64,7 @@ class Residual(nn.Module):
 
 
 class MLP(Residual):
-    """A feedforward network: the paper's Baseline MLP and, on engineered features, PhysicsFeature-MLP (III-C).
+    """A feedforward network: the paper's Baseline MLP and, on its features, PhysicsFeature-MLP (III-C).
 
     Tensors `layers.<i>.weight` (out, in) and `layers.<i>.bias` (out,); the activation follows every layer but
     the last.
@@ -134,6 +135,27 @@ def build(architecture: Mapping[str, Any]) -> Residual:
         return NETWORKS[name](**options)
     except (TypeError, ValueError, RuntimeError) as error:
         raise DataError(f"model architecture: the description of '{name}' does not fit: {error}") from None
+
+
+def load(model: Model) -> Residual:
+    """Build the network of a model artefact, with its weights and scalers, ready to predict.
+
+    Raises:
+        DataError: If the tensors are not those that the architecture asks for.
+    """
+    network = build(model.architecture)
+    wanted = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+    found = {name: tensor.shape for name, tensor in model.tensors.items()}
+    for name in sorted(wanted.keys() | found.keys()):
+        shape, asked = found.get(name, "missing"), wanted.get(name, "none")
+        if shape != asked:
+            raise DataError(
+                f"model {model.name}: tensor {name} is {shape}, the architecture asks for {asked}: "
+                "train the model again"
+            )
+    network.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in model.tensors.items()})
+    network.standardise(model.scalers)
+    return network.eval()
 
 
 def parameter_count(network: nn.Module) -> int:

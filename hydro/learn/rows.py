@@ -1,0 +1,96 @@
+"""Rows of a labels or split table as the arrays that training and evaluation work on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.core.features import INPUTS, OUTPUTS
+
+Array = NDArray[np.float64]
+
+VALIDATION_SHARE = 0.1
+
+
+def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
+    """Return the rows of one side of the split: `train` or `test`; `all` takes every row.
+
+    Raises:
+        DataError: If the table has not been split or has no such row.
+    """
+    if part == "all":
+        return table
+    if "part" not in table.columns:
+        raise DataError("labels: column part is missing: split the labels first with `hydro split`")
+    rows = table.filter(pl.col("part") == part)
+    if rows.is_empty():
+        raise DataError(
+            f"split: no row belongs to the {part} part: give more data or another share to the test"
+        )
+    return rows
+
+
+def states(rows: pl.DataFrame) -> Array:
+    """Return (nu, nu_dot) (N, 12) in m/s, rad/s, m/s^2 and rad/s^2, body FRD.
+
+    Raises:
+        DataError: If a column is missing or not finite.
+    """
+    return _columns(rows, INPUTS)
+
+
+def wrenches(rows: pl.DataFrame) -> Array:
+    """Return the labels tau_res (N, 6) in N and N m, body FRD.
+
+    Raises:
+        DataError: If a column is missing or not finite.
+    """
+    return _columns(rows, OUTPUTS)
+
+
+def validation(rows: pl.DataFrame) -> NDArray[np.bool_]:
+    """Choose the validation rows among those of the training part, by whole blocks, as a mask (N,).
+
+    A block is chosen where a hash of its id, read as a fraction, is below 0.1; where none is, the block of
+    the smallest hash is taken. So the choice depends on the blocks' content alone. Validation only says when
+    to stop and when to slow down: no guard rows are kept towards the blocks that are fitted.
+
+    Raises:
+        DataError: If there are fewer than two blocks.
+    """
+    if "block" not in rows.columns:
+        raise DataError("split: column block is missing: split the labels with `hydro split`")
+    fractions = {block: _fraction(block) for block in rows["block"].unique().to_list()}
+    if len(fractions) < 2:
+        raise DataError(
+            "split: the training part needs two blocks or more, one of them to validate: give more data"
+        )
+    chosen = [block for block, fraction in fractions.items() if fraction < VALIDATION_SHARE]
+    chosen = chosen or [min(fractions, key=fractions.__getitem__)]
+    return rows["block"].is_in(chosen).to_numpy()
+
+
+def _fraction(block: str) -> float:
+    digest = hashlib.sha256(f"validation {block}".encode()).digest()
+    return int.from_bytes(digest[:8], "big") / 2**64
+
+
+def _columns(rows: pl.DataFrame, names: Sequence[str]) -> Array:
+    missing = [name for name in names if name not in rows.columns]
+    if missing:
+        raise DataError(f"labels: column {missing[0]} is missing: make the labels with `hydro labels`")
+    values = rows.select(pl.col(names).cast(pl.Float64)).to_numpy(order="c")
+    finite = np.isfinite(values)
+    if not finite.all():
+        column = int(np.flatnonzero(~finite.all(axis=0))[0])
+        bad = np.flatnonzero(~finite[:, column])
+        raise DataError(
+            f"labels: {names[column]} must be finite: {len(bad)} of {len(values)} rows are not "
+            f"(first: row {bad[0]}): make the labels again with `hydro labels`"
+        )
+    return values
