@@ -28,9 +28,14 @@ _REMEDIES = {
 }
 
 
-def source_name(source: Source) -> str:
-    """What an error line calls this source: the path as given, or `stdin` for a stream."""
-    return os.fspath(source) if isinstance(source, str | Path) else "stdin"
+def name_of(place: Source, stream: str = "stdin") -> str:
+    """What an error line calls this place: the path as given, or `stream` for a stream."""
+    return shown(os.fspath(place)) if isinstance(place, str | Path) else stream
+
+
+def shown(text: str) -> str:
+    """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
+    return text if text.isprintable() else repr(text)
 
 
 def explained(name: str, error: OSError) -> DataError:
@@ -47,7 +52,7 @@ def read_bytes(source: Source) -> bytes:
         DataError: the path cannot be read, or nothing came in.
         UsageError: the stream is a terminal.
     """
-    name = source_name(source)
+    name = name_of(source)
     try:
         if isinstance(source, str | Path):
             content = Path(source).read_bytes()
@@ -129,4 +134,4 @@ def write_bytes(content: bytes | memoryview, destination: Source) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise explained("stdout", error) from error
+        raise explained(name_of(destination, "stdout"), error) from error

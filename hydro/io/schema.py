@@ -30,6 +30,7 @@ import numpy.typing as npt
 import polars as pl
 
 from hydro.core.errors import DataError
+from hydro.io.files import shown
 
 _PACKAGED = Path(__file__).resolve().parents[1] / "_schemas"
 FOLDER = _PACKAGED if _PACKAGED.is_dir() else Path(__file__).resolve().parents[2] / "schemas"
@@ -219,7 +220,7 @@ class Schema:
         first = int(bad[0])
         where = [f"row {first}"]
         if self.series is not None:
-            where += [f"{name} {frame[name][first]}" for name in self.series.key]
+            where += [f"{name} {shown(frame[name][first])}" for name in self.series.key]
         verb = "is" if bad.size == 1 else "are"
         count = f"{bad.size} of {frame.height} rows {verb} not"
         raise DataError(f"{source}: {rule}: {count} (first: {', '.join(where)})")
@@ -261,8 +262,10 @@ def _repeats(field: Field, names: set[str]) -> int:
 
 def _count(noun: str, names: list[str]) -> str:
     """`column a is`, or `columns a, b are`, of at most eight names."""
-    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    return f"{noun} {shown} is" if len(names) == 1 else f"{noun}s {shown} are"
+    named = ", ".join(shown(name) for name in names[:8]) + (
+        f" and {len(names) - 8} more" if len(names) > 8 else ""
+    )
+    return f"{noun} {named} is" if len(names) == 1 else f"{noun}s {named} are"
 
 
 def _again(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError
 from hydro.io import provenance, schema, vehicle
-from hydro.io.files import Source, read_bytes, source_name, write_bytes
+from hydro.io.files import Source, name_of, read_bytes, write_bytes
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
@@ -95,7 +95,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
             its footer was written.
         UsageError: the stream is a terminal.
     """
-    name = source_name(source)
+    name = name_of(source)
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
     file = _open(read_bytes(source), name)
     columns = _columns(file, name)
@@ -125,8 +125,7 @@ def write(artefact: Artefact, destination: Source) -> None:
         UsageError: the stream is a terminal.
         BrokenPipeError: the reader of the stream is gone.
     """
-    name = source_name(destination) if not hasattr(destination, "write") else "stdout"
-    schema.load(artefact.kind).check(artefact.frame, name)
+    schema.load(artefact.kind).check(artefact.frame, name_of(destination, "stdout"))
     write_bytes(_encode(artefact), destination)
 
 
@@ -181,24 +180,27 @@ def _storage_type(arrow: pa.DataType) -> str:
 
 
 def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
-    """The first of the kinds wanted whose columns these are."""
-    for kind in wanted:
-        rules = schema.load(kind).columns(columns)
-        if rules.keys() == columns.keys():
-            return kind
-    return wanted[0] if len(wanted) == 1 else "raw"
+    """The kind, of those wanted, whose columns differ least from these."""
+    return min(wanted, key=lambda kind: len(schema.load(kind).columns(columns).keys() ^ columns.keys()))
 
 
 def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
     """All rows, as polars; Arrow's memory is shared where it is in one piece."""
     try:
         arrow = file.read()
-        for column in arrow.columns:
-            if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
-                column.validate(full=True)
     except (pa.ArrowException, OSError) as error:
         raise _damaged(name, error) from error
-    frame = pl.from_arrow(arrow, rechunk=True)
+    for column, values in zip(arrow.column_names, arrow.columns, strict=True):
+        try:
+            values.validate(full=True)
+        except pa.ArrowException as error:
+            raise DataError(
+                f"{name}: {column} holds what is not UTF-8 text: write it anew ({error})"
+            ) from error
+    bare = pa.Table.from_arrays(
+        arrow.columns, names=arrow.column_names
+    )  # polars panics on odd field metadata
+    frame = pl.from_arrow(bare, rechunk=True)
     assert isinstance(frame, pl.DataFrame)
     return frame
 
