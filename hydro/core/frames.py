@@ -140,7 +140,7 @@ def quaternion_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> A
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation body to world of shape (..., 3, 3) from quaternions (w, x, y, z); Fossen (2.71).
+    """Rotation body to world of shape (..., 3, 3) from quaternions (w, x, y, z); Fossen sec. 2.2.2.
 
     Args:
         quaternion: Shape (..., 4), of any length but zero.
@@ -185,7 +185,7 @@ def swap_frd_flu(x: ArrayLike) -> Array:
 
 
 def skew(a: ArrayLike) -> Array:
-    """Matrix S(a) of shape (..., 3, 3) with S(a) b = a x b; Fossen (2.10)."""
+    """Matrix S(a) of shape (..., 3, 3) with S(a) b = a x b."""
     vector = np.asarray(a, float)
     matrix = np.zeros((*vector.shape, 3))
     matrix[..., 0, 1], matrix[..., 1, 0] = -vector[..., 2], vector[..., 2]

@@ -27,7 +27,7 @@ def mass_matrix(vehicle: Vehicle) -> Array:
     matrix[:3, :3] = body.mass * np.eye(3)
     matrix[:3, 3:] = -body.mass * lever
     matrix[3:, :3] = body.mass * lever
-    matrix[3:, 3:] = np.asarray(body.inertia) - body.mass * lever @ lever  # parallel axes, Fossen (3.36)
+    matrix[3:, 3:] = np.asarray(body.inertia) - body.mass * lever @ lever  # parallel axes
     return matrix
 
 
@@ -36,7 +36,7 @@ def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
     """Add C(nu) nu to `out` (6,) for the inertia `matrix` (36,), row-major: omega x p, and v x p + omega x h.
 
     p and h are the linear and angular momentum M nu of a body (or of the water it carries along), so this is
-    Kirchhoff's equation (Fossen 6.41-6.42) and equal to Fossen's theorem 3.2.
+    Kirchhoff's equation (Fossen sec. 6.3.1) and equal to Fossen's theorem 3.2.
     """
     px = py = pz = hx = hy = hz = 0.0
     for j in range(6):

@@ -430,7 +430,7 @@ def test_thrust_of_the_recorded_replay_is_the_simulators_own_formula(datasets):
 
 
 def test_thrust_moves_the_recorded_vehicle_from_rest_when_and_where_it_did(stonefish):
-    """Momentum after three rows is the impulse of thrust, weight and buoyancy: at 2 mm/s drag is nothing yet."""
+    """Momentum after three rows is the impulse of thrust, weight and buoyancy: at 2 mm/s without drag."""
     content = tomllib.loads((stonefish / "vehicle.toml").read_text())
     for entry in content["thruster"]:
         entry["lag_step"] = 0.002
