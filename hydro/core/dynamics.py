@@ -19,7 +19,6 @@ from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
     BALANCE,
     CONSTANTS,
-    CURRENT,
     INVERSE_MASS_MATRIX,
     MASS_MATRIX,
     POSITION,
@@ -27,14 +26,20 @@ from hydro.core.effects.layout import (
     ROTATION,
     VELOCITY,
 )
-from hydro.core.effects.program import HEADER, THRUSTER_COUNT, THRUSTER_TABLE, wrench
+from hydro.core.effects.program import (
+    HEADER,
+    THRUSTER_COUNT,
+    THRUSTER_TABLE,
+    relative_to_water,
+    wrench,
+)
 from hydro.core.effects.record import Array
 from hydro.core.rigid_body import coriolis_kernel, restoring_kernel
 
 
 @jit
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
-    """Write the state of motion `s`: R of a quaternion (w, x, y, z) of any length, and nu_r of the current."""
+    """Write the state of motion `s`: R of a quaternion (w, x, y, z) of any length, nu_r of the current."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     twice = 2.0 / (w * w + x * x + y * y + z * z)
     s[ROTATION] = 1.0 - twice * (y * y + z * z)
@@ -51,16 +56,6 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
     for i in range(6):
         s[VELOCITY + i] = nu[i]
     relative_to_water(flat, s)
-
-
-@jit
-def relative_to_water(flat: Array, s: Array) -> None:
-    """Write nu_r = nu - [R^T v_c; 0] from the velocity and rotation in `s`."""
-    north, east, down = flat[HEADER + CURRENT], flat[HEADER + CURRENT + 1], flat[HEADER + CURRENT + 2]
-    for i in range(3):
-        water = s[ROTATION + i] * north + s[ROTATION + 3 + i] * east + s[ROTATION + 6 + i] * down
-        s[RELATIVE_VELOCITY + i] = s[VELOCITY + i] - water
-        s[RELATIVE_VELOCITY + 3 + i] = s[VELOCITY + 3 + i]
 
 
 @jit

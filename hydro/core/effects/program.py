@@ -125,6 +125,21 @@ def thrusters_of(flat: Array) -> Array:
     return flat[begin : begin + count * COLUMNS].reshape(count, COLUMNS)
 
 
+@jit
+def relative_to_water(flat: Array, s: Array) -> None:
+    """Write nu_r = nu - [R^T v_c; 0] from the velocity and rotation in `s`."""
+    at = HEADER + layout.CURRENT
+    north, east, down = flat[at], flat[at + 1], flat[at + 2]
+    for i in range(3):
+        water = (
+            s[layout.ROTATION + i] * north
+            + s[layout.ROTATION + 3 + i] * east
+            + s[layout.ROTATION + 6 + i] * down
+        )
+        s[layout.RELATIVE_VELOCITY + i] = s[layout.VELOCITY + i] - water
+        s[layout.RELATIVE_VELOCITY + 3 + i] = s[layout.VELOCITY + 3 + i]
+
+
 _LOOP = """
 def {name}({arguments}):
     c = flat[{constants}:{constants_end}]
