@@ -70,9 +70,13 @@ class Network:
             ) from None
         if activation not in ACTIVATIONS:
             known = ", ".join(ACTIVATIONS)
-            raise DataError(f"model {model.name}: activation {activation!r} is not known here; known are {known}")
+            raise DataError(
+                f"model {model.name}: activation {activation!r} is not known here; known are {known}"
+            )
         if widths[0] != len(names(features)) or widths[-1] != _AXES:
-            raise DataError(f"model {model.name}: layers {widths} do not lead from features {features} to 6 axes")
+            raise DataError(
+                f"model {model.name}: layers {widths} do not lead from features {features} to 6 axes"
+            )
         parts = []
         for i, (wide, next_wide) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
             weight = _tensor(model, f"layers.{i}.weight", (next_wide, wide))
@@ -108,7 +112,9 @@ def _tensor(model: TrainedModel, name: str, shape: tuple[int, ...]) -> Array32:
         raise DataError(f"model {model.name}: tensor {name} is missing; train the model again")
     tensor = np.asarray(model.tensors[name], dtype=np.float32)
     if tensor.shape != shape:
-        raise DataError(f"model {model.name}: tensor {name} has shape {tensor.shape}, its layers ask for {shape}")
+        raise DataError(
+            f"model {model.name}: tensor {name} has shape {tensor.shape}, its layers ask for {shape}"
+        )
     return tensor
 
 

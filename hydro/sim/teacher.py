@@ -1,0 +1,292 @@
+"""The embedded teacher: a reference simulator of a vehicle in water that needs no other program.
+
+Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.  They
+come from panels on the hull (`core.panels`) and from the added mass of the ellipsoid of the hull's size
+(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the families in `REPLACED`
+are therefore ignored; its other effects act, and so do hidden ones, which the vehicle file knows nothing of.
+
+The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made at
+50 Hz from the session's demand and light holds (`core.mixing`), in the same compiled loop, from the true state.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.allocation import lag_decay
+from hydro.core.compiled import jit
+from hydro.core.dynamics import observe
+from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix, sensor, validate, velocity_log
+from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
+from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
+from hydro.core.effects.record import Array
+from hydro.core.ellipsoid import added_mass_matrix
+from hydro.core.errors import DataError
+from hydro.core.excitation import Session, demands, holds_heading, plan
+from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.integrate import BODY, obey, spin, step
+from hydro.core.mixing import Mixing, hold_kernel, mixing, mixing_kernel
+from hydro.core.noise import Noise, disturb
+from hydro.core.panels import Panels, loaded_facets, panels, superellipsoid
+from hydro.core.rigid_body import mass_matrix
+from hydro.core.vehicle import Vehicle
+
+RATE = 50.0
+"""Rows of the log and commands per second [Hz]."""
+SUBSTEPS = 10
+"""Integration steps per row: 500 Hz."""
+REPLACED = frozenset({"inertia", "damping", "hull", "memory"})
+"""Families of effects that say what the water does: here panels and ellipsoid say it."""
+MOTION_COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+
+Report = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """A vehicle ready to be recorded.
+
+    Attributes:
+        vehicle: What is simulated: the file without the effects that the teacher replaces, with the
+            ellipsoid's added mass and the hidden effects.
+        program: The same, compiled.
+        hull: Its panels.
+        facets: (8, F), for the panel kernel.
+        mixing: How demands become commands; knows the file's thrusters, not hidden faults.
+        log: The velocity log, with the errors of its sensor effects.
+        ignored: Names of the file's effects that panels and ellipsoid stand in for.
+    """
+
+    vehicle: Vehicle
+    program: Program
+    hull: Panels
+    facets: Array
+    mixing: Mixing
+    log: Array
+    ignored: tuple[str, ...]
+
+    @property
+    def added_mass(self) -> Array:
+        """M_A (6, 6) of the equivalent ellipsoid about CO."""
+        return _ellipsoid_added_mass(self.vehicle)
+
+
+def teacher(
+    vehicle: Vehicle,
+    *,
+    mesh: tuple[Array, Any] | None = None,
+    hidden: Sequence[Mapping[str, Any]] = (),
+) -> Teacher:
+    """Build the teacher of a vehicle.
+
+    Args:
+        vehicle: The vehicle file.
+        mesh: Vertices [m] and faces of its hull in body axes about CO; a superellipsoid of the hull's size if
+        None. hidden: Effect tables that act without standing in the vehicle file, as under `[[effect]]`.
+
+    Raises:
+        DataError: The mesh encloses nothing or has not the hull's size, or an effect is not admitted.
+    """
+    size = vehicle.hull
+    surface = mesh if mesh is not None else superellipsoid(size.length, size.width, size.height, size.center)
+    hull = panels(*surface)
+    _require_size(hull, vehicle)
+    kept = tuple(table for table in vehicle.effect if not _is_replaced(table))
+    ellipsoid = {"name": "added_mass", "matrix": _ellipsoid_added_mass(vehicle).tolist()}
+    actual = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid, *(dict(table) for table in hidden)))
+    validate(vehicle)
+    validate(actual)
+    return Teacher(
+        vehicle=actual,
+        program=assemble(actual),
+        hull=hull,
+        facets=loaded_facets(hull, vehicle.environment.water_density),
+        mixing=mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(actual)),
+        log=velocity_log(actual),
+        ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if _is_replaced(t))),
+    )
+
+
+def collect(
+    subject: Teacher,
+    rows: int,
+    seed: int,
+    *,
+    excitation: str = "hybrid",
+    noise: Noise | None = None,
+    depth: float = 20.0,
+    threads: int | None = None,
+    report: Report | None = None,
+) -> pl.DataFrame:
+    """Record a vehicle under a programme of excitation.
+
+    Args:
+        subject: From `teacher`.
+        rows: Rows to record in all, at 50 Hz.
+        seed: Seed of the sessions, the demands, the headings and the noise.
+        excitation: Programme, one of `core.excitation.DECKS`.
+        noise: Of the sensors; none by default.
+        depth: Depth of the start and of the hold [m].
+        threads: Sessions flown at a time, by default one per core; the result does not depend on it.
+        report: Called with the number of rows done, from this thread.
+
+    Returns:
+        The raw table: `session`, `t` (float64), pose, velocity and commands (float32).
+
+    Raises:
+        DataError: No such programme, no axis to excite, or a motion that grows beyond all bounds.
+    """
+    sessions = plan(rows, seed, subject.mixing.axes, excitation=excitation)
+
+    def fly_one(session: Session) -> pl.DataFrame:
+        return _logged(subject, session, seed, depth, noise or Noise())
+
+    frames: list[pl.DataFrame] = []
+    done = 0
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        for frame in pool.map(fly_one, sessions):
+            frames.append(frame)
+            done += frame.height
+            if report is not None:
+                report(done)
+    return pl.concat(frames, rechunk=True)
+
+
+def fly(
+    subject: Teacher, demand: Array, *, depth: float = 20.0, heading: float = 0.0, hold_heading: bool = False
+) -> tuple[Array, Array]:
+    """True motion of one session, from rest and level, and the commands that made it.
+
+    Args:
+        subject: From `teacher`.
+        demand: (N, 6) shares of each axis's authority, one row per 1/50 s.
+        depth: Depth of the start and of the hold [m].
+        heading: Heading of the start, and of the hold [rad].
+        hold_heading: Whether heading is held besides depth, roll and pitch.
+
+    Returns:
+        Motion (N, 12) x … psi, u … r, and commands (N, n).
+
+    Raises:
+        DataError: The motion grows beyond all bounds.
+    """
+    rows, thrusters = len(demand), subject.program.thrusters
+    first = np.zeros(BODY)
+    first[2], first[3:7] = depth, quaternion_from_euler(0.0, 0.0, heading)
+    aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
+    states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
+    crew = subject.mixing
+    wrenches = np.ascontiguousarray(demand) * crew.authority
+    reached = _march(
+        subject.program.flat, subject.facets, crew.gains, crew.allocation, crew.table, wrenches, aim, first,
+        states, commands,
+    )  # fmt: skip
+    if reached < rows:
+        raise DataError(
+            f"the motion grows beyond all bounds by t = {reached / RATE:g} s: check the vehicle's inertia, "
+            "and what is hidden"
+        )
+    return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]]), commands
+
+
+def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: Noise) -> pl.DataFrame:
+    """One session as it is logged: sensor effects on the true motion, then noise."""
+    demand = demands(session, seed, 1.0 / RATE)
+    heading_rng, noise_rng = (np.random.default_rng([seed, session.number + 1, use]) for use in (1, 2))
+    heading = float(heading_rng.uniform(-np.pi, np.pi))
+    motion, commands = fly(
+        subject, demand, depth=depth, heading=heading, hold_heading=holds_heading(session.kind)
+    )
+    t = np.arange(session.rows) / RATE
+    motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])
+    motion = disturb(motion, noise, noise_rng)
+    names = [*MOTION_COLUMNS, *(f"cmd_{i + 1}" for i in range(commands.shape[1]))]
+    columns = np.hstack([motion, commands]).astype(np.float32)
+    return pl.DataFrame(
+        {"session": [session.name] * session.rows, "t": t}
+        | {name: np.ascontiguousarray(columns[:, i]) for i, name in enumerate(names)}
+    )
+
+
+@jit
+def _march(
+    flat: Array,
+    facets: Array,
+    gains: Array,
+    allocation: Array,
+    believed: Array,
+    wrenches: Array,
+    aim: Array,
+    first: Array,
+    states: Array,
+    commands: Array,
+) -> int:
+    """Fly one session from `first` (13,); the number of rows of `states` (N, 13) that stayed finite.
+
+    `believed` is the thruster table that the mixing knows, the program's own may hold hidden faults.
+    """
+    table = thrusters_of(flat)
+    count, rows = table.shape[0], wrenches.shape[0]
+    h = 1.0 / (RATE * SUBSTEPS)
+    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
+    y[:BODY] = first
+    observe(flat, y[:3], y[3:7], y[7:BODY], s)
+    start(flat, s, y[BODY:])
+    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
+    rotors, work, tau = np.zeros((3, count)), np.zeros((4, y.size)), np.zeros(6)
+    t = np.arange(rows) / RATE
+    close, decayed, change = 1e-9 * h, 0.0, 0.0
+    for k in range(rows):
+        if not np.isfinite(y.sum()):
+            return k
+        states[k] = y[:BODY]
+        observe(flat, y[:3], y[3:7], y[7:BODY], s)
+        tau[:] = wrenches[k]
+        hold_kernel(
+            gains, s[ROTATION : ROTATION + 9], s[POSITION + 2], s[VELOCITY : VELOCITY + 6], first[2], aim, tau
+        )
+        mixing_kernel(allocation, believed, tau, commands[k])
+        for j in range(SUBSTEPS):
+            now, end = t[k] + j * h, t[k] + (j + 1) * h
+            while now < end - close:
+                if change <= now + close:
+                    change = obey(table, commands, t, now + close, target, upcoming)
+                until = change if change < end - close else end
+                if abs(until - now - decayed) > 1e-9 * h:
+                    decayed = until - now
+                    for i in range(count):
+                        decay[i] = lag_decay(table[i], 0.5 * decayed)
+                spin(target, decay, rotors)
+                step(flat, facets, until - now, y, s, rotors, work)
+                now = until
+    return rows
+
+
+def _is_replaced(table: Mapping[str, Any]) -> bool:
+    effect = CATALOGUE.get(str(table.get("name")))
+    return effect is not None and effect.family in REPLACED
+
+
+def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:
+    size = vehicle.hull
+    semi_axes = (0.5 * size.length, 0.5 * size.width, 0.5 * size.height)
+    return added_mass_matrix(semi_axes, vehicle.environment.water_density, size.center)
+
+
+def _require_size(hull: Panels, vehicle: Vehicle) -> None:
+    """Refuse a mesh that is not of the hull's size: most likely it is in other units or axes."""
+    stated = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
+    if np.abs(hull.extent - stated).max() > 0.05 * stated.max():
+        found, wanted = (" x ".join(f"{value:.3g}" for value in sizes) for sizes in (hull.extent, stated))
+        raise DataError(
+            f"hull.mesh: the mesh is {found} m, but [hull] says {wanted} m: give it in metres, with axes x "
+            "forward, y right, z down"
+        )
