@@ -183,11 +183,13 @@ class Schema:
         columns = self.columns(types)
         missing = [field.label for name, field in columns.items() if name not in types]
         if missing:
-            raise DataError(f"{source}: {_count('column', missing)} missing: every {self.kind} table has it")
+            raise DataError(
+                f"{source}: {_columns(missing)} missing: a {self.kind} table needs {_them(missing)}"
+            )
         extra = [name for name in types if name not in columns]
         if extra:
             raise DataError(
-                f"{source}: {_count('column', extra)} not part of a {self.kind} table: leave it out"
+                f"{source}: {_columns(extra)} not part of a {self.kind} table: drop {_them(extra)}"
             )
         for name, field in columns.items():
             if types[name] not in field.arrow_type:
@@ -220,7 +222,7 @@ class Schema:
         first = int(bad[0])
         where = [f"row {first}"]
         if self.series is not None:
-            where += [f"{name} {shown(frame[name][first])}" for name in self.series.key]
+            where += [f"{name} {shown(str(frame[name][first]))}" for name in self.series.key]
         verb = "is" if bad.size == 1 else "are"
         count = f"{bad.size} of {frame.height} rows {verb} not"
         raise DataError(f"{source}: {rule}: {count} (first: {', '.join(where)})")
@@ -260,12 +262,15 @@ def _repeats(field: Field, names: set[str]) -> int:
     return sum(re.fullmatch(pattern, name) is not None for name in names)
 
 
-def _count(noun: str, names: list[str]) -> str:
+def _columns(names: list[str]) -> str:
     """`column a is`, or `columns a, b are`, of at most eight names."""
-    named = ", ".join(shown(name) for name in names[:8]) + (
-        f" and {len(names) - 8} more" if len(names) > 8 else ""
-    )
-    return f"{noun} {named} is" if len(names) == 1 else f"{noun}s {named} are"
+    more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+    named = ", ".join(shown(name) for name in names[:8]) + more
+    return f"column {named} is" if len(names) == 1 else f"columns {named} are"
+
+
+def _them(names: list[str]) -> str:
+    return "it" if len(names) == 1 else "them"
 
 
 def _again(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:

@@ -1,0 +1,30 @@
+"""`python -m hydro.io` writes the two schema files that are made from structs: vehicle and footer."""
+
+from __future__ import annotations
+
+import inspect
+
+import msgspec
+
+from hydro.io import provenance, vehicle
+from hydro.io.schema import FOLDER
+
+
+def generated() -> dict[str, bytes]:
+    """Content by file name."""
+    schemas = {
+        "vehicle.schema.json": vehicle.json_schema(),
+        "footer.schema.json": provenance.json_schema(),
+    }
+    for schema in schemas.values():
+        for part in schema["$defs"].values():
+            part["description"] = inspect.cleandoc(part["description"])
+    return {
+        name: msgspec.json.format(msgspec.json.encode(schema, order="deterministic"), indent=2) + b"\n"
+        for name, schema in schemas.items()
+    }
+
+
+if __name__ == "__main__":
+    for name, content in generated().items():
+        (FOLDER / name).write_bytes(content)

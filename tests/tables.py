@@ -1,0 +1,114 @@
+"""Hypothesis strategies for tables, made from the schema files: every table they give is sound."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from hydro.io import schema
+from hydro.io.schema import Field
+
+TYPES = {
+    "float32": pl.Float32,
+    "float64": pl.Float64,
+    "int32": pl.Int32,
+    "int64": pl.Int64,
+    "string": pl.String,
+}
+texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+
+
+def raw(rows: int = 40, sessions: tuple[str, ...] = ("turn-1", "turn-2"), thrusters: int = 3) -> pl.DataFrame:
+    """A plain raw table: `rows` rows at 50 Hz, shared evenly among `sessions`."""
+    each = rows // len(sessions)
+    rng = np.random.default_rng(7)
+    columns: dict[str, Any] = {
+        "session": np.repeat(sessions, each),
+        "t": np.tile(np.arange(each) * 0.02, len(sessions)),
+    }
+    names = ["x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r"]
+    names += [f"cmd_{i + 1}" for i in range(thrusters)]
+    columns |= {name: rng.uniform(-0.9, 0.9, rows).astype(np.float32) for name in names}
+    return pl.DataFrame(columns)
+
+
+@st.composite
+def tables(draw: st.DrawFn, kind: str) -> pl.DataFrame:
+    """A table that keeps the schema of its kind, with float32 and float64 columns mixed."""
+    rules = schema.load(kind)
+    repeats = draw(st.integers(1, 4))
+    names = [field.column(i + 1).name for field in rules.fields if field.repeat for i in range(repeats)]
+    names += [field.name for field in rules.fields if field.optional and draw(st.booleans())]
+    rows = draw(st.integers(1, 12))
+    frame = {name: draw(_column(field, rows)) for name, field in rules.columns(names).items()}
+    if rules.series is not None:
+        frame |= draw(_series(rules.series.key, rows))
+    elif rules.primary_key:
+        first = rules.primary_key[0]
+        if first != "block":
+            frame[first] = pl.Series(draw(st.lists(texts, min_size=rows, max_size=rows, unique=True)))
+    return pl.DataFrame(frame)
+
+
+@st.composite
+def _series(draw: st.DrawFn, key: tuple[str, ...], rows: int) -> dict[str, pl.Series]:
+    """Key columns of one to three recordings, each in one piece, and a time that increases in each."""
+    count = min(rows, draw(st.integers(1, 3)))
+    ends = [*sorted(draw(st.permutations(range(1, rows)))[: count - 1]), rows]
+    lengths = np.diff([0, *ends])
+    recordings = draw(st.lists(st.tuples(*[texts] * len(key)), min_size=count, max_size=count, unique=True))
+    steps = draw(arrays(np.float64, rows, elements=st.floats(1e-3, 1.0)))
+    start = draw(st.floats(-1e3, 2e9))
+    time = np.concatenate(
+        [start + np.cumsum(steps[end - n : end]) for n, end in zip(lengths, ends, strict=True)]
+    )
+    columns = {name: pl.Series(np.repeat([r[i] for r in recordings], lengths)) for i, name in enumerate(key)}
+    return columns | {"t": pl.Series(time)}
+
+
+def _column(field: Field, rows: int) -> st.SearchStrategy[pl.Series]:
+    """A column that keeps the field's constraints."""
+    rule = field.constraints
+    if field.type == "string":
+        if rule.enum is not None:
+            values: st.SearchStrategy[str] = st.sampled_from(rule.enum)
+        elif rule.pattern is not None:
+            values = st.from_regex(rule.pattern, fullmatch=True)
+        else:
+            values = texts
+        return st.lists(values, min_size=rows, max_size=rows, unique=rule.unique).map(
+            lambda items: pl.Series(items, dtype=pl.String)
+        )
+    if field.type == "integer":
+        integers = st.integers(int(rule.minimum or 0), 2**31 - 1)
+        return st.lists(integers, min_size=rows, max_size=rows).map(lambda v: pl.Series(v, dtype=pl.Int64))
+    if field.type == "array":
+        return st.lists(_array(field), min_size=rows, max_size=rows).map(
+            lambda v: pl.Series(v, dtype=pl.List(pl.Int64 if "int" in field.arrow_type[0] else pl.Float32))
+        )
+    return st.sampled_from(field.arrow_type).flatmap(lambda width: _numbers(field, width, rows))
+
+
+def _array(field: Field) -> st.SearchStrategy[list[Any]]:
+    if "int" in field.arrow_type[0]:
+        return st.lists(st.integers(0, 4), max_size=3)
+    return st.lists(st.floats(-1e6, 1e6, width=32), max_size=5)
+
+
+def _numbers(field: Field, width: str, rows: int) -> st.SearchStrategy[pl.Series]:
+    rule = field.constraints
+    low, high = rule.minimum, rule.maximum
+    if width == "float32":  # a bound such as 1.5708 has no exact float32
+        low = None if low is None else float(np.nextafter(np.float32(low), np.float32(0)))
+        high = None if high is None else float(np.nextafter(np.float32(high), np.float32(0)))
+    elements = st.floats(
+        low, high, width=32 if width == "float32" else 64, allow_nan=False, allow_infinity=False
+    )
+    if not rule.required:
+        optional = st.lists(st.none() | elements, min_size=rows, max_size=rows)
+        return optional.map(lambda values: pl.Series(values, dtype=TYPES[width]))
+    return arrays(width, rows, elements=elements).map(pl.Series)
