@@ -8,9 +8,9 @@ The set `physfeat` holds 45 features, so that 45-128-256-128-6 has the 72,582 pa
 * |nu_i| nu_j (12), even in the first and odd in the second velocity as a dissipative force must be.
 
 Of the 30 pairs of the last kind these twelve are taken: each translation damped by the other two (form drag
-grows with the whole speed |V|, so that |w| u counts as much as |u| u on a bluff hull; |u| v and |u| w are lift
-as well); yaw damped by surge, sway and heave and pitch by surge and heave (fins and the cross-flow integrals,
-Fossen 6.4.3); and roll by heave, the speed at right angles to the broad side of a hull wider than high.
+grows with the whole speed |V|, so that |w| u counts as much as |u| u on a bluff hull; |u| v and |u| w are
+lift as well); yaw damped by surge, sway and heave and pitch by surge and heave (fins and the cross-flow
+integrals, Fossen 6.4.3); and roll by heave, at right angles to the broad side of a hull wider than high.
 """
 
 from __future__ import annotations
