@@ -1,1 +1,1 @@
-""""""
+"""The commands: each reads artefacts, makes one pure call and writes an artefact."""

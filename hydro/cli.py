@@ -1,0 +1,134 @@
+"""The root of the command line: registers the commands and turns errors into exit codes.
+
+0 done; 1 the data or a file is at fault; 2 wrong usage; 3 our own bug; 130 interrupted.  One line on stderr
+says what, where and what to do; tracebacks come only with `--debug`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from hydro.commands import data, demo, files, models, replay
+
+HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
+
+Every command reads and writes Parquet artefacts. A missing input or - is stdin, a missing -o or - is stdout,
+and so commands compose in a pipe:
+
+\b
+  hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
+"""
+
+GROUPS = (files, data, models, replay, demo)
+"""Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
+
+app = typer.Typer(
+    name="hydro",
+    help=HELP,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
+    epilog="Start with: hydro demo",
+)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"hydro {version('deep-hydro-sim')}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error; may stand anywhere.")
+    ] = False,
+) -> None:
+    """Hold the options that stand before any command."""
+
+
+for group in GROUPS:
+    for command, example in group.COMMANDS.items():
+        summary = (command.__doc__ or "").partition("\n")[0]
+        app.command(short_help=summary, epilog=f"\b\nExample:\n  {example}")(command)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command line and return its exit code; `arguments` defaults to the process's own."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in arguments
+    arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
+    try:
+        code = _run(arguments)
+        sys.stdout.flush()
+        return code
+    except BaseException as error:
+        if debug and isinstance(error, Exception):
+            import traceback
+
+            traceback.print_exc()
+        return _exit_code(error)
+
+
+def _run(arguments: list[str]) -> int:
+    """Run the Typer application; what it returns on `raise typer.Exit` is the code."""
+    code = app(arguments, prog_name="hydro", standalone_mode=False)
+    return code if isinstance(code, int) else 0
+
+
+def _exit_code(error: BaseException) -> int:
+    """Report `error` in one line on stderr and choose the exit code."""
+    from hydro.core.errors import HydroError
+
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else 1
+    if isinstance(error, KeyboardInterrupt):
+        return _report("interrupted", 130)
+    if isinstance(error, BrokenPipeError):
+        return _leave_quietly()
+    if isinstance(error, HydroError):
+        return _report(str(error), error.exit_code)
+    if (usage := _usage_message(error)) is not None:
+        return _report(usage, 2)
+    if isinstance(error, OSError) and error.filename is not None:
+        return _report(f"{error.filename}: {(error.strerror or str(error)).lower()}", 1)
+    if isinstance(error, MemoryError):
+        return _report("not enough memory: work on fewer rows at a time", 1)
+    detail = " ".join(str(error).split())
+    return _report(
+        f"{type(error).__name__}: {detail}; this is a bug: please report it with --debug's output", 3
+    )
+
+
+def _usage_message(error: BaseException) -> str | None:
+    """One line for a usage error of Typer's parser, with the help to turn to; None for any other error."""
+    if not hasattr(error, "format_message"):
+        return None
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "hydro"
+    message = " ".join(error.format_message().split()).rstrip(".")
+    return f"{message[:1].lower()}{message[1:]} (see {command} --help)"
+
+
+def _report(message: str, code: int) -> int:
+    print(f"hydro: {message}", file=sys.stderr)
+    return code
+
+
+def _leave_quietly() -> int:
+    """End after the reader of our stdout has gone, without a second error when the interpreter flushes."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""`labels`, `split` and `features`: from a recording to what a network trains on."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from hydro.commands.shell import STREAM, Output, VehicleFile, read, refuse_terminal, vehicle_for, write
+
+Raw = Annotated[
+    str, typer.Argument(metavar="RAW", show_default=False, help="Raw table; nothing or - is stdin.")
+]
+Labels = Annotated[
+    str, typer.Argument(metavar="LABELS", show_default=False, help="Labels table; nothing or - is stdin.")
+]
+LabelsOrSplit = Annotated[
+    str,
+    typer.Argument(
+        metavar="LABELS", show_default=False, help="Labels or split table; nothing or - is stdin."
+    ),
+]
+
+
+def labels(
+    raw: Raw = STREAM,
+    acceleration: Annotated[
+        Literal["rts", "kalman", "kalman-difference"],
+        typer.Option(help="Two-sided smoother, filter, or the paper's differences of filtered velocity."),
+    ] = "rts",
+    vehicle: VehicleFile = None,
+    output: Output = STREAM,
+) -> None:
+    """Compute the force on the vehicle that its known physics does not explain.
+
+    Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw columns
+    the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels -tau_res.
+    """
+    from hydro.core.labels import labels as compute
+    from hydro.io import table
+
+    refuse_terminal(output)
+    source = read(raw, "raw")
+    known, text = vehicle_for(source, vehicle)
+    frame = compute(source.frame, known, acceleration=acceleration)
+    parameters = {"acceleration": acceleration}
+    made = table.make(
+        "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
+    )
+    write(made, output)
+
+
+def split(
+    labels: Labels = STREAM,
+    block: Annotated[int, typer.Option(min=2, help="Rows of a block; the last of a session has more.")] = 150,
+    test: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of blocks that are test data.")] = 0.2,
+    salt: Annotated[str, typer.Option(help="Text mixed into the hashes: another salt, another split.")] = "",
+    blocks: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Also write the small table of blocks and their parts.")
+    ] = None,
+    from_: Annotated[
+        str | None, typer.Option("--from", metavar="FILE", help="Repeat the split of this table of blocks.")
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Divide labels into training and test blocks by the hash of their content.
+
+    The same data give the same split on any machine and in any order, and new sessions never move an old block.
+    Rows within the smoother's reach of a block of the other side are marked guard and used by neither.
+    """
+    from hydro.core import split as core
+    from hydro.io import table
+
+    refuse_terminal(output)
+
+
+def features(
+    labels: LabelsOrSplit = STREAM,
+    set_: Annotated[
+        Literal["raw", "physfeat"],
+        typer.Option("--set", help="The twelve states alone, or 45 features with drag and cross products."),
+    ] = "physfeat",
+    output: Output = STREAM,
+) -> None:
+    """Compute the inputs of a residual network, beside its targets.
+
+    For a look at what a network sees, or for training one elsewhere: `hydro train` computes them itself.
+    """
+    from hydro.core.features import table as compute
+    from hydro.io import table
+
+    refuse_terminal(output)
+    source = read(labels, "labels", "split")
+    frame = compute(source.frame, set_)
+    write(table.make("features", frame, stage="features", parameters={"set": set_}, inputs=[source]), output)
+
+
+COMMANDS = {
+    labels: "hydro labels datasets/stonefish/sample.parquet -o labels.parquet",
+    split: "hydro labels datasets/stonefish/sample.parquet | hydro split -o split.parquet",
+    features: "hydro labels datasets/stonefish/sample.parquet | hydro features -o features.parquet",
+}

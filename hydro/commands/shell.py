@@ -1,0 +1,141 @@
+"""What the commands share: where bytes come from and go to, which vehicle is meant, tables for human eyes.
+
+Binary never goes to a terminal; tables and progress never go into a pipe.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hydro.core.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.core.vehicle import Vehicle
+    from hydro.io.table import Artefact
+
+STREAM = "-"
+Update = Callable[[int, str], None]
+
+Output = Annotated[
+    str,
+    typer.Option(
+        "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
+    ),
+]
+VehicleFile = Annotated[
+    Path | None,
+    typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data's footer."),
+]
+
+
+def refuse_terminal(output: str) -> None:
+    """Refuse, before any work is done, to write Parquet to a terminal.
+
+    Raises:
+        UsageError: stdout is both the destination and a terminal.
+    """
+    if shows_table(output):
+        raise UsageError("an artefact is binary and stdout is a terminal: add -o FILE, or pipe it on")
+
+
+def shows_table(output: str) -> bool:
+    """Whether findings are for a person's eyes: no -o, and stdout is a terminal."""
+    return output == STREAM and sys.stdout.isatty()
+
+
+def read(source: str, *kinds: str) -> Artefact:
+    """Read one artefact of one of `kinds` from a file or stdin; of any kind where none is named.
+
+    Raises:
+        DataError: the file is missing, broken, of another kind, or breaks its schema.
+        UsageError: stdin is meant but is a terminal.
+    """
+    from hydro.io import table
+
+    return table.read(sys.stdin.buffer if source == STREAM else source, kinds or None)
+
+
+def write(artefact: Artefact, output: str) -> None:
+    """Write an artefact to a file, whole or not at all, or to stdout."""
+    from hydro.io import table
+
+    table.write(artefact, sys.stdout.buffer if output == STREAM else output)
+
+
+def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
+    """The vehicle and its file's text: `--vehicle` if given, else the one in the artefact's footer.
+
+    Raises:
+        DataError: neither says what the vehicle is, or the file is invalid.
+    """
+    from hydro.core import effects
+    from hydro.io import vehicle
+
+    if file is not None:
+        known, text = vehicle.read(file)
+    elif (text := artefact.provenance.vehicle or "") != "":
+        known = vehicle.parse(text)
+    else:
+        raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
+    effects.validate(known)
+    return known, text
+
+
+def dataset_name(source: str) -> str:
+    """What metrics call the data of an input: the file's name without its suffix."""
+    return "stdin" if source == STREAM else Path(source).stem
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Callable[..., None]]:
+    """A progress bar on stderr while the block runs; silent where stderr is no terminal.
+
+    Yields:
+        `update(done, total, text)`: how far the work is, and a few words beside the bar.
+    """
+    if not sys.stderr.isatty():
+        yield lambda done, total, text="": None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[text]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(label, total=None, text="")
+        yield lambda done, total, text="": bar.update(task, completed=done, total=total, text=text)
+
+
+def print_table(frame: pl.DataFrame, title: str) -> None:
+    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for name, dtype in frame.schema.items():
+        table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=dtype.is_numeric())
+    for row in frame.iter_rows():
+        table.add_row(*[_cell(value) for value in row])
+    Console().print(table)
+
+
+def _cell(value: Any) -> str:
+    """A value as three significant figures at most, in plain notation where that is short."""
+    if value is None:
+        return "–"
+    if not isinstance(value, float):
+        return f"{value:,}" if isinstance(value, int) else str(value)
+    return f"{value:#.3g}".rstrip(".") if 1e-4 <= abs(value) < 1e4 else f"{value:.3g}"
