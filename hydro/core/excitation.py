@@ -102,7 +102,8 @@ def demands(session: Session, seed: int, dt: float) -> Array:
     Returns:
         (rows, 6) in [-1, 1]; row k is held on [t_k, t_k+1).
     """
-    rng = np.random.default_rng([seed, session.number])
+    # From 1 on: a trailing 0 would repeat the stream that `plan` draws from.
+    rng = np.random.default_rng([seed, session.number + 1])
     if session.kind in SWEEPS:
         out = np.zeros((session.rows, 6))
         out[:, SWEEPS[session.kind]] = _sweep(session.rows, dt, rng)

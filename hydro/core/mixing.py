@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.allocation import (
+    DELAY,
     MAX_REVERSE,
     MAX_THRUST,
     QUADRATIC,
+    TIME_CONSTANT,
     allocate,
     configuration_matrix,
     thruster_table,
@@ -29,9 +31,11 @@ Array = NDArray[np.float64]
 
 HELD = (2, 3, 4, 5)
 """Axes of the holds: heave, roll, pitch, yaw."""
-PERIOD = np.array([40.0, 12.0, 12.0, 12.0])
-"""Natural period [s] that each hold alone would give."""
-DAMPING_RATIO = np.array([0.7, 0.3, 0.3, 0.7])
+FREQUENCY = np.array([0.15, 4.0, 4.0, 4.0])
+"""Natural frequency [rad/s] that each hold alone would give: slow in depth, firmer in attitude."""
+LAG_MARGIN = 0.6
+"""Greatest frequency times thruster time constant: a hold much faster than its thrusters would oscillate."""
+DAMPING_RATIO = np.array([0.7, 0.5, 0.5, 0.7])
 """Of critical, for the stiffness of the hold and of weight and buoyancy together."""
 
 
@@ -45,12 +49,14 @@ class Mixing:
         table: Thruster table (n, columns) of `core.allocation`.
         gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading
             [N/m, N s/m; N m/rad, N m s/rad].
+        righting: Stiffness (2,) in roll and pitch of the holds, weight and buoyancy together [N m/rad].
     """
 
     authority: Array
     allocation: Array
     table: Array
     gains: Array
+    righting: Array
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -75,13 +81,16 @@ def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
         thrusts = allocate(B, unit)
         if np.abs(B @ thrusts - unit).max() < 1e-6:
             authority[axis] = (limit / np.maximum(np.abs(thrusts), 1e-12)).min()
-    restoring = np.array([0.0, *[max(float(balance(vehicle)[3]), 0.0)] * 2, 0.0])
+    possible = authority[list(HELD)] > 0.0
+    slowest = float((table[:, TIME_CONSTANT] + table[:, DELAY]).max(initial=1e-9))
+    frequency = np.minimum(FREQUENCY, LAG_MARGIN / slowest) * possible
+    restoring = float(balance(vehicle)[3]) * np.array([0.0, 1.0, 1.0, 0.0])
     inertia = np.diag(mass_matrix)[list(HELD)]
-    stiffness = inertia * (2.0 * np.pi / PERIOD) ** 2
-    damping = 2.0 * DAMPING_RATIO * np.sqrt(inertia * (stiffness + restoring))
-    gains = np.column_stack([stiffness, damping])
-    gains[authority[list(HELD)] == 0.0] = 0.0
-    return Mixing(authority, np.asarray(np.linalg.pinv(B), dtype=np.float64), table, gains)
+    stiffness = inertia * frequency**2
+    critical = 2.0 * np.sqrt(inertia * np.maximum(stiffness + restoring, 0.0))
+    gains = np.column_stack([stiffness, DAMPING_RATIO * critical * possible])
+    pseudo_inverse = np.asarray(np.linalg.pinv(B), dtype=np.float64)
+    return Mixing(authority, pseudo_inverse, table, gains, (stiffness + restoring)[1:3])
 
 
 @jit

@@ -123,35 +123,45 @@ def superellipsoid(
     return unit * (0.5 * size) + np.asarray(center, dtype=np.float64), _ring_faces(along - 1, around)
 
 
-def panel_coefficients(density: float, form: float = FORM_DRAG, friction: float = SKIN_FRICTION) -> Array:
-    """(1/2 rho C_p, 1/2 rho C_f) [kg/m^3], as the kernel takes them."""
-    return 0.5 * density * np.array([form, friction])
+def loaded_facets(
+    hull: Panels, density: float, form: float = FORM_DRAG, friction: float = SKIN_FRICTION
+) -> Array:
+    """Facets as the kernel takes them.
+
+    Args:
+        hull: The panels.
+        density: Water density [kg/m^3].
+        form: C_p [-].
+        friction: C_f [-].
+
+    Returns:
+        (8, F) rows x y z of the centroid [m], x y z of the normal, 1/2 rho C_p A and 1/2 rho C_f A [kg/m].
+    """
+    area = 0.5 * density * hull.table[6]
+    return np.ascontiguousarray(np.vstack([hull.table[:6], form * area, friction * area]))
 
 
 @partial(jit, reorder_sums=True)
-def panel_wrench_kernel(nu_r: Array, table: Array, coefficients: Array, out: Array) -> None:
+def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
     """Add the panel wrench about CO at one state.
 
     Args:
         nu_r: (6,) velocity of CO through the water, body axes [m/s, rad/s].
-        table: (7, F) facets, as in `Panels.table`.
-        coefficients: From `panel_coefficients` [kg/m^3].
+        facets: (8, F), from `loaded_facets`; none is no hull and no wrench.
         out: (6,) wrench X Y Z K M N on the vehicle [N, N m], added to.
     """
     u, v, w, p, q, r = nu_r[0], nu_r[1], nu_r[2], nu_r[3], nu_r[4], nu_r[5]
-    form, friction = coefficients[0], coefficients[1]
     X = Y = Z = K = M = N = 0.0
-    for i in range(table.shape[1]):
-        x, y, z = table[0, i], table[1, i], table[2, i]
-        n_x, n_y, n_z = table[3, i], table[4, i], table[5, i]
-        area = table[6, i]
+    for i in range(facets.shape[1]):
+        x, y, z = facets[0, i], facets[1, i], facets[2, i]
+        n_x, n_y, n_z = facets[3, i], facets[4, i], facets[5, i]
         v_x, v_y, v_z = u + q * z - r * y, v + r * x - p * z, w + p * y - q * x
         v_n = v_x * n_x + v_y * n_y + v_z * n_z
         t_x, t_y, t_z = v_x - v_n * n_x, v_y - v_n * n_y, v_z - v_n * n_z
         # No branch: max() keeps the loop in vector instructions.
         facing = max(v_n, 0.0)
-        pressure = form * area * facing * facing
-        shear = friction * area * np.sqrt(t_x * t_x + t_y * t_y + t_z * t_z)
+        pressure = facets[6, i] * facing * facing
+        shear = facets[7, i] * np.sqrt(t_x * t_x + t_y * t_y + t_z * t_z)
         f_x = -pressure * n_x - shear * t_x
         f_y = -pressure * n_y - shear * t_y
         f_z = -pressure * n_z - shear * t_z
@@ -172,7 +182,7 @@ def panel_wrench_kernel(nu_r: Array, table: Array, coefficients: Array, out: Arr
 def panel_wrench(hull: Panels, nu_r: ArrayLike, density: float) -> Array:
     """Panel wrench on the vehicle about CO (6,) [N, N m] for one velocity through the water nu_r (6,)."""
     out = np.zeros(6)
-    panel_wrench_kernel(np.array(nu_r, dtype=np.float64), hull.table, panel_coefficients(density), out)
+    panel_wrench_kernel(np.array(nu_r, dtype=np.float64), loaded_facets(hull, density), out)
     return out
 
 

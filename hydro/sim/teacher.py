@@ -1,12 +1,12 @@
 """The embedded teacher: a reference simulator of a vehicle in water that needs no other program.
 
 Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.  They
-come from panels on the hull (`core.panels`) and from the added mass of the ellipsoid of the hull's size
-(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the families in `REPLACED`
-are therefore ignored; its other effects act, and so do hidden ones, which the vehicle file knows nothing of.
+come from panels on the hull (`core.panels`) and the added mass of the ellipsoid of the hull's size
+(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED` are
+therefore ignored; its other effects act, and so do hidden ones, which the vehicle file knows nothing of.
 
-The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made at
-50 Hz from the session's demand and light holds (`core.mixing`), in the same compiled loop, from the true state.
+The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made
+at 50 Hz from the session's demand and holds (`core.mixing`), in the same compiled loop, from the true state.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -24,7 +24,7 @@ import polars as pl
 from hydro.core.allocation import lag_decay
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
-from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix, sensor, validate, velocity_log
+from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
@@ -32,6 +32,7 @@ from hydro.core.ellipsoid import added_mass_matrix
 from hydro.core.errors import DataError
 from hydro.core.excitation import Session, demands, holds_heading, plan
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.handling import wrench_limits
 from hydro.core.integrate import BODY, obey, spin, step
 from hydro.core.mixing import Mixing, hold_kernel, mixing, mixing_kernel
 from hydro.core.noise import Noise, disturb
@@ -43,8 +44,19 @@ RATE = 50.0
 """Rows of the log and commands per second [Hz]."""
 SUBSTEPS = 10
 """Integration steps per row: 500 Hz."""
-REPLACED = frozenset({"inertia", "damping", "hull", "memory"})
-"""Families of effects that say what the water does: here panels and ellipsoid say it."""
+REPLACED = frozenset(
+    {
+        "added_mass",
+        "added_mass_coupling",
+        "added_mass_coriolis",
+        "linear_damping",
+        "quadratic_damping",
+        "coupled_damping",
+        "crossflow_drag",
+        "fluid_memory",
+    }
+)
+"""Effects of a file that panels and ellipsoid stand in for; `body_lift`, of fins, is not among them."""
 MOTION_COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 Report = Callable[[int], None]
@@ -60,7 +72,7 @@ class Teacher:
         program: The same, compiled.
         hull: Its panels.
         facets: (8, F), for the panel kernel.
-        mixing: How demands become commands; knows the file's thrusters, not hidden faults.
+        mixing: How demands become commands; it knows the file and the hull, nothing that is hidden.
         log: The velocity log, with the errors of its sensor effects.
         ignored: Names of the file's effects that panels and ellipsoid stand in for.
     """
@@ -89,8 +101,9 @@ def teacher(
 
     Args:
         vehicle: The vehicle file.
-        mesh: Vertices [m] and faces of its hull in body axes about CO; a superellipsoid of the hull's size if
-        None. hidden: Effect tables that act without standing in the vehicle file, as under `[[effect]]`.
+        mesh: Vertices [m] and faces of its hull in body axes about CO; by default a superellipsoid of the
+            hull's size.
+        hidden: Effect tables that act without standing in the vehicle file, as under `[[effect]]`.
 
     Raises:
         DataError: The mesh encloses nothing or has not the hull's size, or an effect is not admitted.
@@ -99,19 +112,23 @@ def teacher(
     surface = mesh if mesh is not None else superellipsoid(size.length, size.width, size.height, size.center)
     hull = panels(*surface)
     _require_size(hull, vehicle)
-    kept = tuple(table for table in vehicle.effect if not _is_replaced(table))
-    ellipsoid = {"name": "added_mass", "matrix": _ellipsoid_added_mass(vehicle).tolist()}
-    actual = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid, *(dict(table) for table in hidden)))
     validate(vehicle)
+    kept = [table for table in vehicle.effect if table["name"] not in REPLACED]
+    ellipsoid = {"name": "added_mass", "matrix": _ellipsoid_added_mass(vehicle).tolist()}
+    believed = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid))
+    actual = msgspec.structs.replace(vehicle, effect=(*believed.effect, *(dict(table) for table in hidden)))
     validate(actual)
+    facets = loaded_facets(hull, vehicle.environment.water_density)
+    crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(believed))
+    limits = wrench_limits(assemble(believed), facets, crew.righting)
     return Teacher(
         vehicle=actual,
         program=assemble(actual),
         hull=hull,
-        facets=loaded_facets(hull, vehicle.environment.water_density),
-        mixing=mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(actual)),
+        facets=facets,
+        mixing=replace(crew, authority=np.minimum(crew.authority, limits)),
         log=velocity_log(actual),
-        ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if _is_replaced(t))),
+        ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if t["name"] in REPLACED)),
     )
 
 
@@ -268,11 +285,6 @@ def _march(
                 step(flat, facets, until - now, y, s, rotors, work)
                 now = until
     return rows
-
-
-def _is_replaced(table: Mapping[str, Any]) -> bool:
-    effect = CATALOGUE.get(str(table.get("name")))
-    return effect is not None and effect.family in REPLACED
 
 
 def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:

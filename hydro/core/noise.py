@@ -1,0 +1,65 @@
+"""Sensor noise of a recording: white and Gaussian, one standard deviation per kind of measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations (1 sigma) of what is logged.
+
+    Attributes:
+        velocity: Of u, v, w [m/s].
+        rate: Of p, q, r [rad/s].
+        position: Of x, y, z [m].
+        attitude: Of phi, theta, psi [rad].
+
+    Raises:
+        DataError: One of them is negative or not finite.
+    """
+
+    velocity: float = 0.0
+    rate: float = 0.0
+    position: float = 0.0
+    attitude: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < np.inf:
+                raise DataError(f"noise: {field.name} must be a finite number of at least 0, not {value!r}")
+
+
+PROFILES = {
+    "none": Noise(),
+    "ordinary": Noise(velocity=0.01, rate=0.002, position=0.02, attitude=0.001),
+    "dvl": Noise(velocity=0.05, rate=0.01, position=0.02, attitude=0.002),
+}
+"""Noise by name: none at all, an ordinary navigation suite, and the paper's Doppler log (III-D)."""
+
+
+def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
+    """Add noise to logged motion.
+
+    Args:
+        motion: (N, 12) x y z [m], phi theta psi [rad], u v w [m/s], p q r [rad/s].
+        noise: Standard deviations.
+        rng: Source of the noise.
+
+    Returns:
+        (N, 12); phi and psi within (-pi, pi], theta within [-pi/2, pi/2].
+    """
+    deviation = np.repeat([noise.position, noise.attitude, noise.velocity, noise.rate], 3)
+    noisy: Array = motion + rng.standard_normal(motion.shape) * deviation
+    noisy[:, [3, 5]] = np.pi - np.mod(np.pi - noisy[:, [3, 5]], 2.0 * np.pi)
+    noisy[:, 4] = np.clip(noisy[:, 4], -0.5 * np.pi, 0.5 * np.pi)
+    return noisy
