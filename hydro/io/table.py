@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError
 from hydro.io import provenance, schema, vehicle
-from hydro.io.files import Source, name_of, read_bytes, write_bytes
+from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
@@ -151,6 +151,8 @@ def _open(content: bytes, name: str) -> pq.ParquetFile:
         raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
     try:
         return pq.ParquetFile(pa.BufferReader(content))
+    except UnicodeDecodeError as error:
+        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
     except (pa.ArrowException, OSError) as error:
         raise _damaged(name, error) from error
 
@@ -159,13 +161,13 @@ def _columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
     """Name and storage type of every column."""
     try:
         fields = list(file.schema_arrow)
-        names = [field.name for field in fields]
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(name, error) from error
+    names = [field.name for field in fields]
     twice = sorted({column for column in names if names.count(column) > 1})
     if twice:
-        raise DataError(f"{name}: column {twice[0]} is there twice: leave one out")
-    return {column: _storage_type(field.type) for column, field in zip(names, fields, strict=True)}
+        raise DataError(f"{name}: column {shown(twice[0])} is there twice: leave one out")
+    return {field.name: _storage_type(field.type) for field in fields}
 
 
 def _storage_type(arrow: pa.DataType) -> str:
