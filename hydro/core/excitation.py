@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
 SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}
+RATE = 50.0
+"""Rows, and thus commands, per second [Hz]."""
 REPLAY = "replay90"
 REPLAY_SECONDS = 90.0
 DECKS: dict[str, tuple[str, ...]] = {

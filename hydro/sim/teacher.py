@@ -1,9 +1,9 @@
 """The embedded teacher: a reference simulator of a vehicle in water that needs no other program.
 
-Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.  They
-come from panels on the hull (`core.panels`) and the added mass of the ellipsoid of the hull's size
-(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED` are
-therefore ignored; its other effects act, and so do hidden ones, which the vehicle file knows nothing of.
+Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.
+They come from panels on the hull (`core.panels`) and the added mass of the ellipsoid of the hull's size
+(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED`
+are therefore ignored; its other effects act, and so do hidden ones, which the file knows nothing of.
 
 The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made
 at 50 Hz from the session's demand and holds (`core.mixing`), in the same compiled loop, from the true state.
@@ -30,7 +30,7 @@ from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.ellipsoid import added_mass_matrix
 from hydro.core.errors import DataError
-from hydro.core.excitation import Session, demands, holds_heading, plan
+from hydro.core.excitation import RATE, Session, demands, holds_heading, plan
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.core.handling import wrench_limits
 from hydro.core.integrate import BODY, obey, spin, step
@@ -40,8 +40,6 @@ from hydro.core.panels import Panels, loaded_facets, panels, superellipsoid
 from hydro.core.rigid_body import mass_matrix
 from hydro.core.vehicle import Vehicle
 
-RATE = 50.0
-"""Rows of the log and commands per second [Hz]."""
 SUBSTEPS = 10
 """Integration steps per row: 500 Hz."""
 REPLACED = frozenset(
@@ -202,7 +200,7 @@ def fly(
     states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
     crew = subject.mixing
     wrenches = np.ascontiguousarray(demand) * crew.authority
-    reached = _march(
+    reached: int = _march(
         subject.program.flat, subject.facets, crew.gains, crew.allocation, crew.table, wrenches, aim, first,
         states, commands,
     )  # fmt: skip
@@ -284,7 +282,7 @@ def _march(
                 spin(target, decay, rotors)
                 step(flat, facets, until - now, y, s, rotors, work)
                 now = until
-    return rows
+    return int(rows)
 
 
 def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:

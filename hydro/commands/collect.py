@@ -1,0 +1,212 @@
+"""`collect`: teacher data from the embedded simulator, with noise and with effects that nobody is told of."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from hydro.commands.shell import STREAM, Output, about, progress, refuse_terminal, write
+from hydro.core.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hydro.core.noise import Noise
+    from hydro.core.vehicle import Vehicle
+    from hydro.sim.teacher import Teacher
+
+ROWS = 857_542
+"""Rows that the paper recorded (IV-A)."""
+
+
+def collect(
+    vehicle: Annotated[Path, typer.Option("--vehicle", metavar="FILE", help="Vehicle file.")],
+    teacher: Annotated[
+        Literal["panel"], typer.Option(help="Who computes the water's forces: panels on the hull.")
+    ] = "panel",
+    rows: Annotated[
+        int | None,
+        typer.Option(
+            min=1, show_default=False, help=f"Rows at 50 Hz; by default the paper's {ROWS:,}, or one replay."
+        ),
+    ] = None,
+    excitation: Annotated[
+        Literal["hybrid", "sweeps", "coupled", "walks", "replay90"],
+        typer.Option(help="The paper's mixture, one part of it, or its 90 s replay sequence."),
+    ] = "hybrid",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of sessions, demands, headings and noise.")] = 0,
+    noise: Annotated[
+        str,
+        typer.Option(
+            metavar="SPEC",
+            help="none, ordinary, dvl, or 1-sigma values: '{velocity=0.02, rate=0.003, position=0.05, "
+            "attitude=0.002}' in m/s, rad/s, m, rad.",
+        ),
+    ] = "none",
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT",
+            help="An effect that acts without standing in the vehicle file, such as "
+            "'ocean_current={v_N=0.3, v_E=0.1}'; repeat for several.",
+        ),
+    ] = None,
+    truth: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Where to write what was hidden, as TOML.")
+    ] = None,
+    depth: Annotated[float, typer.Option(min=0.0, help="Depth of the start and of the hold [m].")] = 20.0,
+    threads: Annotated[
+        int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default, the cores.")
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Record a vehicle in the embedded simulator: the data that a residual model learns from.
+
+    Mass, buoyancy, thrusters and the surroundings are those of the vehicle file. The water's forces are not:
+    they come from panels on the hull and the added mass of its ellipsoid, and the file's own added mass and
+    damping are ignored. What is hidden stands in the file of --truth alone, never in the recording.
+    """
+    from hydro.core.excitation import RATE, REPLAY, REPLAY_SECONDS
+    from hydro.io import mesh, table
+    from hydro.io import vehicle as vehicles
+    from hydro.sim import teacher as sim
+
+    refuse_terminal(output)
+    hidden, sigma = _hidden(hide or []), _noise(noise)
+    known, text = vehicles.read(vehicle)
+    surface = mesh.read_obj(vehicle.parent / known.hull.mesh) if known.hull.mesh is not None else None
+    with about(str(vehicle)):
+        subject = sim.teacher(known, mesh=surface)
+    if hidden:
+        subject = _with_hidden(known, surface, hidden)
+    count = rows or (round(REPLAY_SECONDS * RATE) if excitation == REPLAY else ROWS)
+    if subject.ignored and sys.stderr.isatty():
+        replaced = ", ".join(subject.ignored)
+        typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
+    with progress("collect") as update:
+        frame = sim.collect(
+            subject,
+            count,
+            seed,
+            excitation=excitation,
+            noise=sigma,
+            depth=depth,
+            threads=threads,
+            report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
+        )
+    parameters = {
+        "teacher": teacher,
+        "rows": count,
+        "excitation": excitation,
+        "noise": dataclasses.asdict(sigma),
+        "depth": depth,
+        "ignored": list(subject.ignored),
+    }
+    artefact = table.make("raw", frame, stage="collect", parameters=parameters, seed=seed, vehicle_text=text)
+    if truth is not None:
+        _write_truth(truth, subject, hidden, artefact.provenance.content)
+    write(artefact, output)
+
+
+def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
+    """Effect tables of `NAME={...}` in inline TOML.
+
+    Raises:
+        UsageError: a text is not that, or names no effect of the catalogue.
+    """
+    import difflib
+    import tomllib
+
+    from hydro.core.effects import CATALOGUE
+
+    tables: list[dict[str, Any]] = []
+    for text in texts:
+        try:
+            given = tomllib.loads(text)
+        except tomllib.TOMLDecodeError:
+            given = {}
+        if not given or not all(isinstance(values, dict) for values in given.values()):
+            raise UsageError(
+                f"--hide {text!r}: not an effect with its parameters; write it like "
+                "'ocean_current={v_N=0.3, v_E=0.1}'"
+            )
+        for name, values in given.items():
+            if name not in CATALOGUE:
+                near = difflib.get_close_matches(name, CATALOGUE, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(CATALOGUE)}"
+                raise UsageError(f"--hide {name}: no effect of the catalogue; {hint}")
+            tables.append({**values, "name": name})
+    return tables
+
+
+def _with_hidden(known: Vehicle, surface: Any, hidden: list[dict[str, Any]]) -> Teacher:
+    """The teacher with hidden effects; what is wrong with one of them is told as of `--hide`."""
+    from hydro.core.effects import CATALOGUE
+    from hydro.sim import teacher as sim
+
+    try:
+        for table in hidden:
+            effect = CATALOGUE[table["name"]]
+            effect.pack(table, thrusters=len(known.thruster), where=f"--hide {effect.name}")
+        return sim.teacher(known, mesh=surface, hidden=hidden)
+    except DataError as error:
+        raise UsageError(str(error) if "--hide" in str(error) else f"--hide: {error}") from error
+
+
+def _noise(text: str) -> Noise:
+    """The noise of a profile or of inline TOML.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    import tomllib
+
+    from hydro.core.noise import PROFILES, Noise
+
+    if text in PROFILES:
+        return PROFILES[text]
+    try:
+        return Noise(**tomllib.loads(f"noise = {text}")["noise"])
+    except (tomllib.TOMLDecodeError, TypeError):
+        raise UsageError(
+            f"--noise {text!r}: neither a profile ({', '.join(PROFILES)}) nor a table of velocity, rate, "
+            "position and attitude like '{velocity=0.02, rate=0.003}'"
+        ) from None
+    except DataError as error:
+        raise UsageError(f"--noise {text!r}: {error}") from None
+
+
+def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], content: str) -> None:
+    """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
+    import tomlkit
+
+    from hydro.core.panels import FORM_DRAG, SKIN_FRICTION
+    from hydro.io.files import write_bytes
+
+    document = tomlkit.document()
+    document.add(tomlkit.comment("What made a recording of `hydro collect` and is not written in it."))
+    document.add("format", tomlkit.item("hydro-truth/1"))
+    document.add("raw", tomlkit.item(content))
+    panel = {
+        "form_drag": FORM_DRAG,
+        "skin_friction": SKIN_FRICTION,
+        "facets": subject.facets.shape[1],
+        "volume": subject.hull.volume,
+        "added_mass": subject.added_mass.tolist(),
+    }
+    document.add("panel", tomlkit.item(panel))
+    effects = tomlkit.aot()
+    for table in hidden:
+        effects.append(tomlkit.item({"name": table["name"]} | table))
+    if hidden:
+        document.add("effect", effects)
+    write_bytes(tomlkit.dumps(document).encode(), path)
+
+
+COMMANDS = {
+    collect: "hydro collect --vehicle datasets/stonefish/vehicle.toml --rows 6000 --seed 1 -o raw.parquet",
+}
