@@ -2,40 +2,89 @@
 
 from __future__ import annotations
 
+import inspect
+import types
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from typer.main import get_command
+from typer.models import ArgumentInfo
 
-from hydro.cli import app
+from hydro.cli import GROUPS
 
-WIDTH = 100
 PAGE = Path(__file__).with_name("cli.md")
 INTRODUCTION = """# The command line
 
 Written by `make docs` from the commands' own help: do not edit it by hand.
 
-Exit codes: 0 done; 1 the data or a file is at fault; 2 wrong usage; 3 a bug in hydro; 130 interrupted. An error is one
-line on stderr; `--debug` adds the traceback. Binary never goes to a terminal, tables for people never into a pipe.
+Every command reads and writes Parquet artefacts. A missing input or `-` is stdin; a missing `-o` or `-` is stdout. So commands compose
+in a pipe, and the result has the same bytes as through files:
+
+    hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
+
+Binary never goes to a terminal; tables for people and progress never go into a pipe. An error is one line on stderr: what, where, what to
+do; `--debug`, anywhere, adds the traceback.
+
+| exit code | meaning |
+|---|---|
+| 0 | done |
+| 1 | the data or a file is at fault |
+| 2 | the command was called wrongly |
+| 3 | a bug in hydro |
+| 130 | interrupted |
 """
 
 
 def page() -> str:
-    """The whole page: the root's help, then every command's."""
-    root = get_command(app)
-    top = root.make_context("hydro", [], resilient_parsing=True, terminal_width=WIDTH, max_content_width=WIDTH)
-    sections = [f"{INTRODUCTION}\n{_fenced(root.get_help(top))}"]
-    for name in root.list_commands(top):
-        command = root.get_command(top, name)
-        context = command.make_context(
-            name, [], parent=top, resilient_parsing=True, terminal_width=WIDTH, max_content_width=WIDTH
-        )
-        sections.append(f"## hydro {name}\n\n{_fenced(command.get_help(context))}")
-    return "\n".join(sections)
+    """The whole page: the introduction, then one section per command."""
+    commands = {command: example for group in GROUPS for command, example in group.COMMANDS.items()}
+    contents = "\n".join(
+        f"- [`{_title(command)}`](#hydro-{_name(command)}): {_text(command)[0]}" for command in commands
+    )
+    sections = [_section(command, example) for command, example in commands.items()]
+    return "\n".join([INTRODUCTION, contents, "", *sections])
 
 
-def _fenced(text: str) -> str:
-    lines = [line.rstrip() for line in text.strip().splitlines()]
-    return "\n".join(["```text", *lines, "```", ""])
+def _section(command: Callable[..., Any], example: str) -> str:
+    """One command: what it does, its example, its arguments and options."""
+    signature, hints = inspect.signature(command), get_type_hints(command, include_extras=True)
+    rows = [_row(name, hints[name], parameter.default) for name, parameter in signature.parameters.items()]
+    text = "\n\n".join(_text(command))
+    table = "\n".join(["| argument or option | meaning |", "|---|---|", *rows])
+    return f"## {_title(command)}\n\n{text}\n\n    {example}\n\n{table}\n"
+
+
+def _row(name: str, annotation: Any, default: Any) -> str:
+    """One argument or option, its choices or the name of its value, its meaning and its default."""
+    value, info = get_args(annotation)
+    if isinstance(info, ArgumentInfo):
+        return f"| `{info.metavar}` | {info.help} |"
+    flags = [info.default, *info.param_decls] if isinstance(info.default, str) else list(info.param_decls)
+    spelled = ", ".join(sorted(flags, key=len)) or f"--{name.replace('_', '-')}"
+    if value is not bool:
+        choices = "\\|".join(get_args(value)) if get_origin(value) is Literal else ""
+        spelled += f" {choices or info.metavar or _bare(value).upper()}"
+    shown = default not in (None, False, "", "-")
+    return f"| `{spelled}` | {info.help}{f' Default: {default}.' if shown else ''} |"
+
+
+def _bare(value: Any) -> str:
+    """Name of a type, the one beside None of an optional one."""
+    plain = [kind for kind in get_args(value) if kind is not types.NoneType] or [value]
+    return str(plain[0].__name__)
+
+
+def _name(command: Callable[..., Any]) -> str:
+    return command.__name__
+
+
+def _title(command: Callable[..., Any]) -> str:
+    return f"hydro {_name(command)}"
+
+
+def _text(command: Callable[..., Any]) -> list[str]:
+    """Paragraphs of a command's help, each on one line."""
+    return [" ".join(paragraph.split()) for paragraph in (inspect.getdoc(command) or "").split("\n\n")]
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """hydro: find the missing physics of an underwater vehicle, and fly it fast and true in MuJoCo.
 
-The functions here are the whole line on polars frames; the command line offers the same on files. Importing `hydro`
-loads nothing heavy: the first call of a function loads what it needs.
+The functions here are the whole line on polars frames; the command line offers the same on files. Importing
+`hydro` loads nothing heavy: the first call of a function loads what it needs.
 
     raw = hydro.read("raw.parquet")
     vehicle = hydro.vehicle("vehicle.toml")
@@ -12,6 +12,6 @@ loads nothing heavy: the first call of a function loads what it needs.
 
 from __future__ import annotations
 
-from hydro.api import read, vehicle, write
+from hydro.api import features, labels, read, read_model, split, train, vehicle, write, write_model
 
-__all__ = ["read", "vehicle", "write"]
+__all__ = ["features", "labels", "read", "read_model", "split", "train", "vehicle", "write", "write_model"]

@@ -35,7 +35,11 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
 
 
 def write(
-    frame: pl.DataFrame, destination: str | Path | BinaryIO, kind: str, *, vehicle_file: str | Path | None = None
+    frame: pl.DataFrame,
+    destination: str | Path | BinaryIO,
+    kind: str,
+    *,
+    vehicle_file: str | Path | None = None,
 ) -> None:
     """Write a table as an artefact of `kind`, whole or not at all, once it has passed its schema.
 
@@ -67,3 +71,121 @@ def vehicle(path: str | Path) -> Vehicle:
     known, _ = vehicles.read(path)
     effects.validate(known)
     return known
+
+
+def labels(
+    raw: pl.DataFrame,
+    vehicle: Vehicle,
+    *,
+    acceleration: Acceleration = "rts",
+    noise: Sequence[float] | None = None,
+) -> pl.DataFrame:
+    """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row.
+
+    Args:
+        raw: raw table.
+        vehicle: the vehicle that it was recorded with.
+        acceleration: two-sided smoother, filter, or the paper's differences of filtered velocity.
+        noise: standard deviation of u, v, w [m/s] and p, q, r [rad/s]; by default found from the data.
+
+    Returns:
+        The raw columns, and smoothed velocity, acceleration, thrusts [N], tau_prop and tau_res [N, N m] about
+        the body origin in body axes (FRD). tau_res opposes motion: the vehicle feels -tau_res.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
+    """
+    from hydro.core.labels import labels as compute
+
+    return compute(raw, vehicle, acceleration=acceleration, noise=noise)
+
+
+def split(
+    labels: pl.DataFrame, *, block: int = 150, test: float = 0.2, salt: str = ""
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Divide labels into training and test blocks by the hash of their content.
+
+    Args:
+        labels: labels table.
+        block: rows of a block.
+        test: share of the blocks that are test data.
+        salt: another salt, another split.
+
+    Returns:
+        The table with `block` and `part` (train, test, guard), and the small table of its blocks.
+
+    Raises:
+        hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
+    """
+    from hydro.core.split import split as divide
+
+    return divide(labels, block=block, test=test, salt=salt)
+
+
+def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat") -> pl.DataFrame:
+    """Compute the inputs of a residual network beside its targets.
+
+    Args:
+        labels: labels or split table.
+        set: the twelve states alone, or the 45 physical features.
+
+    Returns:
+        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there.
+    """
+    from hydro.core.features import table
+
+    return table(labels, set)
+
+
+def train(
+    split: pl.DataFrame,
+    *,
+    model: str = "physfeat",
+    seed: int = 0,
+    epochs: int = 60,
+    device: Literal["cpu", "cuda"] = "cpu",
+    progress: Callable[[Any], None] | None = None,
+) -> Model:
+    """Train a residual network on the training part of a split table, after the paper's protocol.
+
+    Args:
+        split: split table.
+        model: architecture, `mlp` or `physfeat`.
+        seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
+        epochs: passes over the data at most.
+        device: where to train.
+        progress: called after every epoch with a `hydro.learn.train.Epoch`.
+
+    Returns:
+        The model; `write_model` stores it.
+
+    Raises:
+        hydro.core.errors.DataError: the table has not been split, or has too few rows.
+        hydro.core.errors.UsageError: there is no such model or device.
+    """
+    from hydro.learn.train import train as fit
+
+    return fit(split, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+
+
+def read_model(source: str | Path | BinaryIO) -> Model:
+    """Read a trained model.
+
+    Raises:
+        hydro.core.errors.DataError: the file is broken or is not a model.
+    """
+    from hydro.io import model, table
+
+    return model.from_artefact(table.read(source, "model"))
+
+
+def write_model(model: Model, destination: str | Path | BinaryIO) -> None:
+    """Write a trained model as a table of tensors with its architecture and scalers in the footer.
+
+    Raises:
+        hydro.core.errors.DataError: a tensor is not finite, or the file cannot be written.
+    """
+    from hydro.io import model as models
+    from hydro.io import table
+
+    table.write(models.to_artefact(model, stage="python"), destination)

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, VehicleFile, read, refuse_terminal, vehicle_for, write
+from hydro.commands.shell import (
+    STREAM,
+    NoiseSpec,
+    Output,
+    VehicleFile,
+    about,
+    noise_for,
+    read,
+    refuse_terminal,
+    vehicle_for,
+    write,
+)
 
 Raw = Annotated[
     str, typer.Argument(metavar="RAW", show_default=False, help="Raw table; nothing or - is stdin.")
@@ -28,22 +39,29 @@ def labels(
         Literal["rts", "kalman", "kalman-difference"],
         typer.Option(help="Two-sided smoother, filter, or the paper's differences of filtered velocity."),
     ] = "rts",
+    noise: NoiseSpec = None,
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
     """Compute the force on the vehicle that its known physics does not explain.
 
-    Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw columns
-    the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels -tau_res.
+    Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw
+    columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
+    -tau_res.
     """
     from hydro.core.labels import labels as compute
     from hydro.io import table
 
     refuse_terminal(output)
+    parameters: dict[str, Any] = {"acceleration": acceleration}
+    deviations = None
+    if noise is not None:
+        given = noise_for(noise)
+        deviations = parameters["noise"] = [given.velocity] * 3 + [given.rate] * 3
     source = read(raw, "raw")
     known, text = vehicle_for(source, vehicle)
-    frame = compute(source.frame, known, acceleration=acceleration)
-    parameters = {"acceleration": acceleration}
+    with about(raw):
+        frame = compute(source.frame, known, acceleration=acceleration, noise=deviations)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )
@@ -52,26 +70,44 @@ def labels(
 
 def split(
     labels: Labels = STREAM,
-    block: Annotated[int, typer.Option(min=2, help="Rows of a block; the last of a session has more.")] = 150,
+    block: Annotated[int, typer.Option(min=1, help="Rows of a block; a session's last has more.")] = 150,
     test: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of blocks that are test data.")] = 0.2,
     salt: Annotated[str, typer.Option(help="Text mixed into the hashes: another salt, another split.")] = "",
     blocks: Annotated[
         str | None, typer.Option(metavar="FILE", help="Also write the small table of blocks and their parts.")
     ] = None,
     from_: Annotated[
-        str | None, typer.Option("--from", metavar="FILE", help="Repeat the split of this table of blocks.")
+        str | None,
+        typer.Option(
+            "--from", metavar="FILE", help="Repeat the split of this table of blocks, as it was made."
+        ),
     ] = None,
     output: Output = STREAM,
 ) -> None:
     """Divide labels into training and test blocks by the hash of their content.
 
-    The same data give the same split on any machine and in any order, and new sessions never move an old block.
-    Rows within the smoother's reach of a block of the other side are marked guard and used by neither.
+    The same data give the same split on any machine and in any order, and new sessions never move an old
+    block. Rows within the smoother's reach of a block of the other side are marked guard and used by neither.
     """
-    from hydro.core import split as core
+    from hydro.core.split import split as divide
+    from hydro.core.split import split_from
     from hydro.io import table
 
     refuse_terminal(output)
+    inputs = [source := read(labels, "labels")]
+    parameters: dict[str, Any] = {"block": block, "test": test, "salt": salt}
+    with about(labels):
+        if from_ is None:
+            frame, made = divide(source.frame, **parameters)
+        else:
+            inputs.append(given := read(from_, "blocks"))
+            parameters |= given.provenance.parameters
+            frame, made = split_from(
+                source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
+            )
+    if blocks is not None:
+        write(table.make("blocks", made, stage="split", parameters=parameters, inputs=inputs), blocks)
+    write(table.make("split", frame, stage="split", parameters=parameters, inputs=inputs), output)
 
 
 def features(
@@ -91,7 +127,8 @@ def features(
 
     refuse_terminal(output)
     source = read(labels, "labels", "split")
-    frame = compute(source.frame, set_)
+    with about(labels):
+        frame = compute(source.frame, set_)
     write(table.make("features", frame, stage="features", parameters={"set": set_}, inputs=[source]), output)
 
 

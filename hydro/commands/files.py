@@ -27,8 +27,8 @@ WHOLE = 60
 def check(files: Files) -> None:
     """Say whether artefacts and vehicle files are sound.
 
-    Silent, with exit code 0, when every file keeps its schema: columns, types, finite values, bounds, order in
-    time, and a content that its footer's hash confirms. Otherwise one line for each file that does not.
+    Silent, with exit code 0, when every file keeps its schema: columns, types, finite values, bounds, order
+    in time, and a content that its footer's hash confirms. Otherwise one line for each file that does not.
     """
     unsound = 0
     for file in files:
@@ -42,7 +42,7 @@ def check(files: Files) -> None:
 
 
 def _check(file: str) -> None:
-    """Read one file as what it is: a vehicle file by its suffix, else an artefact and the vehicle it carries."""
+    """Read one file as what it is: a vehicle file by its suffix, else an artefact."""
     from hydro.core import effects, segments
     from hydro.io import vehicle
 
@@ -57,8 +57,8 @@ def _check(file: str) -> None:
 def show(file: File = STREAM) -> None:
     """Show where an artefact comes from and what is in it.
 
-    On a terminal: kind, stage and parameters, lineage, and every column with unit and range; small tables such as
-    metrics whole. Into a pipe the same as JSON.
+    On a terminal: kind, stage and parameters, lineage, and every column with unit and range; small tables
+    such as metrics whole. Into a pipe the same as JSON.
     """
     artefact = read(file)
     if sys.stdout.isatty():
@@ -126,7 +126,12 @@ def _print_page(artefact: Artefact) -> None:
 
 
 def _named(values: dict[str, Any]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in values.items())
+    """Parameters in a few words; long lists by their length."""
+    short = {
+        name: f"[{len(value)}]" if isinstance(value, list) and len(value) > 6 else value
+        for name, value in values.items()
+    }
+    return ", ".join(f"{name}={value}" for name, value in short.items() if value != "")
 
 
 COMMANDS = {

@@ -20,7 +20,9 @@ from hydro.commands.shell import (
 
 LabelsOrSplit = Annotated[
     str,
-    typer.Argument(metavar="LABELS", show_default=False, help="Labels or split table; nothing or - is stdin."),
+    typer.Argument(
+        metavar="LABELS", show_default=False, help="Labels or split table; nothing or - is stdin."
+    ),
 ]
 
 
@@ -34,9 +36,9 @@ def train(
 ) -> None:
     """Train a residual network on the training part of labels, after the paper's protocol.
 
-    Inputs and outputs are standardised on the rows fitted; Adam, gradient clipping, early stopping on a tenth of
-    the training blocks. Labels without a split get the default one. The same data and seed give the same bytes on
-    one machine.
+    Inputs and outputs are standardised on the rows fitted; Adam, gradient clipping, early stopping on a tenth
+    of the training blocks. Labels without a split get the default one. The same data and seed give the same
+    bytes on one machine.
     """
     from hydro.io.model import to_artefact
     from hydro.learn.train import train as fit
@@ -61,4 +63,8 @@ def train(
         )
     parameters = {"model": model, "epochs": epochs, "device": device}
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)
-COMMANDS = {}
+
+
+COMMANDS = {
+    train: "hydro train split.parquet --model physfeat --epochs 3 -o model.parquet",
+}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -11,15 +10,20 @@ from hydro.commands.shell import (
     STREAM,
     Output,
     VehicleFile,
+    about,
     dataset_name,
     print_table,
     progress,
     read,
-    refuse_terminal,
     shows_table,
     vehicle_for,
     write,
 )
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.io.table import Artefact
 
 Raw = Annotated[
     str, typer.Argument(metavar="RAW", help="Raw table; nothing or - is stdin.", show_default=False)
@@ -36,8 +40,8 @@ def replay(
         typer.Option(metavar="NAME", help="Only this variant, such as MJ0 or MJ4; repeat for several."),
     ] = None,
     conditioning: Annotated[
-        Literal["off", "paper", "paper-new"],
-        typer.Option(help="Low-pass, clipping and dead band of the learned wrench, as the paper does."),
+        Literal["off", "paper", "paper-old", "paper-new"],
+        typer.Option(help="The paper's low-pass, clipping and dead band of the learned wrench, or nothing."),
     ] = "off",
     integrator: Annotated[
         Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
@@ -51,18 +55,52 @@ def replay(
 ) -> None:
     """Fly a recording's commands again in MuJoCo, open loop, and measure how far each variant strays.
 
-    MJ0 has no water forces, MJ0+M_A has added mass alone; every model adds its own variant, under the paper's name
-    where it has one (mlp is MJ1, physfeat MJ4). On a terminal without -o the errors are printed; with -o the time
-    series of all variants and of the measured motion are written.
+    MJ0 has no water forces, MJ0+M_A has added mass alone; every model adds its own variant, under the
+    paper's name where it has one (mlp MJ1, physfeat MJ4). On a terminal without -o the errors are printed;
+    with -o, or into a pipe, the time series of all variants and of the measured motion are written.
     """
+    from hydro.core.conditioning import preset
     from hydro.io import model as models
     from hydro.io import table
+    from hydro.report.figures import error_table
     from hydro.sim import replay as sim
+    from hydro.sim.student import Physics
 
-    if metrics is None and not shows_table(output):
-        refuse_terminal(output)
     source = read(raw, "raw")
     known, text = vehicle_for(source, vehicle)
     trained = [read(name, "model") for name in model or []]
     flown = sim.variants([models.from_artefact(artefact) for artefact in trained], variant or None)
-COMMANDS = {}
+    with progress("replay") as update, about(raw):
+        series, errors = sim.replay(
+            source.frame,
+            known,
+            flown,
+            conditioning=preset(conditioning, known),
+            physics=Physics(timestep=timestep, integrator=integrator),
+            dataset=dataset_name(raw),
+            progress=lambda name, done, total: update(done, total, name),
+        )
+    parameters = {
+        "variants": [one.name for one in flown],
+        "conditioning": conditioning,
+        "integrator": integrator,
+        "timestep": timestep,
+    }
+
+    def artefact(kind: str, frame: pl.DataFrame) -> Artefact:
+        inputs = [source, *trained]
+        return table.make(
+            kind, frame, stage="replay", parameters=parameters, inputs=inputs, vehicle_text=text
+        )
+
+    if metrics is not None:
+        write(artefact("metrics", errors), metrics)
+    if shows_table(output):
+        print_table(error_table(errors), f"{dataset_name(raw)}: RMSE, u v w [m/s], p q r [rad/s]")
+    else:
+        write(artefact("replay", series), output)
+
+
+COMMANDS = {
+    replay: "hydro replay datasets/stonefish/replay90.parquet --model model.parquet -o replay.parquet",
+}

@@ -18,16 +18,25 @@ from hydro.core.errors import DataError, UsageError
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.core.noise import Noise
     from hydro.core.vehicle import Vehicle
     from hydro.io.table import Artefact
 
 STREAM = "-"
-Update = Callable[[int, str], None]
 
 Output = Annotated[
     str,
     typer.Option(
         "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
+    ),
+]
+NoiseSpec = Annotated[
+    str | None,
+    typer.Option(
+        "--noise",
+        metavar="SPEC",
+        help="Noise of the velocities: none, ordinary, dvl, or 1-sigma values such as "
+        "'{velocity=0.02, rate=0.003}' in m/s and rad/s; by default found from the data.",
     ),
 ]
 VehicleFile = Annotated[
@@ -87,6 +96,38 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
         raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
     effects.validate(known)
     return known, text
+
+
+@contextmanager
+def about(source: str) -> Iterator[None]:
+    """Put the input's name before what the pure functions say of its data."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(f"{'stdin' if source == STREAM else source}: {error}") from error
+
+
+def noise_for(text: str) -> Noise:
+    """The noise of a profile's name or of inline TOML.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    import tomllib
+
+    from hydro.core.noise import PROFILES, Noise
+
+    if text in PROFILES:
+        return PROFILES[text]
+    try:
+        return Noise(**tomllib.loads(f"noise = {text}")["noise"])
+    except (tomllib.TOMLDecodeError, TypeError):
+        raise UsageError(
+            f"--noise {text!r}: neither a profile ({', '.join(PROFILES)}) nor a table of velocity, rate, "
+            "position and attitude like '{velocity=0.02, rate=0.003}'"
+        ) from None
+    except DataError as error:
+        raise UsageError(f"--noise {text!r}: {error}") from None
 
 
 def dataset_name(source: str) -> str:

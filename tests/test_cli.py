@@ -1,0 +1,413 @@
+"""Every command: help, a runnable example, pipes equal to files, bad input in one line, exit codes."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from hydro import cli
+from hydro.core.errors import DataError, UsageError
+from hydro.io import table
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = {command.__name__: example for group in cli.GROUPS for command, example in group.COMMANDS.items()}
+HYDRO = [sys.executable, "-m", "hydro.cli"]
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
+
+
+def hydro(*arguments: object, stdin: bytes = b"", cwd: Path = ROOT) -> subprocess.CompletedProcess[bytes]:
+    """Run one command as a process of its own."""
+    line = [*HYDRO, *map(str, arguments)]
+    return subprocess.run(line, input=stdin, capture_output=True, cwd=cwd, env=ENVIRONMENT, timeout=300)
+
+
+@pytest.fixture(scope="session")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a short recording and what every stage makes of it, after one epoch of training."""
+    folder = tmp_path_factory.mktemp("line")
+    sample = table.read(ROOT / "datasets" / "stonefish" / "replay90.parquet")
+    vehicle = ROOT / "datasets" / "stonefish" / "vehicle.toml"
+    short = table.make("raw", sample.frame.head(3000), stage="import", vehicle_text=vehicle.read_text())
+    table.write(short, folder / "raw.parquet")
+    assert cli.main(["labels", str(folder / "raw.parquet"), "-o", str(folder / "labels.parquet")]) == 0
+    split = ["split", str(folder / "labels.parquet"), "--blocks", str(folder / "blocks.parquet")]
+    assert cli.main([*split, "-o", str(folder / "split.parquet")]) == 0
+    train = ["train", str(folder / "split.parquet"), "--model", "mlp", "--epochs", "1"]
+    assert cli.main([*train, "-o", str(folder / "model.parquet")]) == 0
+    return folder
+
+
+# What a user asks first.
+
+
+def test_every_function_of_the_issue_has_a_command() -> None:
+    assert set(COMMANDS) >= {
+        "check",
+        "show",
+        "labels",
+        "split",
+        "features",
+        "train",
+        "evaluate",
+        "replay",
+        "demo",
+    }
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_a_paragraph_and_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([name, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"Usage: hydro {name}" in text
+    assert len(text.split("\n\n")[2].split()) > 12, "a paragraph says what the command does"
+    assert COMMANDS[name] in text
+
+
+def test_help_lists_every_command_with_a_whole_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main([]) == 0
+    listed = capsys.readouterr().out
+    for name in COMMANDS:
+        assert re.search(rf"^  {name} ", listed, re.MULTILINE)
+    assert "..." not in listed.split("Commands:")[1]
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["--version"]) == 0
+    assert re.fullmatch(r"hydro \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
+
+
+def test_the_page_of_commands_is_current() -> None:
+    generated = runpy.run_path(str(ROOT / "docs" / "generate_cli.py"))["page"]()
+    assert (ROOT / "docs" / "cli.md").read_text() == generated, "run `make docs`"
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "demo"])
+def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
+    """Each example runs as printed, in a folder with the files it names, the data a short recording."""
+    data = tmp_path / "datasets" / "stonefish"
+    data.mkdir(parents=True)
+    for target in (data / "sample.parquet", data / "replay90.parquet"):
+        target.write_bytes((work / "raw.parquet").read_bytes())
+    (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
+    for artefact in ("labels", "split", "model"):
+        (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
+    line = re.sub(r"\bhydro\b", shlex.join(HYDRO), COMMANDS[name])
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        timeout=300,
+    )
+    assert (done.returncode, done.stderr.decode()) == (0, "")
+    if target := re.search(r"-o (\S+)", COMMANDS[name]):
+        table.read(tmp_path / target[1])
+
+
+# Pipes.
+
+
+def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
+    labels = hydro("labels", work / "raw.parquet")
+    assert labels.stdout == (work / "labels.parquet").read_bytes()
+    split = hydro("split", stdin=labels.stdout)
+    assert split.stdout == (work / "split.parquet").read_bytes()
+    model = hydro("train", "-", "--model", "mlp", "--epochs", 1, "-o", "-", stdin=split.stdout)
+    assert model.stdout == (work / "model.parquet").read_bytes()
+    assert labels.stderr + split.stderr + model.stderr == b"", "no progress and no tables off a terminal"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("features", ["labels"]),
+        ("evaluate", ["model", "--labels", "split"]),
+        ("replay", ["raw", "--model", "model"]),
+    ],
+)
+def test_findings_go_through_a_pipe_as_artefacts(
+    name: str, arguments: list[str], work: Path, tmp_path: Path
+) -> None:
+    line = [str(work / f"{a}.parquet") if not a.startswith("-") else a for a in arguments]
+    assert cli.main([name, *line, "-o", str(tmp_path / "file.parquet")]) == 0
+    done = hydro(name, *line)
+    assert done.stdout == (tmp_path / "file.parquet").read_bytes()
+    assert done.stderr == b""
+
+
+def test_show_into_a_pipe_is_json_with_lineage_and_columns(work: Path) -> None:
+    import json
+
+    shown = json.loads(hydro("show", work / "split.parquet").stdout)
+    assert (shown["kind"], shown["stage"]) == ("split", "split")
+    assert [shown["inputs"][0]["kind"], shown["inputs"][0]["inputs"][0]["kind"]] == ["labels", "raw"]
+    surge = next(column for column in shown["columns"] if column["column"] == "u")
+    assert (surge["unit"], surge["frame"]) == ("m/s", "body FRD")
+    measured = table.read(work / "raw.parquet").frame["u"]
+    assert (surge["min"], surge["max"]) == pytest.approx((measured.min(), measured.max()))
+
+
+def test_a_closed_pipe_ends_quietly(work: Path) -> None:
+    line = f"{shlex.join(HYDRO)} labels {work}/raw.parquet | head -c 9 >/dev/null; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", line], cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120
+    )
+    assert (done.stdout.strip(), done.stderr) == ("0", "")
+
+
+# Terminals.
+
+
+def on_terminal(*arguments: object) -> tuple[int, str]:
+    """Exit code and everything printed of a command whose stdin, stdout and stderr are one terminal."""
+    leader, follower = pty.openpty()
+    process = subprocess.Popen(
+        [*HYDRO, *map(str, arguments)],
+        stdin=follower,
+        stdout=follower,
+        stderr=follower,
+        cwd=ROOT,
+        env=ENVIRONMENT | {"COLUMNS": "160", "TERM": "dumb"},
+    )
+    os.close(follower)
+    printed = b""
+    try:
+        while chunk := os.read(leader, 65536):
+            printed += chunk
+    except OSError:  # the terminal's other end is closed: the command has ended
+        pass
+    os.close(leader)
+    return process.wait(), printed.decode(errors="replace")
+
+
+@pytest.mark.parametrize("name", ["labels", "split", "features", "train"])
+def test_binary_never_goes_to_a_terminal(name: str, work: Path) -> None:
+    source = {"labels": "raw", "split": "labels", "features": "labels", "train": "split"}[name]
+    code, printed = on_terminal(name, work / f"{source}.parquet")
+    assert code == 2
+    assert printed.startswith("hydro: ")
+    assert "-o FILE" in printed
+    assert "PAR1" not in printed
+    assert len(printed.splitlines()) == 1
+
+
+def test_a_terminal_is_no_input() -> None:
+    code, printed = on_terminal("labels", "-o", "never.parquet")
+    assert code == 2
+    assert len(printed.splitlines()) == 1
+    assert not (ROOT / "never.parquet").exists()
+
+
+def test_show_on_a_terminal_is_a_page(work: Path) -> None:
+    code, printed = on_terminal("show", work / "labels.parquet")
+    assert code == 0
+    assert "labels: 3,000 rows in 1 session" in printed.replace("\x1b[1m", "").replace("\x1b[0m", "")
+    assert "X_res" in printed
+    assert "sha256:" in printed
+    assert "stonefish-auv" in printed
+
+
+def test_findings_on_a_terminal_are_tables(work: Path) -> None:
+    code, printed = on_terminal("evaluate", work / "model.parquet", "--labels", work / "split.parquet")
+    assert code == 0
+    assert "rmse" in printed.lower()
+    code, printed = on_terminal("replay", work / "raw.parquet", "--variant", "MJ0")
+    assert code == 0
+    assert "MJ0" in printed
+    assert "m/s" in printed
+
+
+# Bad input: one line that says what, where and what to do.
+
+
+def bad_files(folder: Path, good: Path) -> dict[str, Path]:
+    """Files that are not what a command wants, by what is wrong with them."""
+    artefact = table.read(good)
+    files = {
+        name: folder / f"{name}.parquet" for name in ("missing", "empty", "text", "truncated", "nan", "kind")
+    }
+    files["empty"].write_bytes(b"")
+    files["text"].write_text("session,t,u\nturn,0.0,1.0\n")
+    files["truncated"].write_bytes(good.read_bytes()[:5000])
+    number = next(name for name, dtype in artefact.frame.schema.items() if dtype == pl.Float32)
+    broken = artefact.frame.with_columns(pl.lit(float("nan"), pl.Float32).alias(number))
+    broken.write_parquet(files["nan"])
+    kind = "replay90" if artefact.kind != "raw" else None
+    files["kind"] = ROOT / "datasets" / "stonefish" / f"{kind}.parquet" if kind else files["kind"]
+    return files
+
+
+def test_bad_input_is_told_in_one_line(work: Path, tmp_path: Path) -> None:
+    line: dict[str, tuple[str, Callable[[object], list[object]]]] = {
+        "show": ("raw", lambda file: [file]),
+        "check": ("raw", lambda file: [file]),
+        "labels": ("raw", lambda file: [file]),
+        "split": ("labels", lambda file: [file]),
+        "features": ("labels", lambda file: [file]),
+        "train": ("split", lambda file: [file, "--epochs", "1"]),
+        "evaluate": ("split", lambda file: [work / "model.parquet", "--labels", file]),
+        "replay": ("raw", lambda file: [file]),
+    }
+    assert set(line) == set(COMMANDS) - {"demo", "collect"}
+    for name, (kind, arguments) in line.items():
+        (folder := tmp_path / name).mkdir()
+        for what, file in bad_files(folder, work / f"{kind}.parquet").items():
+            if not file.exists() and what != "missing":
+                continue
+            if name in ("show", "check") and what == "kind":
+                continue
+            code, out, error = run(name, *arguments(file), "-o", folder / "out.parquet")
+            assert (code, out) == (1, ""), f"{name}, {what}"
+            assert error.startswith("hydro: "), f"{name}, {what}"
+            assert file.name in error, f"{name}, {what}: {error}"
+            assert error.count("\n") == 1, f"{name}, {what}"
+            assert not (folder / "out.parquet").exists()
+
+
+def run(name: str, *arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command in this process; `-o` is dropped where a command has none."""
+    import contextlib
+    import io
+
+    line = [str(argument) for argument in arguments]
+    if name in ("show", "check"):
+        line = line[: line.index("-o")]
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        code = cli.main([name, *line])
+    return code, out.getvalue(), error.getvalue()
+
+
+def test_check_tells_every_unsound_file_and_passes_sound_ones(work: Path, tmp_path: Path) -> None:
+    files = bad_files(tmp_path, work / "raw.parquet")
+    sound = [work / "raw.parquet", work / "model.parquet", ROOT / "datasets/stonefish/vehicle.toml"]
+    assert hydro("check", *sound).returncode == 0
+    done = hydro("check", *sound, files["text"], files["truncated"])
+    assert done.returncode == 1
+    lines = done.stderr.decode().splitlines()
+    assert ["text" in lines[0], "truncated" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_a_vehicle_is_taken_from_the_option_then_the_footer_and_missed_otherwise(
+    work: Path, tmp_path: Path
+) -> None:
+    bare = tmp_path / "bare.parquet"
+    table.read(work / "raw.parquet").frame.write_parquet(bare)
+    code, _, error = run("labels", bare, "-o", tmp_path / "labels.parquet")
+    assert code == 1
+    assert "--vehicle" in error
+    vehicle = ROOT / "datasets" / "stonefish" / "vehicle.toml"
+    assert (
+        cli.main(["labels", str(bare), "--vehicle", str(vehicle), "-o", str(tmp_path / "labels.parquet")])
+        == 0
+    )
+    given = table.read(tmp_path / "labels.parquet").frame
+    assert given.equals(table.read(work / "labels.parquet").frame)
+    heavier = tmp_path / "heavier.toml"
+    heavier.write_text(vehicle.read_text().replace("mass = 151.0", "mass = 200.0"))
+    over = [
+        "labels",
+        str(work / "raw.parquet"),
+        "--vehicle",
+        str(heavier),
+        "-o",
+        str(tmp_path / "heavy.parquet"),
+    ]
+    assert cli.main(over) == 0
+    assert not table.read(tmp_path / "heavy.parquet").frame["X_res"].equals(given["X_res"])
+
+
+def test_vehicle_errors_name_the_file(tmp_path: Path, work: Path) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(
+        (ROOT / "datasets/stonefish/vehicle.toml").read_text().replace("mass = 151.0", "mass = -1.0")
+    )
+    for line in (
+        ["check", wrong],
+        ["labels", work / "raw.parquet", "--vehicle", wrong, "-o", tmp_path / "x"],
+    ):
+        done = hydro(*line)
+        assert done.returncode == 1
+        assert re.fullmatch(r"hydro: .*wrong\.toml.*mass.*\n", done.stderr.decode())
+
+
+# Exit codes.
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["lables"],
+        ["labels", "--acceleration", "magic"],
+        ["labels", "--what"],
+        ["split", "--test", "1.5"],
+        ["train", "--epochs", "0"],
+        ["train", "{raw}", "{raw}"],
+        ["evaluate"],
+        ["train", "{split}", "--model", "transformer", "-o", "x.parquet"],
+        ["replay", "{raw}", "--variant", "MJ9", "-o", "x.parquet"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage_is_exit_code_2_in_one_line(
+    arguments: list[str], work: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = [argument.format(raw=work / "raw.parquet", split=work / "split.parquet") for argument in arguments]
+    assert cli.main(line) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert re.fullmatch(r"hydro: .+\n", printed.err)
+
+
+def test_a_mistyped_command_gets_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
+    cli.main(["lables"])
+    assert "Did you mean 'labels'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (DataError("raw.parquet: u [m/s] must be finite"), 1, "hydro: raw.parquet: u [m/s] must be finite"),
+        (UsageError("no such variant"), 2, "hydro: no such variant"),
+        (PermissionError(13, "Permission denied", "/root/x"), 1, "hydro: /root/x: permission denied"),
+        (MemoryError(), 1, "hydro: not enough memory.*"),
+        (KeyError("surge"), 3, "hydro: KeyError: 'surge'.*bug.*report.*"),
+        (ValueError("two\nlines"), 3, "hydro: ValueError: two lines.*"),
+        (KeyboardInterrupt(), 130, "hydro: interrupted"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_errors_become_exit_codes(
+    error: BaseException,
+    code: int,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*_: Any) -> None:
+        raise error
+
+    monkeypatch.setattr("hydro.io.table.read", fail)
+    assert cli.main(["show", "raw.parquet"]) == code
+    printed = capsys.readouterr()
+    assert re.fullmatch(line + "\n", printed.err)
+    assert "Traceback" not in printed.err
+
+
+def test_debug_anywhere_adds_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["--debug", "show", "nothing.parquet"], ["show", "nothing.parquet", "--debug"]):
+        assert cli.main(arguments) == 1
+        printed = capsys.readouterr().err
+        assert "Traceback" in printed
+        assert printed.splitlines()[-1].startswith("hydro: nothing.parquet: ")
