@@ -5,9 +5,9 @@ minimises the mean square of the standardised error; gradients are clipped to no
 when the validation error no longer does, and training ends 30 epochs after the best. A tenth of the training
 part's blocks validates (`rows.validation`): the test part takes no part in any decision.
 
-The same rows, seed and device give the same weights to the last bit: deterministic algorithms, a fixed number
-of threads (they share out the sums over a batch, so that another number would round otherwise), own shuffling,
-no clock. A limit of time would break this promise, so there is only one of epochs.
+The same rows, seed and device give the same weights to the last bit: deterministic algorithms, own shuffling,
+no clock, and a number of threads that only the rows decide (threads share out the sums over a batch, so that
+another number rounds otherwise). A limit of time would break this promise, so there is only one of epochs.
 """
 
 from __future__ import annotations
@@ -36,14 +36,16 @@ WEIGHT_DECAY = 1e-5
 GRADIENT_NORM = 5.0
 PATIENCE = 30
 
-PLATEAU_FACTOR = 0.4
+PLATEAU_FACTOR = 0.5
 PLATEAU_PATIENCE = 2
 PLATEAU_THRESHOLD = 0.02  # an epoch that gains less than 2 % counts as no progress
+SLOWEST_RATE = 1e-5
 
 BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch is always a fair number of steps
 BATCH_LIMITS = (64, 2048)
 
-THREADS = 2
+ROWS_PER_THREAD = 1024  # a smaller share of a batch costs more in waiting than it saves
+MOST_THREADS = 2
 ROWS_PER_PASS = 16384
 
 
@@ -113,10 +115,11 @@ def train(
     scalers = _scalers(inputs[~validating], targets[~validating])
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
     watched = _standardised(inputs[validating], targets[validating], scalers, target_device)
-    with _reproducible(seed):
+    batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
+    with _reproducible(seed, threads=int(np.clip(batch // ROWS_PER_THREAD, 1, MOST_THREADS))):
         network = build(description).to(target_device)
         network.standardise(scalers)
-        summary = _fit(network, fitted, watched, seed=seed, epochs=epochs, progress=progress)
+        summary = _fit(network, fitted, watched, batch=batch, seed=seed, epochs=epochs, progress=progress)
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
@@ -129,6 +132,7 @@ def _fit(
     fitted: _Rows,
     watched: _Rows,
     *,
+    batch: int,
     seed: int,
     epochs: int,
     progress: Callable[[Epoch], None] | None,
@@ -136,10 +140,13 @@ def _fit(
     """Run the epochs, leave the best weights in the network and return the summary."""
     optimiser = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
     schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(
-        optimiser, factor=PLATEAU_FACTOR, patience=PLATEAU_PATIENCE, threshold=PLATEAU_THRESHOLD
+        optimiser,
+        factor=PLATEAU_FACTOR,
+        patience=PLATEAU_PATIENCE,
+        threshold=PLATEAU_THRESHOLD,
+        min_lr=SLOWEST_RATE,
     )
     order = torch.Generator().manual_seed(seed)
-    batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
     best, best_error, weights = 0, np.inf, _copy(network)
     for number in range(1, epochs + 1):
         rate = optimiser.param_groups[0]["lr"]
@@ -251,18 +258,16 @@ def _device(name: str) -> torch.device:
 
 
 @contextmanager
-def _reproducible(seed: int) -> Iterator[None]:
+def _reproducible(seed: int, *, threads: int) -> Iterator[None]:
     """Seed torch and make its sums repeatable, and put everything back afterwards."""
-    threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
-    os.environ.setdefault(
-        "CUBLAS_WORKSPACE_CONFIG", ":4096:8"
-    )  # cuBLAS repeats itself only with a fixed workspace
+    usual_threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # without it cuBLAS does not repeat itself
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        torch.set_num_threads(THREADS)
+        torch.set_num_threads(threads)
         torch.use_deterministic_algorithms(True)
         try:
             yield
         finally:
             torch.use_deterministic_algorithms(strict)
-            torch.set_num_threads(threads)
+            torch.set_num_threads(usual_threads)
