@@ -1,0 +1,78 @@
+"""What a trained model predicts, and how far from the labels that is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+import torch
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.errors import DataError, UsageError
+from hydro.core.features import features, names
+from hydro.core.metrics import consecutive, measure
+from hydro.io.model import Model
+from hydro.learn import rows
+from hydro.learn.networks import load
+
+Array = NDArray[np.float64]
+
+BLOCK = 150
+ROWS_PER_PASS = 16384
+
+
+def predict(model: Model, states: ArrayLike) -> Array:
+    """Predict the residual wrench of many states.
+
+    Args:
+        model: a trained model.
+        states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+
+    Returns:
+        tau_res (N, 6) [N and N m], body FRD; it stands on the left-hand side of the balance: the wrench on the
+        vehicle is -tau_res.
+
+    Raises:
+        DataError: If the model's tensors or features are not those that its architecture asks for.
+    """
+    if tuple(model.inputs) != tuple(names(model.features)):
+        raise DataError(f"model {model.name}: its features are not those of this version: train it again")
+    network = load(model)
+    inputs = np.asarray(states, dtype=np.float64).reshape(-1, 12)
+    wrenches = np.empty((len(inputs), 6))
+    with torch.inference_mode():
+        for start in range(0, len(inputs), ROWS_PER_PASS):
+            part = features(inputs[start : start + ROWS_PER_PASS], model.features).astype(np.float32)
+            wrenches[start : start + ROWS_PER_PASS] = network(torch.from_numpy(part)).numpy()
+    return wrenches
+
+
+def evaluate(
+    models: Sequence[Model], table: pl.DataFrame, *, part: str = "test", dataset: str = "labels"
+) -> pl.DataFrame:
+    """Measure the errors of models on labels: per axis, and the paper's single figures (Table II).
+
+    Args:
+        models: trained models, of different names.
+        table: labels, with `part` unless all rows are wanted; its `block`, where there is one, says which rows
+            the bootstrap draws together.
+        part: `test`, `train`, or `all` rows, guard rows included.
+        dataset: name of the data for the table.
+
+    Returns:
+        A metrics table; see `core.metrics.measure`.
+
+    Raises:
+        DataError: If the rows are not there, a column is missing or not finite, or a model is broken.
+        UsageError: If two models have one name.
+    """
+    repeated = [model.name for model in models if sum(other.name == model.name for other in models) > 1]
+    if repeated:
+        raise UsageError(f"two models are called '{repeated[0]}': evaluate them one by one")
+    chosen = rows.of_part(table, part)
+    inputs, truth = rows.states(chosen), rows.wrenches(chosen)
+    blocks = chosen["block"] if "block" in chosen.columns else consecutive(chosen.height, BLOCK)
+    return pl.concat(
+        measure(truth, predict(model, inputs), blocks, model=model.name, dataset=dataset) for model in models
+    )
