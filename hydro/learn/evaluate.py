@@ -30,8 +30,8 @@ def predict(model: Model, states: ArrayLike) -> Array:
         states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
 
     Returns:
-        tau_res (N, 6) [N and N m], body FRD; it stands on the left-hand side of the balance: the wrench on the
-        vehicle is -tau_res.
+        tau_res (N, 6) [N and N m], body FRD; it stands on the left-hand side of the balance: the wrench on
+        the vehicle is -tau_res.
 
     Raises:
         DataError: If the model's tensors or features are not those that its architecture asks for.
@@ -55,8 +55,8 @@ def evaluate(
 
     Args:
         models: trained models, of different names.
-        table: labels, with `part` unless all rows are wanted; its `block`, where there is one, says which rows
-            the bootstrap draws together.
+        table: labels, with `part` unless all rows are wanted; its `block`, where there is one, says which
+            rows the bootstrap draws together.
         part: `test`, `train`, or `all` rows, guard rows included.
         dataset: name of the data for the table.
 
