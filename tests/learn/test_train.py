@@ -1,0 +1,206 @@
+"""Training: the protocol of the paper, from the training part alone, to the same bytes every time."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import polars as pl
+import pytest
+import torch
+
+from hydro.core.errors import DataError, UsageError
+from hydro.core.features import INPUTS, OUTPUTS, features
+from hydro.io import table as tables
+from hydro.io.model import from_artefact, to_artefact
+from hydro.learn import rows
+from hydro.learn import train as training
+from hydro.learn.evaluate import predict
+from hydro.learn.train import train
+
+
+def stored(model) -> bytes:
+    """The bytes of the model's artefact."""
+    file = io.BytesIO()
+    tables.write(to_artefact(model, seed=0), file)
+    return file.getvalue()
+
+
+def noise(split: pl.DataFrame) -> pl.DataFrame:
+    """The table with labels that nothing explains."""
+    rng = np.random.default_rng(9)
+    return split.with_columns(pl.Series(name, rng.normal(size=split.height)) for name in OUTPUTS)
+
+
+def with_bad(split: pl.DataFrame, part: str, column: str, value: float) -> pl.DataFrame:
+    """The table with `value` in one column of one part."""
+    return split.with_columns(
+        pl.when(pl.col("part") == part).then(pl.lit(value)).otherwise(pl.col(column)).alias(column)
+    )
+
+
+@pytest.mark.parametrize("model", ["mlp", "physfeat"])
+def test_same_seed_same_bytes_whatever_torch_was_set_to(table, model):
+    split = table(600)
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(1)
+        torch.manual_seed(1)
+        first = stored(train(split, model=model, seed=5, epochs=3))
+        torch.set_num_threads(2)
+        torch.manual_seed(2)
+        second = stored(train(split, model=model, seed=5, epochs=3))
+    finally:
+        torch.set_num_threads(before)
+    assert first == second
+    assert first != stored(train(split, model=model, seed=6, epochs=3))
+
+
+def test_training_leaves_torch_as_it_was(table):
+    torch.manual_seed(7)
+    state, threads = torch.get_rng_state(), torch.get_num_threads()
+    train(table(400), model="mlp", epochs=1)
+    assert torch.equal(state, torch.get_rng_state())
+    assert threads == torch.get_num_threads()
+    assert not torch.are_deterministic_algorithms_enabled()
+
+
+def test_physfeat_learns_fossen_damping_and_coriolis_from_few_rows(table):
+    split = table(4000, parts=("train", "train", "train", "test"))
+    model = train(split, model="physfeat", epochs=25)
+    test = rows.of_part(split, "test")
+    truth = rows.wrenches(test)
+    error = predict(model, rows.states(test)) - truth
+    assert np.all(np.sqrt((error**2).mean(axis=0)) < 0.05 * truth.std(axis=0))
+
+
+def test_stored_model_predicts_what_the_trained_one_did(table):
+    split = table(400)
+    model = train(split, epochs=2)
+    again = from_artefact(tables.read(io.BytesIO(stored(model)), "model"))
+    np.testing.assert_array_equal(
+        predict(again, rows.states(split)), predict(model, rows.states(split)), strict=True
+    )
+    assert again.training == model.training
+
+
+@pytest.mark.parametrize("part", ["test", "guard"])
+def test_rows_of_the_other_parts_do_not_reach_the_model(table, part):
+    split = table(600)
+    changed = with_bad(with_bad(split, part, "u_s", np.nan), part, "X_res", 1e9)
+    assert stored(train(changed, epochs=2)) == stored(train(split, epochs=2))
+
+
+def test_scalers_are_of_the_rows_fitted(table):
+    split = table(600).with_columns(u_s=pl.lit(0.25))
+    model = train(split, epochs=1)
+    training_rows = rows.of_part(split, "train")
+    fitted = training_rows.filter(~rows.validation(training_rows))
+    inputs = features(fitted.select(INPUTS).to_numpy(), "physfeat")
+    np.testing.assert_allclose(model.scalers["input_mean"], inputs.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(model.scalers["output_scale"], fitted.select(OUTPUTS).to_numpy().std(axis=0))
+    assert model.scalers["input_scale"][0] == 1.0, "a column that never changes keeps its scale"
+    assert model.training["rows"] == {
+        "fitted": fitted.height,
+        "validation": training_rows.height - fitted.height,
+    }
+
+
+def test_model_says_what_goes_in_and_out_and_in_which_unit(table):
+    model = train(table(400), epochs=1)
+    assert model.inputs[12:14] == ("u|u|", "v|v|")
+    assert model.outputs == OUTPUTS
+    assert model.units["u_dot"] == "m/s^2"
+    assert model.units["u|u|"] == "m^2/s^2"
+    assert model.units["N_res"] == "N m"
+
+
+def test_progress_tells_every_epoch_and_the_best_one_is_kept(table):
+    split, told = table(600), []
+    model = train(split, epochs=8, progress=told.append)
+    assert [epoch.number for epoch in told] == list(range(1, 9))
+    assert all(epoch.limit == 8 for epoch in told)
+    assert told[-1].loss < told[0].loss
+    best = [epoch for epoch in told if epoch.best][-1]
+    assert model.training["best_epoch"] == best.number
+    assert model.training["validation_rmse"] == best.validation_rmse
+    training_rows = rows.of_part(split, "train")
+    watched = training_rows.filter(rows.validation(training_rows))
+    error = predict(model, rows.states(watched)) - rows.wrenches(watched)
+    assert np.sqrt((error**2).mean()) == pytest.approx(best.validation_rmse, rel=1e-5)
+
+
+def test_training_ends_when_patience_does(table, monkeypatch):
+    monkeypatch.setattr(training, "PATIENCE", 3)
+    told = []
+    model = train(noise(table(600)), epochs=60, progress=told.append)
+    assert model.training["epochs"] == model.training["best_epoch"] + 3 == len(told) < 60
+
+
+def test_learning_rate_falls_on_a_plateau_and_not_before(table):
+    learning, stuck = [], []
+    train(table(600), epochs=6, progress=learning.append)
+    train(noise(table(600)), epochs=20, progress=stuck.append)
+    assert {epoch.learning_rate for epoch in learning} == {training.LEARNING_RATE}
+    rates = [epoch.learning_rate for epoch in stuck]
+    assert rates[0] == training.LEARNING_RATE
+    assert rates == sorted(rates, reverse=True)
+    assert rates[-1] < 0.2 * rates[0]
+
+
+def test_unsplit_labels_are_refused(table):
+    with pytest.raises(DataError, match="column part is missing: split the labels first with `hydro split`"):
+        train(table(400).drop("part"))
+
+
+def test_no_training_rows_are_refused(table):
+    with pytest.raises(DataError, match="no row belongs to the train part"):
+        train(table(400, parts=("test",)))
+
+
+def test_a_single_training_block_is_refused(table):
+    with pytest.raises(DataError, match="needs two blocks or more"):
+        train(table(100, parts=("train", "test")))
+
+
+@pytest.mark.parametrize("column", ["w_dot", "K_res"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, None])
+def test_numbers_that_are_not_finite_are_named(table, column, value):
+    with pytest.raises(DataError, match=rf"{column} must be finite: 200 of 200 rows.*row 0") as caught:
+        train(with_bad(table(400), "train", column, value))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_column_is_named(table):
+    with pytest.raises(DataError, match="column q_dot is missing"):
+        train(table(400).drop("q_dot"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"epochs": 0}, "at least 1"),
+        ({"device": "tpu"}, "cpu or cuda"),
+        ({"model": "x"}, "no model is called"),
+    ],
+)
+def test_wrong_options_are_refused(table, wrong, message):
+    with pytest.raises(UsageError, match=message):
+        train(table(400), **wrong)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a CUDA device")
+def test_cuda_is_refused_where_there_is_none(table):
+    with pytest.raises(UsageError, match="no CUDA device"):
+        train(table(400), device="cuda")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
+def test_cuda_gives_the_same_bytes_twice_and_a_model_of_the_processor(table):
+    split = table(600)
+    first = train(split, epochs=3, device="cuda")
+    assert stored(first) == stored(train(split, epochs=3, device="cuda"))
+    on_processor = train(split, epochs=3)
+    assert first.training["validation_rmse"] == pytest.approx(
+        on_processor.training["validation_rmse"], rel=1e-2
+    )
