@@ -79,7 +79,7 @@ def _series(draw: st.DrawFn, key: tuple[str, ...], rows: int) -> dict[str, pl.Se
 
 
 def _plain(field: Field, rows: int, rng: np.random.Generator) -> pl.Series:
-    """An ordinary column of numbers; to let Hypothesis draw every one of sixty columns would take too long."""
+    """An ordinary column of numbers; Hypothesis would take too long over every one of sixty."""
     low, high = field.constraints.minimum or -1e3, field.constraints.maximum or 1e3
     return pl.Series(rng.uniform(low, high, rows) * 0.999).cast(TYPES[str(rng.choice(field.arrow_type))])
 

@@ -21,6 +21,9 @@ SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""
 
 
+_DESCRIBED = {"name", "architecture", "features", "scalers", "inputs", "outputs", "units", "training"}
+
+
 @dataclass(frozen=True)
 class Model:
     """A residual network: tau_res as a function of (nu, nu_dot).
@@ -101,8 +104,8 @@ def from_artefact(artefact: Artefact) -> Model:
     Raises:
         DataError: the footer does not describe a model, or a tensor's shape is not that of its data.
     """
-    described = artefact.provenance.model
-    if described is None:
+    described = artefact.provenance.model or {}
+    if not described.keys() >= _DESCRIBED:
         raise DataError("model: the file's footer lacks the architecture: write it with `hydro train`")
     tensors = {}
     for name, shape, data in artefact.frame.iter_rows():

@@ -152,12 +152,11 @@ class Schema:
         Raises:
             DataError: the first rule that is broken, how often, and the first row (rows count from 0).
         """
-        self.check_columns({name: storage_type(dtype) for name, dtype in frame.schema.items()}, source)
-        columns = self.columns(frame.columns)
-        frame = frame.select(
-            pl.col(name) if frame.schema[name] != pl.Categorical else pl.col(name).cast(pl.String)
-            for name in columns
-        )
+        types = dict(frame.schema)
+        self.check_columns({name: storage_type(dtype) for name, dtype in types.items()}, source)
+        columns = self.columns(types)
+        coded = [name for name in columns if types[name] in (pl.Categorical, pl.Enum)]
+        frame = frame.select(list(columns)).cast(dict.fromkeys(coded, pl.String))
         if frame.height == 0:
             raise DataError(f"{source}: no rows: a {self.kind} table needs at least one")
         for name, field in columns.items():
@@ -300,7 +299,7 @@ def _broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
 
 def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
     """One pass for the least and one for the greatest; rows are looked for only when one of them is wrong."""
-    numbers = values.drop_nulls().to_numpy()
+    numbers = (values.drop_nulls() if values.null_count() else values).to_numpy()
     if numbers.size == 0:
         return
     least, greatest = numbers.min(), numbers.max()  # a NaN anywhere makes both NaN

@@ -100,7 +100,7 @@ def vehicle_hash(vehicle: Vehicle) -> str:
     Returns:
         `sha256:` and 64 hexadecimal digits.
     """
-    content = msgspec.json.encode(_floats(msgspec.to_builtins(vehicle)), order="sorted")
+    content = msgspec.json.encode(_canonical(vehicle), order="sorted")
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
@@ -232,12 +232,23 @@ def _check_thruster(path: str, thruster: Thruster) -> None:
         raise DataError(f"{path}.lag_step: must be below {limit}, got {thruster.lag_step:g}")
 
 
-def _floats(value: Any) -> Any:
-    """The same content with every number as a float, and without negative zeros."""
+def _canonical(value: Any) -> Any:
+    """The same content with every number a float, no negative zeros, and nothing that is its default anyway.
+
+    So keys that later versions add with a default leave the hashes of today's vehicles as they are.
+    """
+    if isinstance(value, msgspec.Struct):
+        fields = msgspec.structs.fields(value)
+        stated = {field.name: getattr(value, field.name) for field in fields}
+        return {
+            field.name: _canonical(stated[field.name])
+            for field in fields
+            if stated[field.name] != field.default
+        }
     if isinstance(value, Mapping):
-        return {key: _floats(inner) for key, inner in value.items()}
+        return {key: _canonical(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_floats(inner) for inner in value]
+        return [_canonical(inner) for inner in value]
     return float(value) + 0.0 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
