@@ -73,9 +73,11 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     motion = np.empty((len(t), 12))
     for (begin, end), resumed in zip(bounds, after_gap, strict=True):
         rows = slice(begin, end)
-        velocity = sensor.corrected(log, t[begin : begin + 1], given[begin : begin + 1, 6:])[0]
+        velocity = given[begin : begin + 1, 6:]
+        if known:
+            velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
         motion[rows] = trajectory(
-            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity, dt=dt, settled=bool(resumed)
+            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], dt=dt, settled=bool(resumed)
         )
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
@@ -202,21 +204,17 @@ def _spin(target: Array, decay: Array, rotors: Array) -> None:
 def _step(flat: Array, h: float, y: Array, s: Array, rotors: Array, work: Array) -> None:
     """One Runge-Kutta step of `y` in place; `work` is room for three states and a wrench."""
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
-    _rates(flat, y, s, rotors[0], tau, rates)
+    total[:] = 0.0
+    trial[:] = y
+    for stage in range(4):
+        _rates(flat, trial, s, rotors[(stage + 1) // 2], tau, rates)
+        weight = 1.0 if stage == 0 or stage == 3 else 2.0
+        ahead = h if stage == 2 else 0.5 * h
+        for i in range(y.size):
+            total[i] += weight * rates[i]
+            trial[i] = y[i] + ahead * rates[i]
     for i in range(y.size):
-        total[i] = rates[i]
-        trial[i] = y[i] + 0.5 * h * rates[i]
-    _rates(flat, trial, s, rotors[1], tau, rates)
-    for i in range(y.size):
-        total[i] += 2.0 * rates[i]
-        trial[i] = y[i] + 0.5 * h * rates[i]
-    _rates(flat, trial, s, rotors[1], tau, rates)
-    for i in range(y.size):
-        total[i] += 2.0 * rates[i]
-        trial[i] = y[i] + h * rates[i]
-    _rates(flat, trial, s, rotors[2], tau, rates)
-    for i in range(y.size):
-        y[i] += h / 6.0 * (total[i] + rates[i])
+        y[i] += h / 6.0 * total[i]
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
     for i in range(3, 7):
         y[i] /= norm
@@ -224,7 +222,7 @@ def _step(flat: Array, h: float, y: Array, s: Array, rotors: Array, work: Array)
 
 @jit
 def _rates(flat: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array) -> None:
-    """Time derivative of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance."""
+    """Time derivative of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), the balance."""
     observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
     for i in range(3):

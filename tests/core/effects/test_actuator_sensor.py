@@ -57,7 +57,7 @@ def test_dead_band_widens():
 
 @given(numbers(-1.0, 1.0), vectors(6, 1.5))
 def test_inflow_takes_thrust_with_the_speed_into_the_propeller(command, nu_r):
-    """f - c sqrt(|f| f_max) u_a with u_a = d . (v_r + omega x r), of the thruster at (-0.7, 0.1, 0) facing ahead."""
+    """f - c sqrt(|f| f_max) u_a with u_a = d . (v_r + omega x r), of a thruster ahead at (-0.7, 0.1, 0)."""
     plain = held([command, 0.0])[-1, 0]
     actual = held([command, 0.0], {"name": "thruster_inflow", "c": 0.15}, nu_r=nu_r)[-1, 0]
     speed = nu_r[0] + (nu_r[4] * 0.0 - nu_r[5] * 0.1)
