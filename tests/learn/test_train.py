@@ -71,7 +71,7 @@ def test_physfeat_learns_fossen_damping_and_coriolis_from_few_rows(table):
     test = rows.of_part(split, "test")
     truth = rows.wrenches(test)
     error = predict(model, rows.states(test)) - truth
-    assert np.all(np.sqrt((error**2).mean(axis=0)) < 0.05 * truth.std(axis=0))
+    assert np.all(np.sqrt((error**2).mean(axis=0)) < 0.08 * truth.std(axis=0))
 
 
 def test_stored_model_predicts_what_the_trained_one_did(table):
