@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 from strategies import commands, numbers, thrusters, vectors, vehicles, velocities
@@ -61,6 +62,13 @@ def one_segment(rows: int):
     return np.array([[0, rows]])
 
 
+def configurations(least: int, most: int):
+    """Matrices B of so many thrusters."""
+    return st.integers(least, most).flatmap(
+        lambda count: arrays(np.float64, (6, count), elements=numbers(-1.0, 1.0), fill=st.nothing())
+    )
+
+
 # -- B and its pseudo-inverse ------------------------------------------------------------------------------
 
 
@@ -105,20 +113,17 @@ def test_the_wrench_is_linear_in_thrust_and_the_sum_over_thrusters(data, vehicle
     np.testing.assert_allclose(B @ f, by_hand, atol=1e-9)
 
 
-@given(vehicles(), vectors(6, 50.0))
-def test_allocation_meets_every_demand_that_the_thrusters_can_meet(vehicle, demand):
-    B = allocation.configuration_matrix(vehicle)
-    singular = np.linalg.svd(B, compute_uv=False)
-    assume(B.shape[1] >= 6 and singular[-1] > 1e-3)
+@given(configurations(6, 9), vectors(6, 50.0))
+def test_allocation_meets_every_demand_that_the_thrusters_can_meet(B, demand):
+    assume(np.linalg.svd(B, compute_uv=False)[-1] > 1e-2)
     f = allocation.allocate(B, demand)
     np.testing.assert_allclose(B @ f, demand, atol=1e-8)
     np.testing.assert_allclose(allocation.allocate(B, [demand, 2.0 * demand]), [f, 2.0 * f], atol=1e-8)
 
 
-@given(vehicles(), vectors(8, 50.0))
-def test_allocation_gives_back_the_wrench_with_the_least_thrust(vehicle, thrust):
-    B = allocation.configuration_matrix(vehicle)
-    assume(B.shape[1] and np.linalg.svd(B, compute_uv=False)[-1] > 1e-3)
+@given(configurations(1, 9), vectors(9, 50.0))
+def test_allocation_gives_back_the_wrench_with_the_least_thrust(B, thrust):
+    assume(np.linalg.svd(B, compute_uv=False)[-1] > 1e-2)
     thrust = thrust[: B.shape[1]]
     f = allocation.allocate(B, B @ thrust)
     np.testing.assert_allclose(B @ f, B @ thrust, atol=1e-8)
@@ -280,6 +285,8 @@ def test_columns_apply_the_effects_of_the_table_and_the_water():
 @given(thrusters(), commands(15, 1), numbers(0.0, 1.0))
 def test_any_lag_state_sums_its_step_responses_even_on_a_jittery_clock(one, held, jitter):
     t = 3.0 + DT * (np.arange(15) + 0.01 * jitter * np.sin(7.0 * np.arange(15)))
+    nearest = np.abs(t[:, None] - t[None, :] - one.delay)
+    assume(not np.any((nearest > 1e-13) & (nearest < 1e-9)))  # neither at once nor apart
     table = allocation.thruster_table(vehicle_with(one))
     found = allocation.lag_states(table, held, t, t)[:, 0]
     np.testing.assert_allclose(found, step_responses(one, held[:, 0], t, t), rtol=1e-7, atol=1e-7)
