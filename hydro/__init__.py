@@ -12,6 +12,30 @@ The functions here are the whole line on polars frames; the command line offers 
 
 from __future__ import annotations
 
-from hydro.api import features, labels, read, read_model, split, train, vehicle, write, write_model
+from hydro.api import (
+    evaluate,
+    features,
+    labels,
+    read,
+    read_model,
+    replay,
+    split,
+    train,
+    vehicle,
+    write,
+    write_model,
+)
 
-__all__ = ["features", "labels", "read", "read_model", "split", "train", "vehicle", "write", "write_model"]
+__all__ = [
+    "evaluate",
+    "features",
+    "labels",
+    "read",
+    "read_model",
+    "replay",
+    "split",
+    "train",
+    "vehicle",
+    "write",
+    "write_model",
+]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from hydro.io.model import Model
 
 Acceleration = Literal["rts", "kalman", "kalman-difference"]
+Conditioning = Literal["off", "paper", "paper-old", "paper-new"]
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
@@ -189,3 +190,63 @@ def write_model(model: Model, destination: str | Path | BinaryIO) -> None:
     from hydro.io import table
 
     table.write(models.to_artefact(model, stage="python"), destination)
+
+
+def evaluate(
+    models: Sequence[Model],
+    labels: pl.DataFrame,
+    *,
+    part: Literal["test", "train", "all"] = "test",
+    dataset: str = "labels",
+) -> pl.DataFrame:
+    """Measure how well models predict the residual wrench.
+
+    Args:
+        models: trained models, of different names.
+        labels: split table, or a labels table for part `all`.
+        part: which side of the split.
+        dataset: name of the data in the result.
+
+    Returns:
+        A metrics table: `rmse`, `mae` [N, N m] and `r2` per axis and over all, with 95 % intervals.
+
+    Raises:
+        hydro.core.errors.DataError: the rows are not there, or a model is broken.
+    """
+    from hydro.learn.evaluate import evaluate as measure
+
+    return measure(models, labels, part=part, dataset=dataset)
+
+
+def replay(
+    raw: pl.DataFrame,
+    vehicle: Vehicle,
+    *,
+    models: Sequence[Model] = (),
+    variants: Sequence[str] | None = None,
+    conditioning: Conditioning = "off",
+    dataset: str = "recording",
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Fly a recording's commands again in MuJoCo, open loop.
+
+    Args:
+        raw: raw table.
+        vehicle: the vehicle that it was recorded with.
+        models: trained models, one variant each, beside MJ0 and MJ0+M_A.
+        variants: names of the variants to fly; all by default.
+        conditioning: what is done to a learned wrench: nothing, or as the paper does.
+        dataset: name of the recording in the metrics.
+
+    Returns:
+        The motion of every variant and of the recording (variant `measured`): pose in NED [m, rad], velocity in
+        body axes [m/s, rad/s]; and a metrics table with the root mean square error of every velocity.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle.
+        hydro.core.errors.UsageError: there is no such variant.
+    """
+    from hydro.core.conditioning import preset
+    from hydro.sim import replay as sim
+
+    flown = sim.variants(models, variants)
+    return sim.replay(raw, vehicle, flown, conditioning=preset(conditioning, vehicle), dataset=dataset)

@@ -92,7 +92,7 @@ def _exit_code(error: BaseException) -> int:
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, KeyboardInterrupt):
-        return _report("interrupted", 130)
+        return 130
     if isinstance(error, BrokenPipeError):
         return _leave_quietly()
     if isinstance(error, HydroError):

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from hydro.commands.shell import print_table, read
+from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
 
 PACKAGE = Path(__file__).resolve().parents[1]
 EPOCHS = 12
@@ -73,21 +73,21 @@ def _run(root: Any, step: list[str]) -> None:
 def _draw(out: dict[str, str], folder: Path) -> list[Path]:
     """Draw the replay's velocities and errors; the paths of the pictures."""
     from hydro.report import figures
+    from hydro.report.tables import replay_errors
 
     pictures = [folder / "replay.png", folder / "errors.png"]
     figures.save(figures.draw_overlay(figures.overlay_table(read(out["replay"]).frame)), pictures[0])
-    figures.save(figures.draw_errors(figures.error_table(read(out["errors"]).frame)), pictures[1])
+    figures.save(figures.draw_errors(replay_errors(read(out["errors"]).frame)), pictures[1])
     return pictures
 
 
 def _print_errors(out: dict[str, str]) -> None:
     """Print both error tables: of the predicted wrench, and of the replayed velocities."""
-    from hydro.report.figures import error_table
+    from hydro.report.tables import prediction_errors, replay_errors
 
-    print_table(
-        error_table(read(out["errors"]).frame),
-        "Open-loop replay of 90 s, RMSE (u v w in m/s, p q r in rad/s)",
-    )
+    predicted, replayed = read(out["evaluation"]).frame, read(out["errors"]).frame
+    print_table(prediction_errors(predicted), PREDICTION_TITLE)
+    print_table(replay_errors(replayed), REPLAY_TITLE)
 
 
 COMMANDS = {

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hydro.commands.shell import (
+    REPLAY_TITLE,
     STREAM,
     Output,
     VehicleFile,
@@ -62,7 +63,7 @@ def replay(
     from hydro.core.conditioning import preset
     from hydro.io import model as models
     from hydro.io import table
-    from hydro.report.figures import error_table
+    from hydro.report.tables import replay_errors
     from hydro.sim import replay as sim
     from hydro.sim.student import Physics
 
@@ -96,7 +97,7 @@ def replay(
     if metrics is not None:
         write(artefact("metrics", errors), metrics)
     if shows_table(output):
-        print_table(error_table(errors), f"{dataset_name(raw)}: RMSE, u v w [m/s], p q r [rad/s]")
+        print_table(replay_errors(errors), REPLAY_TITLE)
     else:
         write(artefact("replay", series), output)
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
 
 STREAM = "-"
+PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
+REPLAY_TITLE = "Open-loop replay, RMSE: u v w [m/s], p q r [rad/s]"
 
 Output = Annotated[
     str,
@@ -165,12 +167,14 @@ def print_table(frame: pl.DataFrame, title: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for name, dtype in frame.schema.items():
         table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=dtype.is_numeric())
     for row in frame.iter_rows():
         table.add_row(*[_cell(value) for value in row])
-    Console().print(table)
+    console = Console(highlight=False)
+    console.print(f"\n[bold]{title}[/bold]" if title else "")
+    console.print(table, width=console.width if console.is_terminal else 160)
 
 
 def _cell(value: Any) -> str:

@@ -78,23 +78,6 @@ def overlay_table(
     )
 
 
-def error_table(metrics: pl.DataFrame, metric: str = "rmse") -> pl.DataFrame:
-    """What the heat map draws: one row per variant and one column per velocity axis.
-
-    Args:
-        metrics: a metrics artefact; rows of other metrics and axes are left out.
-        metric: which metric to show.
-
-    Returns:
-        Columns `variant` and those of u, v, w [m/s], p, q, r [rad/s] that the metrics hold.
-    """
-    chosen = metrics.filter((pl.col("metric") == metric) & pl.col("axis").is_in(list(TITLES)))
-    table = chosen.pivot(
-        on="axis", index="variant", values="value", aggregate_function="mean", maintain_order=True
-    )
-    return table.select("variant", *[axis for axis in TITLES if axis in table.columns])
-
-
 def draw_overlay(table: pl.DataFrame) -> Figure:
     """Draw measured and replayed velocities, one panel per axis, from `overlay_table`."""
     import matplotlib as mpl
@@ -144,7 +127,7 @@ def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
 
 
 def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower is better)") -> Figure:
-    """Draw the errors of `error_table` as a heat map with its numbers, translation beside rotation."""
+    """Draw the errors of `tables.replay_errors` as a heat map, translation beside rotation."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

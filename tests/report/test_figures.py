@@ -23,14 +23,9 @@ def replay_table(rows: int = 400) -> pl.DataFrame:
     return pl.concat(blocks)
 
 
-def metrics_table() -> pl.DataFrame:
-    rows = [
-        {"variant": variant, "axis": axis, "metric": metric, "value": value * (k + 1)}
-        for variant, value in (("MJ0", 1.0), ("MJ4", 0.01))
-        for metric in ("rmse", "mae")
-        for k, axis in enumerate(("all", *"uvwpqr"))
-    ]
-    return pl.DataFrame(rows)
+ERRORS = pl.DataFrame(
+    {"variant": ["MJ0", "MJ4"], **{axis: [1.0 + k, 0.01 + k / 100] for k, axis in enumerate("uvwpqr")}}
+)
 
 
 def test_overlay_draws_the_first_session_from_time_zero() -> None:
@@ -62,18 +57,11 @@ def test_long_series_are_thinned_evenly_and_alike() -> None:
     assert np.allclose(steps, 3 / 50)
 
 
-def test_error_table_keeps_the_metric_the_axes_and_the_order() -> None:
-    table = figures.error_table(metrics_table())
-    assert table.columns == ["variant", *"uvwpqr"]
-    assert table["variant"].to_list() == ["MJ0", "MJ4"]
-    assert table.row(1)[1:] == pytest.approx([0.01 * k for k in range(2, 8)])
-
-
 def test_drawings_become_pictures_and_the_same_bytes_twice(tmp_path: Path) -> None:
-    overlay, errors = figures.overlay_table(replay_table()), figures.error_table(metrics_table())
+    overlay = figures.overlay_table(replay_table())
     for name, draw in {
         "a": lambda: figures.draw_overlay(overlay),
-        "b": lambda: figures.draw_errors(errors),
+        "b": lambda: figures.draw_errors(ERRORS),
     }.items():
         figures.save(draw(), tmp_path / f"{name}.png")
         figures.save(draw(), tmp_path / f"{name}-again.png")

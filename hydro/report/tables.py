@@ -1,0 +1,71 @@
+"""Metrics laid out as the paper's tables: what the error figures draw and a terminal prints."""
+
+from __future__ import annotations
+
+import polars as pl
+
+VELOCITIES = ("u", "v", "w", "p", "q", "r")
+WRENCH = ("X", "Y", "Z", "K", "M", "N")
+
+
+def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
+    """The paper's Table III: one row per variant, one column per velocity axis.
+
+    Args:
+        metrics: metrics of one replay.
+
+    Returns:
+        `variant`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s], null where a flight
+        diverged, and in that case a column `diverged at` with the time [s] when it did.
+    """
+    errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITIES)
+    diverged = metrics.filter(pl.col("metric") == "diverged").select(
+        "variant", pl.col("value").alias("diverged at")
+    )
+    table = (
+        metrics.select("variant")
+        .unique(maintain_order=True)
+        .join(errors, on="variant", how="left", maintain_order="left")
+    )
+    return (
+        table
+        if diverged.is_empty()
+        else table.join(diverged, on="variant", how="left", maintain_order="left")
+    )
+
+
+def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
+    """The paper's Table II and its Fig. 2: one row per model.
+
+    Args:
+        metrics: metrics of predicted wrenches.
+
+    Returns:
+        `model`; the root mean square errors of X, Y, Z [N], K, M, N [N m]; the paper's single figures, over
+        all rows and six axes as they are: `RMSE`, `low` and `high` of its interval, and `MAE`; and the mean
+        `R2` of the axes.
+    """
+    table = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "model", WRENCH)
+    overall = pl.col("axis") == "all"
+    for metric, axis, columns in (
+        ("rmse", overall, {"RMSE": "value", "low": "low", "high": "high"}),
+        ("mae", overall, {"MAE": "value"}),
+        ("r2", pl.col("axis") == "mean", {"R2": "value"}),
+    ):
+        chosen = metrics.filter(pl.col("metric") == metric, axis)
+        table = table.join(
+            chosen.select("model", **{name: pl.col(column) for name, column in columns.items()}),
+            on="model",
+            how="left",
+            maintain_order="left",
+        )
+    return table
+
+
+def _by_axis(metrics: pl.DataFrame, row: str, axes: tuple[str, ...]) -> pl.DataFrame:
+    """Values with one row per `row` in their order of appearance and one column per axis that is there."""
+    chosen = metrics.filter(pl.col("axis").is_in(axes))
+    table = chosen.pivot(
+        on="axis", index=row, values="value", aggregate_function="first", maintain_order=True
+    )
+    return table.select(row, *[axis for axis in axes if axis in table.columns])
