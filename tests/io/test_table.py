@@ -124,7 +124,14 @@ def test_the_kind_of_a_table_from_elsewhere_shows_in_its_columns(data: st.DataOb
 
 def test_recordings_of_stonefish_are_raw_tables(datasets: Path) -> None:
     for path in sorted((datasets / "stonefish").glob("*.parquet")):
-        assert table.read(path, "raw").frame.height > 1000
+        artefact = table.read(path, "raw")
+        assert artefact.frame.height > 1000
+        carried = artefact.provenance.vehicle
+        assert carried is not None
+        known = Input("vehicle", vehicle.vehicle_hash(vehicle.parse(carried)))
+        assert artefact.provenance.inputs == (known,), (
+            "the hash of a vehicle has changed: see datasets/make.py"
+        )
 
 
 # History
