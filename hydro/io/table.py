@@ -146,7 +146,7 @@ def _encode(artefact: Artefact) -> memoryview:
 def _open(content: bytes, name: str) -> pq.ParquetFile:
     """The Parquet file in these bytes."""
     if not content.startswith(_MAGIC):
-        raise DataError(f"{name}: not a Parquet file: turn a log into one with `hydro import`")
+        raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
     if not content.endswith(_MAGIC) or len(content) < 12:
         raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
     try:

@@ -235,7 +235,10 @@ def test_a_table_without_rows_or_columns(frame: pl.DataFrame) -> None:
 
 
 FILES: dict[str, tuple[bytes, str]] = {
-    "a text": (b"session,t,x\na,0.0,1.0\n", "not a Parquet file: turn a log into one with `hydro import`"),
+    "a text": (
+        b"session,t,x\na,0.0,1.0\n",
+        "not a Parquet file: convert it, with the columns of a raw table",
+    ),
     "noise": (bytes(range(256)), "not a Parquet file"),
     "the first four bytes": (b"PAR1", "this Parquet file is cut short: write or copy it again"),
     "no footer": (b"PAR1" + bytes(100) + b"PAR1", "this Parquet file is damaged"),
