@@ -11,17 +11,18 @@ import math
 
 import numpy as np
 import polars as pl
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hydro.core.allocation import DELAY, lag_decay, settled_state
+from hydro.core.allocation import lag_decay, settled_state
 from hydro.core.compiled import jit
-from hydro.core.dynamics import accelerate, observe, propel
+from hydro.core.dynamics import observe
 from hydro.core.effects import Program, assemble, sensor, velocity_log
-from hydro.core.effects.layout import MOTION, ROTATION
+from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.integrate import BODY, NO_HULL, obey, spin, step
 from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.vehicle import Vehicle
 
@@ -29,7 +30,6 @@ RATE = 500.0
 """Integration steps per second, at least [Hz]."""
 POSE = ("x", "y", "z", "phi", "theta", "psi")
 VELOCITY = ("u", "v", "w", "p", "q", "r")
-BODY = 13  # position 3, quaternion 4, nu 6: the states before those of the effects
 
 
 def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
@@ -115,17 +115,17 @@ def trajectory(
         bounds.
     """
     clock, demand = np.ascontiguousarray(t, np.float64), np.ascontiguousarray(commands, np.float64)
-    if demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
+    if not clock.size or demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
         raise DataError(
-            f"commands: expected {clock.size} finite rows of {program.thrusters} thrusters, got shape "
+            f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, got shape "
             f"{demand.shape}"
         )
     pose = np.asarray(eta, np.float64)
     first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
-    step = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
-    substeps = max(1, math.ceil(step * rate * (1.0 - 1e-9)))
+    interval = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
+    substeps = max(1, math.ceil(interval * rate * (1.0 - 1e-9)))
     out = np.empty((clock.size, BODY))
-    reached = _march(program.flat, demand, clock, substeps, settled, first, out)
+    reached = _march(program.flat, NO_HULL, demand, clock, substeps, settled, first, out)
     if reached < clock.size:
         raise DataError(
             f"the motion grows beyond all bounds by t = {clock[reached]:g} s; check the vehicle's damping"
@@ -135,7 +135,14 @@ def trajectory(
 
 @jit
 def _march(
-    flat: Array, commands: Array, t: Array, substeps: int, settled: bool, first: Array, out: Array
+    flat: Array,
+    facets: Array,
+    commands: Array,
+    t: Array,
+    substeps: int,
+    settled: bool,
+    first: Array,
+    out: Array,
 ) -> int:
     """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
     table = thrusters_of(flat)
@@ -162,76 +169,14 @@ def _march(
             now, end = t[k] + j * h, t[k] + (j + 1) * h
             while now < end - close:
                 if change <= now + close:
-                    change = _obey(table, commands, t, now + close, target, upcoming)
+                    change = obey(table, commands, t, now + close, target, upcoming)
                 until = change if change < end - close else end
-                step = until - now
-                if abs(step - decayed) > 1e-9 * step:
-                    decayed = step
+                length = until - now
+                if abs(length - decayed) > 1e-9 * length:
+                    decayed = length
                     for i in range(count):
-                        decay[i] = lag_decay(table[i], 0.5 * step)
-                _spin(target, decay, rotors)
-                _step(flat, step, y, s, rotors, work)
+                        decay[i] = lag_decay(table[i], 0.5 * length)
+                spin(target, decay, rotors)
+                step(flat, facets, length, y, s, rotors, work)
                 now = until
     return int(t.size)
-
-
-@jit
-def _obey(
-    table: Array, commands: Array, t: Array, now: float, target: Array, upcoming: NDArray[np.int64]
-) -> float:
-    """Set the settled states of the commands felt at `now`; the time of the next change."""
-    change = np.inf
-    for i in range(target.size):
-        while upcoming[i] < t.size and t[upcoming[i]] + table[i, DELAY] <= now:
-            target[i] = settled_state(table[i], commands[upcoming[i], i])
-            upcoming[i] += 1
-        if upcoming[i] < t.size:
-            change = min(change, t[upcoming[i]] + table[i, DELAY])
-    return change
-
-
-@jit
-def _spin(target: Array, decay: Array, rotors: Array) -> None:
-    """Lag states at the beginning, middle and end of a step; `decay` is of half of it, 0 without lag."""
-    for i in range(target.size):
-        away = rotors[2, i] - target[i] if decay[i] > 0.0 else 0.0
-        rotors[0, i] = target[i] + away
-        rotors[1, i] = target[i] + away * decay[i]
-        rotors[2, i] = target[i] + away * decay[i] * decay[i]
-
-
-@jit
-def _step(flat: Array, h: float, y: Array, s: Array, rotors: Array, work: Array) -> None:
-    """One Runge-Kutta step of `y` in place; `work` is room for three states and a wrench."""
-    rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
-    total[:] = 0.0
-    trial[:] = y
-    for stage in range(4):
-        _rates(flat, trial, s, rotors[(stage + 1) // 2], tau, rates)
-        weight = 1.0 if stage == 0 or stage == 3 else 2.0
-        ahead = h if stage == 2 else 0.5 * h
-        for i in range(y.size):
-            total[i] += weight * rates[i]
-            trial[i] = y[i] + ahead * rates[i]
-    for i in range(y.size):
-        y[i] += h / 6.0 * total[i]
-    norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
-    for i in range(3, 7):
-        y[i] /= norm
-
-
-@jit
-def _rates(flat: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array) -> None:
-    """Time derivative of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), the balance."""
-    observe(flat, y[0:3], y[3:7], y[7:BODY], s)
-    u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
-    for i in range(3):
-        row = ROTATION + 3 * i
-        rates[i] = s[row] * u + s[row + 1] * v + s[row + 2] * w
-    rates[3] = -0.5 * (y[4] * p + y[5] * q + y[6] * r)
-    rates[4] = 0.5 * (y[3] * p - y[6] * q + y[5] * r)
-    rates[5] = 0.5 * (y[6] * p + y[3] * q - y[4] * r)
-    rates[6] = 0.5 * (-y[5] * p + y[4] * q + y[3] * r)
-    tau[:] = 0.0
-    propel(flat, s, rotors, tau)
-    accelerate(flat, s, y[BODY:], rates[BODY:], tau, rates[7:BODY])

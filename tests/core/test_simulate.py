@@ -354,6 +354,8 @@ def test_what_cannot_be_simulated():
         simulate(gap, bare())
     with pytest.raises(DataError, match="finite rows of 1 thrusters"):
         simulate(commands.with_columns(cmd_1=float("nan")), bare())
+    with pytest.raises(DataError, match="some finite rows"):
+        trajectory(assemble(bare()), np.empty((0, 1)), [])
     with pytest.raises(DataError, match="beyond all bounds by t = "):
         trajectory(
             assemble(bare({"name": "linear_damping", "diagonal": [-1e6] * 6})),
