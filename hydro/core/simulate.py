@@ -117,8 +117,8 @@ def trajectory(
     clock, demand = np.ascontiguousarray(t, np.float64), np.ascontiguousarray(commands, np.float64)
     if not clock.size or demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
         raise DataError(
-            f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, got shape "
-            f"{demand.shape}"
+            f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, "
+            f"got shape {demand.shape}"
         )
     pose = np.asarray(eta, np.float64)
     first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
