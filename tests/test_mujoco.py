@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
+import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -9,10 +13,13 @@ from mujoco import batch, rollout
 from tests.sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
 from hydro.core.allocation import configuration_matrix
+from hydro.core.effects import assemble
 from hydro.core.errors import DataError
 from hydro.core.frames import rotation_from_quaternion
 from hydro.core.rigid_body import mass_matrix
+from hydro.core.vehicle import Buoyancy, RigidBody
 from hydro.sim import mjcf, native, states
+from hydro.sim.water import Water
 
 ETA = np.array([1.0, -2.0, 5.0, 0.4, -0.3, 2.0])
 NU = np.array([0.8, -0.5, 0.3, 0.7, -0.4, 0.9])
@@ -101,10 +108,10 @@ def test_residual_wrench_replaces_the_coriolis_terms_and_is_held_in_the_body():
     # M nu_dot + g + tau_ML = tau_prop, with no Coriolis of MuJoCo's own left.
     craft = vehicle(center_of_gravity=OFFSET)
     inertia, tau = added_mass(1.3), np.array([5.0, -3.0, 4.0, 0.5, -0.8, 0.3])
-    compiled = model(craft, inertia=inertia, coriolis=-mass_matrix(craft), held=2, integrator="rk4")
+    compiled = model(craft, inertia=inertia, cancelled=mass_matrix(craft), held=True, integrator="rk4")
     data = mujoco.MjData(compiled)
     data.qpos[:], data.qvel[:] = states.to_mujoco(ETA, NU)
-    data.userdata[2:8] = tau
+    data.userdata[:] = tau
     mujoco.mj_step(compiled, data, 1000)
     solution = exact(craft, ETA, NU, 2.0, inertia=inertia, coriolis=-mass_matrix(craft), wrench=-tau)
     assert error(data, solution) < 1e-8
@@ -124,7 +131,7 @@ def test_each_thruster_pushes_as_the_allocation_says():
     eta = np.array([0.0, 0.0, 5.0, 0.3, -0.2, 1.0])
     for i in range(3):
         thrust = np.zeros(3)
-        thrust[i] = 30.0
+        thrust[i] = 0.3
         still, pushed = (fly(compiled, 0.0, eta=eta, nu=np.zeros(6), ctrl=c) for c in (np.zeros(3), thrust))
         for data in (still, pushed):
             mujoco.mj_forward(compiled, data)
@@ -137,7 +144,7 @@ def test_thrust_step_reaches_the_speed_of_its_impulse():
     craft = vehicle(thrusters=(thruster(),))
     inertia = np.diag([60.0, 0, 0, 0, 0, 0])
     data = fly(
-        model(craft, inertia=inertia, coriolis=inertia), 1.0, eta=np.zeros(6), nu=np.zeros(6), ctrl=[50.0]
+        model(craft, inertia=inertia, coriolis=inertia), 1.0, eta=np.zeros(6), nu=np.zeros(6), ctrl=[0.5]
     )
     _, nu = states.from_mujoco(data.qpos, data.qvel)
     np.testing.assert_allclose(nu, [50.0 / (MASS + 60.0), 0, 0, 0, 0, 0], atol=1e-9)
@@ -149,31 +156,22 @@ WALL = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [0.1, 5, 5], "name": "wall"}
 def test_contacts_feel_added_mass_as_a_heavier_body_would():
     # Isotropic added mass at CO = CG is a heavier rigid body, which MuJoCo alone can also fly into a wall.
     extra = 2.5 * MASS
-    round_ = ((3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0))
-    light = vehicle(thrusters=(thruster(),))
-    light = type(light)(
-        **{**_fields(light), "rigid_body": type(light.rigid_body)(MASS, (0.0, 0.0, 0.0), round_)}
+    light = msgspec.structs.replace(
+        vehicle(thrusters=(thruster(),)), rigid_body=RigidBody(MASS, (0.0, 0.0, 0.0), sphere(3.0))
     )
-    heavy_body = type(light.rigid_body)(
-        MASS + extra, (0.0, 0.0, 0.0), ((5.0, 0.0, 0.0), (0.0, 5.0, 0.0), (0.0, 0.0, 5.0))
-    )
-    heavy = type(light)(
-        **{
-            **_fields(light),
-            "rigid_body": heavy_body,
-            "buoyancy": type(light.buoyancy)((MASS + extra) * GRAVITY, (0, 0, 0)),
-        }
+    heavy = msgspec.structs.replace(
+        light,
+        rigid_body=RigidBody(MASS + extra, (0.0, 0.0, 0.0), sphere(5.0)),
+        buoyancy=Buoyancy((MASS + extra) * GRAVITY, (0.0, 0.0, 0.0)),
     )
     inertia = np.diag([extra] * 3 + [2.0] * 3)
     paths = []
-    for craft, parameters in ((light, native.parameters(inertia=inertia, coriolis=inertia)), (heavy, None)):
-        spec = mjcf.scene(craft)
+    for craft, added in ((light, inertia), (heavy, None)):
+        spec = mjcf.scene(craft, Water(assemble(craft), inertia=added, coriolis=added))
         spec.worldbody.add_geom(pos=[1.0, 0.05, 0.0], euler=[0, 0, 10], **WALL)
-        if parameters is not None:
-            native.attach(spec, craft.name, parameters)
         compiled = native.prepare(spec.compile())
         data = mujoco.MjData(compiled)
-        data.qvel[0], data.ctrl[0] = 1.0, 60.0
+        data.qvel[0], data.ctrl[0] = 1.0, 0.6
         path = []
         for _ in range(600):
             mujoco.mj_step(compiled, data)
@@ -187,12 +185,11 @@ def test_contacts_feel_added_mass_as_a_heavier_body_would():
 def test_a_wall_holds_the_thrust_that_leans_on_it():
     craft = vehicle(thrusters=(thruster(),))
     inertia = np.diag([6 * MASS, MASS, MASS, 1.0, 1.0, 1.0])
-    spec = mjcf.scene(craft)
+    spec = mjcf.scene(craft, Water(assemble(craft), inertia=inertia, coriolis=inertia))
     spec.worldbody.add_geom(pos=[0.6, 0, 0], **WALL)
-    native.attach(spec, craft.name, native.parameters(inertia=inertia, coriolis=inertia))
     compiled = native.prepare(spec.compile())
     data = mujoco.MjData(compiled)
-    data.ctrl[0] = 90.0
+    data.ctrl[0] = 0.9
     mujoco.mj_step(compiled, data, 2000)
     force = np.zeros(6)
     mujoco.mj_contactForce(compiled, data, 0, force)
@@ -211,27 +208,46 @@ def test_repeating_the_velocity_stage_adds_no_second_mass():
     np.testing.assert_array_equal(data.qacc, first)
 
 
-def test_a_model_without_parameters_is_untouched():
-    craft = vehicle(center_of_gravity=OFFSET, thrusters=(thruster(),))
-    plain = mjcf.scene(craft).compile()
-    numbers = mjcf.scene(craft)
-    numbers.add_numeric(name="hydroless", data=np.arange(40.0), size=40)
-    paths = []
-    for compiled in (plain, native.prepare(numbers.compile())):
-        paths.append(np.concatenate([fly(compiled, 1.0, ctrl=[20.0]).qpos, compiled.body_invweight0.ravel()]))
-    np.testing.assert_array_equal(paths[0], paths[1])
+def test_a_model_without_vehicles_is_untouched():
+    xml = """
+    <mujoco>
+      <custom><numeric name="numbers" data="{numbers}"/></custom>
+      <worldbody><body><freejoint/><geom type="ellipsoid" size="0.3 0.2 0.1"/><site name="s"/></body></worldbody>
+      <actuator>
+        <general site="s" gear="1 2 3 0.1 0.2 0.3" dyntype="user" biastype="user" actdim="1"/>
+        <motor site="s" gear="0 0 5 0 0 0"/>
+      </actuator>
+      <sensor><user dim="1" needstage="pos"/></sensor>
+    </mujoco>""".format(numbers=" ".join(map(str, range(40))))
+    before = """
+import mujoco, sys
+model = mujoco.MjModel.from_xml_string(sys.stdin.read())
+data = mujoco.MjData(model)
+data.qvel[:], data.ctrl[:] = 0.5, 0.7
+mujoco.mj_step(model, data, 500)
+print(*(x.hex() for x in [*data.qpos, *data.qvel, *model.body_invweight0.ravel()]))
+"""
+    apart = subprocess.run(
+        [sys.executable, "-c", before], input=xml, text=True, capture_output=True, check=True
+    )
     native.install()
-    again = np.concatenate([fly(plain, 1.0, ctrl=[20.0]).qpos, plain.body_invweight0.ravel()])
-    np.testing.assert_array_equal(paths[0], again)
+    plain = native.prepare(mujoco.MjModel.from_xml_string(xml))
+    data = mujoco.MjData(plain)
+    data.qvel[:], data.ctrl[:] = 0.5, 0.7
+    mujoco.mj_step(plain, data, 500)
+    here = [x.hex() for x in [*data.qpos, *data.qvel, *plain.body_invweight0.ravel()]]
+    assert here == apart.stdout.split()
 
 
 def test_two_vehicles_in_one_scene_do_not_disturb_each_other():
     light, heavy = vehicle(center_of_gravity=OFFSET), vehicle(center_of_gravity=(0.0, 0.01, 0.02))
     inertias = added_mass(1.3), added_mass(3.0)
-    spec = mjcf.scene(light)
-    mjcf.add_vehicle(spec, heavy, name="other")
-    for name, inertia in zip(("probe", "other"), inertias, strict=True):
-        native.attach(spec, name, native.parameters(inertia=inertia, coriolis=inertia))
+    light_water, heavy_water = (
+        Water(assemble(craft), inertia=inertia, coriolis=inertia)
+        for craft, inertia in zip((light, heavy), inertias, strict=True)
+    )
+    spec = mjcf.scene(light, light_water)
+    mjcf.add_vehicle(spec, heavy, heavy_water, name="other")
     both = native.prepare(spec.compile())
     data = mujoco.MjData(both)
     far = ETA + [50.0, 0, 0, 0, 0, 0]
@@ -256,12 +272,12 @@ def test_batch_is_a_loop_at_any_thread_count_and_rollout_repeats():
     for threads in (1, 2):
         many = batch.Batch(compiled, 6, nthread=threads)
         many.qpos[:], many.qvel[:] = states.to_mujoco(ETA + 0 * starts, starts)
-        many.ctrl[:] = 25.0
+        many.ctrl[:] = 0.25
         many.step(nstep=200)
         ends.append(np.hstack([many.qpos, many.qvel]))
     np.testing.assert_array_equal(ends[0], ends[1])
     for k in range(6):
-        data = fly(compiled, 0.4, nu=starts[k], ctrl=[25.0])
+        data = fly(compiled, 0.4, nu=starts[k], ctrl=[0.25])
         np.testing.assert_array_equal(ends[0][k], np.concatenate([data.qpos, data.qvel]))
 
     size = mujoco.mj_stateSize(compiled, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -270,7 +286,7 @@ def test_batch_is_a_loop_at_any_thread_count_and_rollout_repeats():
         data = mujoco.MjData(compiled)
         data.qpos[:], data.qvel[:] = states.to_mujoco(ETA, starts[k])
         mujoco.mj_getState(compiled, data, initial[k], mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    control = np.full((6, 200, 1), 25.0)
+    control = np.full((6, 200, 1), 0.25)
     used = [mujoco.MjData(compiled), fly(compiled, 0.2)]
     rolls = [
         rollout.rollout(compiled, data, initial, control)[0][:, -1, 1:14]
@@ -284,9 +300,9 @@ def test_settings_that_would_silence_the_water_are_refused():
     for change, message in (
         (lambda option: setattr(option, "solver", mujoco.mjtSolver.mjSOL_PGS), "Newton"),
         (lambda option: setattr(option, "disableflags", 0x60), "springs and dampers"),
+        (lambda option: setattr(option, "disableflags", int(mujoco.mjtDisableBit.mjDSBL_SENSOR)), "sensors"),
     ):
         spec = mjcf.scene(vehicle())
-        native.attach(spec, "probe", native.parameters(inertia=added_mass(1.0)))
         change(spec.option)
         with pytest.raises(DataError, match=message):
             native.prepare(spec.compile())
@@ -294,13 +310,11 @@ def test_settings_that_would_silence_the_water_are_refused():
 
 def test_a_model_that_was_never_prepared_does_not_fly():
     native.install()
-    spec = mjcf.scene(vehicle())
-    native.attach(spec, "probe", native.parameters(inertia=added_mass(1.0)))
-    compiled = spec.compile()
+    compiled = mjcf.scene(vehicle()).compile()
     data = mujoco.MjData(compiled)
     mujoco.mj_step(compiled, data)
     assert data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number == 1
 
 
-def _fields(craft):
-    return {name: getattr(craft, name) for name in craft.__struct_fields__}
+def sphere(moment: float):
+    return ((moment, 0.0, 0.0), (0.0, moment, 0.0), (0.0, 0.0, moment))

@@ -8,6 +8,7 @@ whose structs differ, hydro refuses to start rather than read a wrong number.
 from __future__ import annotations
 
 import ctypes
+import functools
 from functools import cache
 from typing import Any
 
@@ -43,7 +44,7 @@ _PROBE = """
     <body name="probe"><freejoint/><geom size="1"/><site name="probe"/></body>
   </worldbody>
   <actuator>
-    <general name="probe" site="probe" dyntype="filter"/>
+    <general name="probe" site="probe" dyntype="filter" delay="0.01" nsample="5"/>
   </actuator>
 </mujoco>
 """
@@ -86,30 +87,33 @@ def offset(struct: str, field: str) -> int:
 
     Args:
         struct: `"mjModel"` or `"mjData"`.
-        field: The field's name in C.
+        field: The field's name in C, `opt.timestep` for one of a struct within.
 
     Raises:
         HydroError: The installed MuJoCo has no such field.
     """
-    descriptor = getattr(_c_struct(struct), field, None)
-    if descriptor is None:
-        raise HydroError(f"MuJoCo {mujoco.__version__} has no field {struct}.{field}: install mujoco 4.0")
-    return int(descriptor.offset)
+    return _find(struct, field)[0]
 
 
-def _mismatch(struct: str, field: str, address: int, value: Any) -> str | None:
-    """Why a field read through its offset differs from what the bindings show, or None where it agrees."""
-    where = address + offset(struct, field)
+def _find(struct: str, field: str) -> tuple[int, Any]:
+    """Byte offset and ctypes type of a field."""
+    found, kind = 0, _c_struct(struct)
+    for name in field.split("."):
+        descriptor = getattr(kind, name, None)
+        if descriptor is None:
+            raise HydroError(f"MuJoCo {mujoco.__version__} has no field {struct}.{field}: install mujoco 4.0")
+        found += int(descriptor.offset)
+        kind = dict(kind._fields_)[name]
+    return found, kind
+
+
+def _mismatch(struct: str, field: str, owner: Any) -> str | None:
+    """The field's name where reading through its offset differs from what the bindings show, None where it agrees."""
+    at, kind = _find(struct, field)
+    value = functools.reduce(getattr, field.split("."), owner)
     if isinstance(value, np.ndarray):
-        agrees = ctypes.c_void_p.from_address(where).value == value.ctypes.data
-    else:
-        agrees = _c_type_of(struct, field).from_address(where).value == value
-    return None if agrees else f"{struct}.{field}"
-
-
-def _c_type_of(struct: str, field: str) -> Any:
-    """The ctypes type of a field."""
-    return dict(_c_struct(struct)._fields_)[field]  # type: ignore[arg-type]
+        kind, value = ctypes.c_void_p, value.ctypes.data
+    return None if kind.from_address(owner._address + at).value == value else f"{struct}.{field}"
 
 
 def verify(used: dict[str, tuple[str, ...]]) -> None:
@@ -125,7 +129,7 @@ def verify(used: dict[str, tuple[str, ...]]) -> None:
     data = mujoco.MjData(model)
     data.time = 0.125
     found = [
-        _mismatch(struct, field, owner._address, getattr(owner, field))
+        _mismatch(struct, field, owner)
         for struct, owner in (("mjModel", model), ("mjData", data))
         for field in used.get(struct, ())
     ]

@@ -1,8 +1,8 @@
 """A vehicle file as a MuJoCo model: rigid body, restoring forces, hull and thrusters, all native.
 
 MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The body's
-origin is the vehicle file's origin CO.  What MuJoCo has no notion of (added mass, a residual model, effects) travels in
-`<custom><numeric>` and is done by the compiled callback of `sim.native`.
+origin is the vehicle file's origin CO.  What MuJoCo has no notion of (thruster chain, added mass, effects, a residual model) travels in
+`<custom><numeric>` (`sim.water`) and is done by compiled callbacks (`sim.callbacks`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.allocation import DELAY, LAG_STEP, TIME_CONSTANT
+from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.vehicle import Hull, Thruster, Vehicle
+from hydro.sim.water import PREFIX, Water, wet
 
 Array = NDArray[np.float64]
 Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
@@ -39,6 +42,7 @@ _LENT_RADIUS = 1e-2
 
 def scene(
     vehicle: Vehicle,
+    water: Water | None = None,
     *,
     timestep: float = 0.002,
     integrator: Integrator = "implicitfast",
@@ -48,6 +52,7 @@ def scene(
 
     Args:
         vehicle: The vehicle file.
+        water: What of the water it feels; everything the file says by default.
         timestep: Physics step [s].
         integrator: MuJoCo integrator.
         folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an ellipsoid.
@@ -67,21 +72,27 @@ def scene(
     spec.option.gravity = [0.0, 0.0, -vehicle.environment.gravity]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
     spec.worldbody.add_light(pos=[0, 0, 20], dir=[0, 0, -1], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
-    add_vehicle(spec, vehicle, folder=folder)
+    add_vehicle(spec, vehicle, water, folder=folder)
     return spec
 
 
 def add_vehicle(
-    spec: mujoco.MjSpec, vehicle: Vehicle, *, name: str | None = None, folder: Path | None = None
+    spec: mujoco.MjSpec,
+    vehicle: Vehicle,
+    water: Water | None = None,
+    *,
+    name: str | None = None,
+    folder: Path | None = None,
 ) -> mujoco.MjsBody:
     """Add a floating vehicle to a scene.
 
     The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is that thruster's
-    thrust [N].
+    command in [-1, 1], its force the thrust [N].
 
     Args:
         spec: The scene, with gravity along -z.
         vehicle: The vehicle file.
+        water: What of the water it feels; everything the file says by default.
         name: Name of the body; the vehicle's own by default.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
 
@@ -97,8 +108,16 @@ def add_vehicle(
     joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
     _add_mass(body, vehicle, name)
     _add_hull(spec, body, vehicle.hull, name, folder)
-    for thruster in vehicle.thruster:
-        _add_thruster(spec, body, thruster, f"{name}/{thruster.name}")
+    water = wet(vehicle) if water is None else water
+    table = thrusters_of(water.program.flat)
+    for i, (thruster, row) in enumerate(zip(vehicle.thruster, table, strict=True)):
+        carried = water.activations if i == 0 else 0
+        _add_thruster(spec, body, thruster, row, carried, f"{name}/{thruster.name}")
+    if water.activations or (table[:, DELAY] > 0.0).any():
+        _add_clock(spec, body, f"{name}/clock", carries=0 if vehicle.thruster else water.activations)
+    data = water.encode(held=spec.nuserdata)
+    spec.nuserdata += 6 if water.held else 0
+    spec.add_numeric(name=PREFIX + name, data=data, size=len(data))
     return body
 
 
@@ -166,18 +185,49 @@ def _add_hull(spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, 
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
 
 
-def _add_thruster(spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, name: str) -> None:
-    """A site where the thrust acts and an actuator whose control is the thrust [N]."""
+def _add_thruster(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, row: Array, carried: int, name: str
+) -> None:
+    """A site where the thrust acts and an actuator whose control is the command and whose force the thrust [N].
+
+    Its activations are `carried` numbers of the vehicle's, then its delayed command where it has a delay, then its lag state.
+    """
     if thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
     else:
         site = body.add_site(name=name, pos=FLIP * thruster.position, size=[0.03, 0.03, 0.03])
         wrench = np.concatenate([thruster.direction, np.zeros(3)])
-    gear = wrench * np.concatenate([FLIP, FLIP])
-    spec.add_actuator(
+    actuator = spec.add_actuator(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_SITE,
         target=site.name,
-        gear=gear,
-        ctrllimited=mujoco.mjtLimited.mjLIMITED_FALSE,
+        gear=wrench * np.concatenate([FLIP, FLIP]),
+        ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        ctrlrange=[-1.0, 1.0],
+        gainprm=np.zeros(10),
+        biastype=mujoco.mjtBias.mjBIAS_USER,
     )
+    delayed = bool(row[DELAY] > 0.0)
+    if carried or delayed or row[TIME_CONSTANT] > row[LAG_STEP]:
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_USER
+        actuator.actdim = carried + delayed + 1
+    if delayed:
+        actuator.delay = row[DELAY]
+        actuator.nsample = int(np.ceil(row[DELAY] / spec.option.timestep)) + 1
+
+
+def _add_clock(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, carries: int) -> None:
+    """A sensor that makes MuJoCo call hydro once per step; and where no thruster can, an actuator that carries states."""
+    spec.add_sensor(
+        name=name, type=mujoco.mjtSensor.mjSENS_USER, dim=1, needstage=mujoco.mjtStage.mjSTAGE_POS
+    )
+    if carries:
+        site = body.add_site(name=name)
+        spec.add_actuator(
+            name=name,
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            target=site.name,
+            gainprm=np.zeros(10),
+            dyntype=mujoco.mjtDyn.mjDYN_USER,
+            actdim=carries + 1,
+        )

@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.allocation import substep_thrusts
+from hydro.core.conditioning import OFF, Conditioning
 from hydro.core.errors import DataError, UsageError
+from hydro.core.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
 from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.smoothing import Design
 from hydro.core.vehicle import Vehicle
-from hydro.sim.network import TrainedModel
-from hydro.sim.student import Physics, Student, multiple
+from hydro.sim.control import Control
+from hydro.sim.network import Network, TrainedModel
+from hydro.sim.student import Physics, Student
+from hydro.sim.water import Water, dry, residual, wet
 
 Array = NDArray[np.float64]
 Bounds = NDArray[np.int64]
 Progress = Callable[[str, int, int], None]
 
 POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITY = ("u", "v", "w", "p", "q", "r")
-UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 MEASURED = "measured"
+CHUNK = 100  # rows flown in one call
+BLOCK = 10.0  # s, of the bootstrap of the errors
 
 PAPER_NAMES = {"mlp": "MJ1", "resmlp": "MJ2", "multihead": "MJ3", "physfeat": "MJ4"}
 """The paper's names of its plug-in variants (section V-B), by model."""
@@ -39,41 +44,45 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
-        added_mass: Whether M_A is there where no network is; with one it always is.
+        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix, or all `effects`
+            of the vehicle file.
     """
 
     name: str
     model: str = "none"
     network: TrainedModel | None = None
-    added_mass: bool = False
+    water: Literal["none", "added_mass", "effects"] = "none"
 
 
-BASELINES = (Variant("MJ0"), Variant("MJ0+M_A", added_mass=True))
+BASELINES = (Variant("MJ0"), Variant("MJ0+M_A", water="added_mass"))
 """MuJoCo with restoring forces and thrusters alone (C_RB is native), and with M_A in its mass matrix besides.
 
-C_A belongs to what a residual model brings (paper eq. 6), so the second baseline is what flies where its network is silent."""
+C_A belongs to what a residual model brings (paper eq. 6): the second baseline has none.
+"""
+EFFECTS = Variant("effects", water="effects")
+"""The vehicle file with all its effects, without a residual model."""
 
 
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
-    """The two baselines and one variant per model, under the paper's name where it has one.
+    """The two baselines and one variant per model, under the paper's name where it has one; `effects` where named.
 
     Args:
         models: Trained models.
-        names: Which variants, in this order; all by default.
+        names: Which variants, in this order; all but `effects` by default.
 
     Raises:
         UsageError: Two models would have one name, or a name has no variant.
     """
     flying = [Variant(PAPER_NAMES.get(model.name, model.name), model.name, model) for model in models]
-    known = {variant.name: variant for variant in (*BASELINES, *flying)}
-    if len(known) < len(BASELINES) + len(flying):
+    known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
+    if len(known) < len(BASELINES) + len(flying) + 1:
         raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
     unknown = [name for name in names or () if name not in known]
     if unknown:
         raise UsageError(
             f"no variant is called {unknown[0]!r}: there are {', '.join(known)}; MJ1 to MJ4 need a model"
         )
-    return [known[name] for name in names or known]
+    return [known[name] for name in names] if names else [*BASELINES, *flying]
 
 
 def replay(
@@ -81,7 +90,9 @@ def replay(
     vehicle: Vehicle,
     flown: Sequence[Variant] = BASELINES,
     *,
+    conditioning: Conditioning = OFF,
     design: Design | None = None,
+    control_step: float = 0.04,
     physics: Physics | None = None,
     dataset: str = "recording",
     threads: int = 1,
@@ -94,17 +105,19 @@ def replay(
         raw: Raw table.
         vehicle: The vehicle file it was recorded with.
         flown: What to fly, see `variants`.
+        conditioning: Conditioning of a network's wrench (paper III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
-        physics: Steps and integrator; the paper's 500 Hz and 25 Hz by default.
+        control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
+        physics: Step and integrator; the paper's 500 Hz by default.
         dataset: Name of the recording in the metrics.
         threads: Threads that share the segments.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
-        progress: Called with a variant's name, rows flown and rows in all.
+        progress: Called with a variant's name, rows of the longest segment flown, and its rows in all.
 
     Returns:
         Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight ends where it
-        does) and metrics (those of `schemas/metrics.json`): `rmse` of every axis, and `diverged`, the time
-        in the first segment that diverged, where one did.
+        does) and metrics (those of `core.metrics.measure`; how often the conditioning acted; and `diverged`, the
+        time in the first segment that did, where one did).
 
     Raises:
         DataError: The table does not fit the vehicle.
@@ -112,29 +125,36 @@ def replay(
     """
     physics = physics or Physics()
     commands = _commands(raw, vehicle)
-    bounds, dt = segments(raw), sample_time(raw)
-    substeps = multiple(dt, physics.timestep, "the log's sample time")
-    thrusts = [
-        substep_thrusts(vehicle, commands[start:stop], dt, substeps, settled=bool(settled))
-        for (start, stop), settled in zip(bounds, resumes(raw, bounds), strict=True)
-    ]
-    measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
+    bounds = segments(raw)
+    steps = physics.steps(sample_time(raw), "the log's sample time")
+    resumed = resumes(raw, bounds)
+    measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
     series, metrics = [_series(raw, MEASURED, measured, np.ones(len(measured), dtype=bool))], []
     for variant in flown:
-        student = Student(
-            vehicle,
-            count=len(bounds),
-            network=variant.network,
-            added_mass=variant.added_mass,
-            design=design,
-            physics=physics,
-            threads=threads,
-            folder=folder,
-        )
-        motion, valid = _fly(student, measured, bounds, thrusts, variant.name, progress)
+        water = _water(variant, vehicle, control_step, design, conditioning)
+        student = Student(vehicle, water, count=len(bounds), physics=physics, threads=threads, folder=folder)
+        first = bounds[:, 0]
+        settled = np.where(resumed[:, None], commands[first], np.nan)
+        student.start(measured[first, :6], measured[first, 6:], settled=settled)
+        report = partial(progress, variant.name) if progress is not None else None
+        motion = _fly(student, measured, commands, bounds, steps, report)
+        valid = np.isfinite(motion).all(axis=1)
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
+        if variant.network is not None:
+            metrics.append(_conditioning_metrics(variant, dataset, student))
     return pl.concat(series), pl.concat(metrics)
+
+
+def _water(
+    variant: Variant, vehicle: Vehicle, period: float, design: Design | None, conditioning: Conditioning
+) -> Water:
+    """What of the water a variant feels."""
+    if variant.network is not None:
+        return residual(vehicle, Control(Network.of(variant.network), period, design, conditioning))
+    if variant.water == "effects":
+        return wet(vehicle)
+    return dry(vehicle, added_mass=variant.water == "added_mass")
 
 
 def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
@@ -153,33 +173,29 @@ def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
 def _fly(
     student: Student,
     measured: Array,
+    commands: Array,
     bounds: Bounds,
-    thrusts: Sequence[Array],
-    name: str,
-    progress: Progress | None,
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Fly all segments together; motion (N, 12) at every row, and where it is valid."""
-    motion, valid = np.full(measured.shape, np.nan), np.zeros(len(measured), dtype=bool)
-    first, lengths = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
-    motion[first], valid[first] = measured[first], True
-    student.start(measured[first, :6], measured[first, 6:])
-    flying = lengths > 1
-    flown = len(first)
-    for row in range(1, lengths.max()):
-        ids = np.flatnonzero(flying)
-        if not len(ids):
-            break
-        student.advance(np.stack([thrusts[i][row - 1] for i in ids]), ids)
-        eta, nu = student.state()
-        here = np.hstack([eta, nu])
-        well = ~student.diverged() & np.isfinite(here).all(axis=1)
-        kept = ids[well[ids]]
-        motion[first[kept] + row], valid[first[kept] + row] = here[kept], True
-        flying &= well & (lengths > row + 1)
-        flown += len(ids)
-        if progress is not None:
-            progress(name, flown, len(measured))
-    return motion, valid
+    steps: int,
+    report: Callable[[int, int], None] | None,
+) -> Array:
+    """Fly all segments side by side: motion (N, 12) at every row, NaN from where a flight diverged."""
+    motion = np.full(measured.shape, np.nan)
+    first, last = bounds[:, 0], bounds[:, 1] - 1
+    motion[first] = measured[first]
+    flying, row = np.flatnonzero(last > first), 0
+    while len(flying):
+        # As many rows as the shortest flight still has, so that all of a call are of one length.
+        rows = min(CHUNK, int((last[flying] - first[flying]).min()) - row)
+        begin = first[flying] + row
+        held = np.stack([commands[at : at + rows] for at in begin])
+        for at, part in zip(begin, student.fly(held, steps, flying), strict=True):
+            motion[at + 1 : at + 1 + rows] = part
+        row += rows
+        alive = np.isfinite(motion[first[flying] + row]).all(axis=1)
+        flying = flying[alive & (last[flying] > first[flying] + row)]
+        if report is not None:
+            report(min(row, len(motion)), int((last - first).max()))
+    return motion
 
 
 def _series(raw: pl.DataFrame, name: str, motion: Array, valid: NDArray[np.bool_]) -> pl.DataFrame:
@@ -187,7 +203,7 @@ def _series(raw: pl.DataFrame, name: str, motion: Array, valid: NDArray[np.bool_
     return pl.concat(
         [
             raw.select("session", pl.lit(name).alias("variant"), pl.col("t").cast(pl.Float64)),
-            pl.DataFrame(motion, schema=[*POSE, *VELOCITY]),
+            pl.DataFrame(motion, schema=[*POSE, *VELOCITY_AXES]),
         ],
         how="horizontal",
     ).filter(pl.Series(valid))
@@ -201,25 +217,52 @@ def _metrics(
     motion: Array,
     valid: NDArray[np.bool_],
 ) -> pl.DataFrame:
-    """Root mean square error of every velocity over the rows flown, and when a flight diverged if one did.
+    """Errors of every velocity over the rows flown, and when a flight diverged if one did.
 
-    Where one diverged the errors are called `rmse_before_divergence`: nobody should compare them with those of a whole flight.
+    Where one diverged the errors are called `rmse_before_divergence` and so on: nobody should compare them with those
+    of a whole flight.
     """
-    errors = np.sqrt(((motion - measured)[valid, 6:] ** 2).mean(axis=0))
-    name = "rmse" if valid.all() else "rmse_before_divergence"
-    rows = [(axis, name, error, unit) for axis, error, unit in zip(VELOCITY, errors, UNITS, strict=True)]
-    if not valid.all():
-        rows.append(("all", "diverged", float(raw["t"][int(np.argmin(valid))]), "s"))
+    block = max(1, round(BLOCK / sample_time(raw)))
+    errors = measure(
+        measured[valid, 6:],
+        motion[valid, 6:],
+        consecutive(len(motion), block)[valid],
+        model=variant.model,
+        variant=variant.name,
+        dataset=dataset,
+        axes=VELOCITY_AXES,
+        units=VELOCITY_UNITS,
+    )
+    if valid.all():
+        return errors
+    diverged = _rows(variant, dataset, [("all", "diverged", float(raw["t"][int(np.argmin(valid))]), "s")])
+    return pl.concat([errors.with_columns(pl.col("metric") + "_before_divergence"), diverged])
+
+
+def _conditioning_metrics(variant: Variant, dataset: str, student: Student) -> pl.DataFrame:
+    """Shares of the control steps in which the conditioning clipped an axis, and in which the dead band acted."""
+    counts = student.conditioning_counts()
+    steps = max(1, sum(count.steps for count in counts))
+    clipped = np.sum([count.clipped for count in counts], axis=0) / steps
+    rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH_AXES, clipped, strict=True)]
+    rows.append(("all", "held_back", sum(count.held_back for count in counts) / steps, "1"))
+    return _rows(variant, dataset, rows)
+
+
+def _rows(variant: Variant, dataset: str, rows: Sequence[tuple[str, str, float, str]]) -> pl.DataFrame:
+    """Rows of the metrics table from axis, metric, value and unit."""
     return pl.DataFrame(
-        {
-            "model": variant.model,
-            "variant": variant.name,
-            "dataset": dataset,
-            "axis": [row[0] for row in rows],
-            "metric": [row[1] for row in rows],
-            "value": [row[2] for row in rows],
-            "low": pl.Series([None] * len(rows), dtype=pl.Float64),
-            "high": pl.Series([None] * len(rows), dtype=pl.Float64),
-            "unit": [row[3] for row in rows],
-        }
+        rows,
+        schema={"axis": pl.String, "metric": pl.String, "value": pl.Float64, "unit": pl.String},
+        orient="row",
+    ).select(
+        pl.lit(variant.model).alias("model"),
+        pl.lit(variant.name).alias("variant"),
+        pl.lit(dataset).alias("dataset"),
+        "axis",
+        "metric",
+        "value",
+        pl.lit(None, pl.Float64).alias("low"),
+        pl.lit(None, pl.Float64).alias("high"),
+        "unit",
     )

@@ -6,10 +6,12 @@ import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hydro.core.frames import rotation_from_quaternion
+from hydro.core.effects import assemble
+from hydro.core.frames import quaternion_from_euler, rotation_from_quaternion
 from hydro.core.rigid_body import coriolis_matrix, mass_matrix
 from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 from hydro.sim import mjcf, native
+from hydro.sim.water import Water
 
 MASS = 40.0
 GRAVITY = 9.81
@@ -44,12 +46,12 @@ def thruster(name="T", position=(0.0, 0.0, 0.0), direction=(1.0, 0.0, 0.0)) -> T
     )
 
 
-def model(craft: Vehicle, *, inertia=None, coriolis=None, held=None, **options) -> mujoco.MjModel:
-    spec = mjcf.scene(craft, **options)
-    if held is not None:
-        spec.nuserdata = held + 6
-    native.attach(spec, craft.name, native.parameters(inertia=inertia, coriolis=coriolis, held=held))
-    return native.prepare(spec.compile())
+def model(
+    craft: Vehicle, *, inertia=None, coriolis=None, cancelled=None, held=False, **options
+) -> mujoco.MjModel:
+    """The vehicle with its thrusters and whatever matrices are given."""
+    water = Water(assemble(craft), inertia=inertia, coriolis=coriolis, cancelled=cancelled, held=held)
+    return native.prepare(mjcf.scene(craft, water, **options).compile())
 
 
 def exact(craft: Vehicle, eta, nu, seconds, *, inertia=None, coriolis=None, wrench=None):
@@ -80,8 +82,6 @@ def exact(craft: Vehicle, eta, nu, seconds, *, inertia=None, coriolis=None, wren
             [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
         )
         return np.concatenate([R @ nu[:3], turn, total @ tau])
-
-    from hydro.core.frames import quaternion_from_euler
 
     start = np.concatenate([eta[:3], quaternion_from_euler(*eta[3:]), nu])
     return solve_ivp(motion, (0, seconds), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]

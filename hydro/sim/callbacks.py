@@ -1,0 +1,480 @@
+"""MuJoCo's callbacks for vehicles in water, in machine code: no Python, no GIL, nothing remembered between calls.
+
+With nu the FRD velocity of CO, T the map from MuJoCo's velocity to it (`T qvel = nu`) and nu_r the velocity through the
+water, `passive` adds for each vehicle::
+
+    M            += T^T I T                                          added mass is inertia, not feedback
+    qfrc_passive += T^T (I [omega x v_r; 0] - C(nu_r) nu_r + C_cancelled(nu) nu + effects - tau_held)
+
+[omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a current that is steady in the
+world turns in the body (`core.dynamics`).  `sensor` runs once per step, on the state that the step begins with: it begins control steps
+and sets internal states at the start.  `rate` and `thrust` are the thrusters' lag and thrust.
+
+The kernels are those of `core`, the same that `core.simulate` runs; parameters lie in numeric fields (`sim.water`) and states in
+activations.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.ir
+import numpy as np
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from hydro.core.allocation import (
+    COLUMNS,
+    INFLOW,
+    LAG_STEP,
+    TIME_CONSTANT,
+    advance_state,
+    inflow_speed,
+    lag_decay,
+    settled_state,
+    state_derivative,
+    state_to_thrust,
+)
+from hydro.core.compiled import cfunc, jit
+from hydro.core.dynamics import relative_to_water
+from hydro.core.effects import layout
+from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, start, wrench
+from hydro.core.rigid_body import coriolis_kernel
+from hydro.sim import control, water
+from hydro.sim.fields import offset
+
+MODEL_FIELDS = (
+    "opt.timestep",
+    "opt.integrator",
+    "nnumeric",
+    "numeric_adr",
+    "numeric_size",
+    "numeric_data",
+    "M_rownnz",
+    "M_rowadr",
+    "actuator_ctrladr",
+    "actuator_actadr",
+    "actuator_actnum",
+    "actuator_biasprm",
+    "actuator_delay",
+)
+DATA_FIELDS = ("time", "qvel", "xpos", "xmat", "M", "qfrc_passive", "act", "act_dot", "ctrl", "userdata")
+
+_TIMESTEP, _INTEGRATOR, _NNUMERIC, _NUMERIC_ADR, _NUMERIC_SIZE, _NUMERIC_DATA, _M_ROWNNZ, _M_ROWADR = (
+    offset("mjModel", name) for name in MODEL_FIELDS[:8]
+)
+_CTRLADR, _ACTADR, _ACTNUM, _BIASPRM, _DELAY = (offset("mjModel", name) for name in MODEL_FIELDS[8:])
+_TIME, _QVEL, _XPOS, _XMAT, _M, _QFRC_PASSIVE, _ACT, _ACT_DOT, _CTRL, _USERDATA = (
+    offset("mjData", name) for name in DATA_FIELDS
+)
+_RK4 = 1  # mjINT_RK4
+_NBIAS = 10  # mjNBIAS
+
+# What `prepare` writes into a thruster's `biasprm`.
+PRM_MAGIC, PRM_VEHICLE = 0, 1  # ..., address of the vehicle's field
+PRM_THRUSTER = 2  # address of the thruster's row; -1 for an actuator that only carries states
+
+_mj_factorM = types.ExternalFunction("mj_factorM", types.void(types.intp, types.intp))
+_mj_makeM = types.ExternalFunction("mj_makeM", types.void(types.intp, types.intp))
+_mj_readCtrl = types.ExternalFunction(
+    "mj_readCtrl",
+    types.intp(
+        types.intp, types.intp, types.int32, types.float64, types.CPointer(types.float64), types.int32
+    ),
+)
+FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
+
+_ROOM = 160  # doubles of scratch
+_WHOLE = 1 << 30  # length of a view whose end is known from within
+
+
+@intrinsic
+def _pointer(_context: Any, address: Any) -> Any:
+    """An address as a pointer."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.intp), generate
+
+
+@intrinsic
+def _stack(_context: Any) -> Any:
+    """Room for `_ROOM` doubles on the stack of the calling function: no allocator in the callback."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        room = cgutils.alloca_once(builder, llvmlite.ir.ArrayType(llvmlite.ir.DoubleType(), _ROOM))
+        return builder.bitcast(room, cgutils.voidptr_t)
+
+    return types.voidptr(), generate
+
+
+@intrinsic
+def _as_doubles(_context: Any, pointer: Any) -> Any:
+    """A void pointer as a pointer to doubles."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], llvmlite.ir.DoubleType().as_pointer())
+
+    return types.CPointer(types.float64)(types.voidptr), generate
+
+
+@jit
+def _field(struct, at):  # type: ignore[no-untyped-def]
+    """The 64-bit integer or pointer at a byte offset of a struct."""
+    return carray(_pointer(struct + at), (1,), np.int64)[0]
+
+
+@jit
+def _number(struct, at):  # type: ignore[no-untyped-def]
+    """The double at a byte offset of a struct."""
+    return carray(_pointer(struct + at), (1,), np.float64)[0]
+
+
+@jit
+def _numbers(struct, at, start, length):  # type: ignore[no-untyped-def]
+    """A view of `length` doubles from entry `start` on of an array field."""
+    return carray(_pointer(_field(struct, at) + 8 * start), (length,), np.float64)
+
+
+@jit
+def _integers(struct, at, start, length):  # type: ignore[no-untyped-def]
+    """A view of `length` ints from entry `start` on of an array field."""
+    return carray(_pointer(_field(struct, at) + 4 * start), (length,), np.int32)
+
+
+@jit
+def _vehicle_at(model, index):  # type: ignore[no-untyped-def]
+    """Parameters in the numeric field `index`; none (length 0) where it is not of hydro."""
+    adr = _integers(model, _NUMERIC_ADR, index, 1)[0]
+    length = _integers(model, _NUMERIC_SIZE, index, 1)[0]
+    field = _numbers(model, _NUMERIC_DATA, adr, length)
+    return field if length >= water.HEADER and field[water.AT_MAGIC] == water.MAGIC else field[:0]
+
+
+@jit
+def _program(vehicle):  # type: ignore[no-untyped-def]
+    """The compiled effects and thrusters of a vehicle."""
+    return vehicle[int(vehicle[water.AT_PROGRAM]) :]
+
+
+@jit
+def _observe(data, vehicle, P, s):  # type: ignore[no-untyped-def]
+    """The state of motion `s` of `core.effects.layout`, and P (3, 3): z-up world components to body FRD."""
+    body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
+    xmat, xpos, qvel = (
+        _numbers(data, _XMAT, 9 * body, 9),
+        _numbers(data, _XPOS, 3 * body, 3),
+        _numbers(data, _QVEL, dof, 6),
+    )
+    for i in range(3):
+        here = 1.0 if i == 0 else -1.0
+        for j in range(3):
+            there = 1.0 if j == 0 else -1.0
+            P[i, j] = here * xmat[3 * j + i]
+            s[layout.ROTATION + 3 * i + j] = here * there * xmat[3 * i + j]
+        s[layout.POSITION + i] = here * xpos[i]
+        s[layout.VELOCITY + 3 + i] = here * qvel[3 + i]
+    for i in range(3):
+        s[layout.VELOCITY + i] = P[i, 0] * qvel[0] + P[i, 1] * qvel[1] + P[i, 2] * qvel[2]
+    relative_to_water(_program(vehicle), s)
+
+
+@jit
+def _exert(P, tau, force):  # type: ignore[no-untyped-def]
+    """force (6,) += T^T tau: a body wrench (FRD, about CO) as MuJoCo's generalised force."""
+    for j in range(3):
+        force[j] += P[0, j] * tau[0] + P[1, j] * tau[1] + P[2, j] * tau[2]
+    force[3] += tau[3]
+    force[4] -= tau[4]
+    force[5] -= tau[5]
+
+
+@jit
+def _add_transport(A, nu, tau):  # type: ignore[no-untyped-def]
+    """tau (6,) += A [omega x v; 0] for an inertia A (36,)."""
+    x = nu[4] * nu[2] - nu[5] * nu[1]
+    y = nu[5] * nu[0] - nu[3] * nu[2]
+    z = nu[3] * nu[1] - nu[4] * nu[0]
+    for i in range(6):
+        tau[i] += A[6 * i] * x + A[6 * i + 1] * y + A[6 * i + 2] * z
+
+
+@jit
+def _add_coriolis(A, factor, nu, part, tau):  # type: ignore[no-untyped-def]
+    """tau (6,) += factor C(nu) nu for an inertia A (36,); `part` (6,) is scratch."""
+    part[:] = 0.0
+    coriolis_kernel(A, nu, part)
+    for i in range(6):
+        tau[i] += factor * part[i]
+
+
+@jit
+def _add_inertia(A, P, half, rows, addresses, M):  # type: ignore[no-untyped-def]
+    """Add T^T A T (A of 36) to six rows of MuJoCo's lower triangle; where a row is not full, make it NaN.
+
+    T = diag(P, F); `half` (6, 6) is scratch for A T.
+    """
+    for i in range(6):
+        for j in range(3):
+            half[i, j] = A[6 * i] * P[0, j] + A[6 * i + 1] * P[1, j] + A[6 * i + 2] * P[2, j]
+        half[i, 3], half[i, 4], half[i, 5] = A[6 * i + 3], -A[6 * i + 4], -A[6 * i + 5]
+    for i in range(3):
+        at = addresses[i]
+        for j in range(i + 1):
+            M[at + j] += P[0, i] * half[0, j] + P[1, i] * half[1, j] + P[2, i] * half[2, j]
+        sign = 1.0 if i == 0 else -1.0
+        at = addresses[3 + i]
+        for j in range(4 + i):
+            M[at + j] += sign * half[3 + i, j]
+    for i in range(6):
+        if rows[i] != i + 1:
+            M[addresses[i]] = np.nan
+
+
+@jit
+def _add_forces(model, data, vehicle):  # type: ignore[no-untyped-def]
+    """Add one vehicle's inertia and forces."""
+    room = carray(_stack(), (_ROOM,), np.float64)
+    P, s, tau, part, half = (
+        room[0:9].reshape(3, 3),
+        room[9:33],
+        room[33:39],
+        room[39:45],
+        room[45:81].reshape(6, 6),
+    )
+    tau[:] = 0.0
+    _observe(data, vehicle, P, s)
+    nu, nu_r = (
+        s[layout.VELOCITY : layout.VELOCITY + 6],
+        s[layout.RELATIVE_VELOCITY : layout.RELATIVE_VELOCITY + 6],
+    )
+    dof = int(vehicle[water.AT_DOF])
+
+    if vehicle[water.AT_EFFECTS] > 0.0:
+        program, at = _program(vehicle), int(vehicle[water.AT_STATES])
+        count = int(program[STATE_COUNT])
+        if count:  # MuJoCo clears `act_dot` after this stage: rates written here only need somewhere to go
+            wrench(program, s, _numbers(data, _ACT, at, count), _numbers(data, _ACT_DOT, at, count), tau)
+        else:
+            wrench(program, s, part[:0], part[:0], tau)
+    at = int(vehicle[water.AT_CORIOLIS])
+    if at:
+        _add_coriolis(vehicle[at : at + 36], -1.0, nu_r, part, tau)
+    at = int(vehicle[water.AT_CANCELLED])
+    if at:
+        _add_coriolis(vehicle[at : at + 36], 1.0, nu, part, tau)
+    at = int(vehicle[water.AT_HELD])
+    if at >= 0:
+        _take(_numbers(data, _USERDATA, at, 6), tau)
+    if vehicle[water.AT_CONTROL] > 0.0:
+        _take(_numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]) + control.HELD, 6), tau)
+    at = int(vehicle[water.AT_INERTIA])
+    if at:
+        A = vehicle[at : at + 36]
+        _add_transport(A, nu_r, tau)
+        addresses = _integers(model, _M_ROWADR, dof, 6)
+        _add_inertia(
+            A,
+            P,
+            half,
+            _integers(model, _M_ROWNNZ, dof, 6),
+            addresses,
+            _numbers(data, _M, 0, addresses[5] + 6),
+        )
+    _exert(P, tau, _numbers(data, _QFRC_PASSIVE, dof, 6))
+
+
+@jit
+def _take(held, tau):  # type: ignore[no-untyped-def]
+    """A held wrench stands on the left-hand side of the balance."""
+    for i in range(6):
+        tau[i] -= held[i]
+
+
+@jit
+def _passive(model, data):  # type: ignore[no-untyped-def]
+    """`mjcb_passive`: all vehicles of a model."""
+    heavier = False
+    for index in range(_field(model, _NNUMERIC)):
+        vehicle = _vehicle_at(model, index)
+        if vehicle.size == 0:
+            continue
+        if (
+            vehicle[water.AT_DOF] < 0.0
+        ):  # never prepared: let MuJoCo stop with its warning, not fly on without water
+            _numbers(data, _QFRC_PASSIVE, 0, 1)[0] = np.nan
+            continue
+        if not heavier and vehicle[water.AT_INERTIA] > 0.0:
+            # A caller may repeat the velocity stage without the position stage: start from MuJoCo's own M.
+            _mj_makeM(model, data)
+            heavier = True
+        _add_forces(model, data, vehicle)
+    if heavier:
+        _mj_factorM(model, data)
+
+
+@jit
+def _delay_commands(model, data, vehicle):  # type: ignore[no-untyped-def]
+    """Fix the delayed commands of this step.
+
+    Under RK4 the last stage of a step has the time of the next one's first, so a delay by time alone would let it see the
+    next command.  Delays are rounded to whole steps.
+    """
+    program, first = _program(vehicle), int(vehicle[water.AT_ACTUATOR])
+    read = _number(data, _TIME) + 0.5 * _number(model, _TIMESTEP)
+    room = _stack()
+    for actuator in range(first, first + int(program[THRUSTER_COUNT])):
+        if _numbers(model, _DELAY, actuator, 1)[0] > 0.0:
+            found = _mj_readCtrl(model, data, np.int32(actuator), read, _as_doubles(room), np.int32(0))
+            command = carray(_pointer(found), (1,), np.float64) if found else carray(room, (1,), np.float64)
+            _numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0] = command[0]
+
+
+@jit
+def _begin(model, data, vehicle):  # type: ignore[no-untyped-def]
+    """Fix delayed commands, set internal states at the start, and begin a control step where one is due."""
+    if vehicle[water.AT_DELAYED] > 0.0:
+        _delay_commands(model, data, vehicle)
+    started = int(vehicle[water.AT_STARTED])
+    if started < 0:
+        return
+    flag = _numbers(data, _ACT, started, 1)
+    block = vehicle[int(vehicle[water.AT_CONTROL]) :]
+    time = _number(data, _TIME)
+    states = _numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), control.STATES)
+    renew = vehicle[water.AT_CONTROL] > 0.0 and control.due(block, states, time)
+    if flag[0] != 0.0 and not renew:
+        return
+    room = carray(_stack(), (_ROOM,), np.float64)
+    P, s = room[0:9].reshape(3, 3), room[9:33]
+    _observe(data, vehicle, P, s)
+    program = _program(vehicle)
+    if flag[0] == 0.0:
+        flag[0] = 1.0
+        if vehicle[water.AT_EFFECTS] > 0.0 and program[STATE_COUNT] > 0.0:
+            start(program, s, _numbers(data, _ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])))
+    if renew:
+        packed = block[int(block[control.AT_WEIGHTS]) :]
+        weights = carray(_pointer(packed.ctypes.data), (int(block[control.AT_WEIGHT_COUNT]),), np.float32)
+        control.control_kernel(block, weights, states, time, s[layout.VELOCITY : layout.VELOCITY + 6])
+
+
+@jit
+def _sensor(model, data):  # type: ignore[no-untyped-def]
+    """`mjcb_sensor`: what happens once per step."""
+    for index in range(_field(model, _NNUMERIC)):
+        vehicle = _vehicle_at(model, index)
+        if vehicle.size and vehicle[water.AT_DOF] >= 0.0:
+            _begin(model, data, vehicle)
+
+
+@jit
+def _thruster(model, actuator):  # type: ignore[no-untyped-def]
+    """Row of the thruster table of an actuator; none (length 0) where it is not one of hydro's."""
+    prm = _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
+    if prm[PRM_MAGIC] != water.MAGIC or prm[PRM_THRUSTER] < 0.0:
+        return prm[:0]
+    return _numbers(model, _NUMERIC_DATA, int(prm[PRM_THRUSTER]), COLUMNS)
+
+
+@jit
+def _last_activation(model, actuator):  # type: ignore[no-untyped-def]
+    """Address of a thruster's lag state; a delayed command stands before it."""
+    return _integers(model, _ACTADR, actuator, 1)[0] + _integers(model, _ACTNUM, actuator, 1)[0] - 1
+
+
+@jit
+def _command(model, data, actuator):  # type: ignore[no-untyped-def]
+    """The command that a thruster obeys during this step."""
+    if _numbers(model, _DELAY, actuator, 1)[0] > 0.0:
+        return _numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0]
+    return _numbers(data, _CTRL, _integers(model, _CTRLADR, actuator, 1)[0], 1)[0]
+
+
+@jit
+def _internal_rates(model, data, actuator):  # type: ignore[no-untyped-def]
+    """Write the rates of a vehicle's internal states, where this actuator carries them."""
+    if _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_MAGIC] != water.MAGIC:
+        return
+    vehicle = _numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
+    program, at = _program(vehicle), int(vehicle[water.AT_STATES])
+    count = int(program[STATE_COUNT])
+    if count == 0 or at != _integers(model, _ACTADR, actuator, 1)[0]:
+        return
+    room = carray(_stack(), (_ROOM,), np.float64)
+    s, tau = room[9:33], room[33:39]
+    _observe(data, vehicle, room[0:9].reshape(3, 3), s)
+    wrench(program, s, _numbers(data, _ACT, at, count), _numbers(data, _ACT_DOT, at, count), tau)
+
+
+@jit
+def _rate(model, data, actuator):  # type: ignore[no-untyped-def]
+    """`mjcb_act_dyn`: rate of a thruster's lag state.
+
+    Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the step, which
+    makes the lag exact for a held command.
+    """
+    _internal_rates(model, data, actuator)
+    row = _thruster(model, actuator)
+    if row.size == 0:
+        return 0.0
+    last = _last_activation(model, actuator)
+    rate = 0.0
+    if row[TIME_CONSTANT] > row[LAG_STEP]:
+        state, command = _numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
+        if carray(_pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
+            rate = state_derivative(row, state, command)
+        else:
+            step = _number(model, _TIMESTEP)
+            rate = (settled_state(row, command) - state) * (1.0 - lag_decay(row, step)) / step
+    _numbers(data, _ACT_DOT, last, 1)[0] = rate
+    return rate
+
+
+@jit
+def _thrust(model, data, actuator):  # type: ignore[no-untyped-def]
+    """`mjcb_act_bias`: thrust [N] of a thruster."""
+    row = _thruster(model, actuator)
+    if row.size == 0:
+        return 0.0
+    if row[TIME_CONSTANT] > row[LAG_STEP]:
+        state = _numbers(data, _ACT, _last_activation(model, actuator), 1)[0]
+    else:
+        state = advance_state(row, 0.0, _command(model, data, actuator), 0.0)
+    inflow = 0.0
+    if row[INFLOW] != 0.0:
+        room = carray(_stack(), (_ROOM,), np.float64)
+        vehicle = _numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
+        _observe(data, vehicle, room[0:9].reshape(3, 3), room[9:33])
+        inflow = inflow_speed(row, room[9 + layout.RELATIVE_VELOCITY : 15 + layout.RELATIVE_VELOCITY])
+    return state_to_thrust(row, state, inflow)
+
+
+@jit
+def _vehicle_address(model, actuator):  # type: ignore[no-untyped-def]
+    """Where in the numeric data a thruster's vehicle begins."""
+    return int(_numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_VEHICLE])
+
+
+def compile_callbacks() -> dict[str, Any]:
+    """The callbacks by the names of MuJoCo's pointers to them; the functions of `FUNCTIONS` must be known to LLVM."""
+
+    @cfunc(types.void(types.intp, types.intp))
+    def passive(model, data):  # type: ignore[no-untyped-def]
+        _passive(model, data)
+
+    @cfunc(types.void(types.intp, types.intp, types.int32))
+    def sensor(model, data, _stage):  # type: ignore[no-untyped-def]
+        _sensor(model, data)
+
+    @cfunc(types.float64(types.intp, types.intp, types.int32))
+    def rate(model, data, actuator):  # type: ignore[no-untyped-def]
+        return _rate(model, data, actuator)
+
+    @cfunc(types.float64(types.intp, types.intp, types.int32))
+    def thrust(model, data, actuator):  # type: ignore[no-untyped-def]
+        return _thrust(model, data, actuator)
+
+    return {"mjcb_passive": passive, "mjcb_sensor": sensor, "mjcb_act_dyn": rate, "mjcb_act_bias": thrust}

@@ -1,0 +1,167 @@
+"""The compiled student against `core.simulate`: every vehicle preset, every effect, every integrator."""
+
+from __future__ import annotations
+
+import msgspec
+import mujoco
+import numpy as np
+import pytest
+from mujoco import batch, rollout
+
+from hydro.core.effects import CATALOGUE, assemble
+from hydro.core.simulate import trajectory
+from hydro.io import vehicle as vehicle_file
+from hydro.sim import mjcf, native, states
+
+PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
+ROWS, DT = 250, 0.02  # 5 s
+
+EFFECTS = {
+    "added_mass": {"matrix": (np.diag([80.0, 150, 160, 4, 14, 12]) + 2.0 * np.eye(6, k=4) + 2.0 * np.eye(6, k=-4)).tolist()},
+    "added_mass_coupling": {"M15": 6.0, "M24": -5.0, "M04": 2.0, "M13": 1.0, "M02": 3.0},
+    "added_mass_coriolis": {"kappa": -0.6},
+    "linear_damping": {"diagonal": [10.0, 40.0, 50.0, 6.0, 9.0, 8.0]},
+    "quadratic_damping": {"diagonal": [50.0, 100.0, 120.0, 9.0, 12.0, 11.0]},
+    "coupled_damping": {"D15": 5.0, "D51": 4.0, "D24": -3.0, "D42": -4.0, "D13": 1.0, "D31": 2.0},
+    "crossflow_drag": {"Cd_y": 1.1, "Cd_z": 0.8},
+    "body_lift": {"L11": 40.0, "L15": 10.0, "L51": 8.0, "L55": 5.0, "L22": 30.0, "L24": 9.0, "L42": 7.0, "L44": 6.0},
+    "net_buoyancy": {"dB": -7.0},
+    "buoyancy_offset": {"dx": 0.02, "dy": -0.01, "dz": 0.03},
+    "payload": {"w": 12.0, "x": 0.3, "y": 0.1, "z": 0.2, "mass": 5.0},
+    "ocean_current": {"v_N": 0.3, "v_E": -0.2, "v_D": 0.1},
+    "tether": {"k": 30.0, "slack": 0.5, "attachment": [-0.5, 0.0, 0.1], "anchor": [1.0, 1.0, 0.0]},
+    "surface_suction": {"A": 20.0, "decay": 1.5},
+    "fluid_memory": {"K": [[20.0, 50.0, 60.0, 2.0, 6.0, 5.0], [5.0, 9.0, 8.0, 1.0, 2.0, 1.0]], "rates": [1.0, 6.0]},
+    "thruster_gain": {"g": [-0.3, 0.1, 0.0, 0.2, 0.0, -0.1, 0.05, 0.0]},
+    "thruster_asymmetry": {"a": 0.25},
+    "thruster_lag": {"dT": 0.08},
+    "command_delay": {"d": 0.06},
+    "thruster_deadband": {"d": 0.04},
+    "thruster_inflow": {"c": 0.2},
+}  # fmt: skip
+
+
+def preset(datasets, name):
+    return vehicle_file.read(datasets / "vehicles" / f"{name}.toml")[0]
+
+
+def with_effect(vehicle, name):
+    table = {"name": name, **EFFECTS[name]}
+    kept = tuple(e for e in vehicle.effect if e["name"] != name)
+    return msgspec.structs.replace(vehicle, effect=(*kept, table))
+
+
+def commands(thrusters, rows=ROWS, seed=0):
+    """Smooth commands, with a jump in every one of them."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(rows) * DT
+    waves = 0.4 * np.sin(
+        2 * np.pi * rng.uniform(0.1, 0.6, thrusters) * t[:, None] + rng.uniform(0, 6, thrusters)
+    )
+    jumps = 0.4 * rng.normal(size=thrusters) * (t[:, None] > rng.uniform(0.5, 4.0, thrusters))
+    return waves + jumps
+
+
+ETA = np.array([2.0, -1.0, 1.2, 0.2, -0.3, 1.0])
+NU = np.array([0.6, -0.3, 0.2, 0.15, -0.2, 0.25])
+
+
+def fly(vehicle, held, *, timestep=0.002, integrator="rk4", rows=None):
+    """Motion (N, 12) at every row of the commands."""
+    compiled = native.prepare(mjcf.scene(vehicle, timestep=timestep, integrator=integrator).compile())
+    data = mujoco.MjData(compiled)
+    data.qpos[:], data.qvel[:] = states.to_mujoco(ETA, NU)
+    out = []
+    for command in held:
+        out.append(np.hstack(states.from_mujoco(data.qpos, data.qvel)))
+        data.ctrl[:] = command
+        mujoco.mj_step(compiled, data, round(DT / timestep))
+    assert sum(warning.number for warning in data.warning) == 0
+    return np.array(out)
+
+
+def reference(vehicle, held):
+    t = np.arange(len(held)) * DT
+    return trajectory(assemble(vehicle), held, t, eta=ETA, nu=NU, dt=DT)
+
+
+def apart(one, other):
+    difference = np.abs(one - other)
+    difference[:, 3:6] = np.abs(np.angle(np.exp(1j * (one - other)[:, 3:6])))
+    return difference.max()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_flies_as_simulated(datasets, name):
+    vehicle = preset(datasets, name)
+    held = commands(len(vehicle.thruster))
+    assert apart(fly(vehicle, held), reference(vehicle, held)) < 1e-6
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_acts_as_simulated(datasets, effect):
+    vehicle = with_effect(preset(datasets, "auv151"), effect)
+    held = commands(len(vehicle.thruster))
+    motion = fly(vehicle, held)
+    assert apart(motion, reference(vehicle, held)) < 1e-6
+    # It acts at all: without it the motion is another.
+    without = msgspec.structs.replace(vehicle, effect=vehicle.effect[:-1])
+    assert apart(motion, reference(without, held)) > 1e-4
+
+
+def test_every_effect_on_the_motion_is_tried():
+    assert set(EFFECTS) == {name for name, effect in CATALOGUE.items() if effect.kind != "sensor"}
+
+
+@pytest.mark.parametrize("integrator", ["euler", "implicitfast"])
+@pytest.mark.parametrize("effect", ["fluid_memory", "ocean_current", "thruster_inflow"])
+def test_first_order_integrators_converge_at_first_order(datasets, effect, integrator):
+    vehicle = with_effect(preset(datasets, "auv151"), effect)
+    held = commands(len(vehicle.thruster), rows=100)
+    truth = reference(vehicle, held)
+    errors = [
+        apart(fly(vehicle, held, timestep=h, integrator=integrator), truth) for h in (0.002, 0.001, 0.0005)
+    ]
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 1.0, atol=0.12)
+
+
+def test_all_effects_at_once_for_a_minute(datasets):
+    vehicle = preset(datasets, "auv151")
+    for name in EFFECTS:
+        if name != "added_mass":
+            vehicle = with_effect(vehicle, name)
+    for seed in range(12):
+        held = commands(len(vehicle.thruster), seed=seed)
+        assert apart(fly(vehicle, held), reference(vehicle, held)) < 1e-6
+
+
+def test_internal_states_need_no_thruster(datasets):
+    vehicle = msgspec.structs.replace(with_effect(preset(datasets, "auv151"), "fluid_memory"), thruster=())
+    held = np.zeros((100, 0))
+    assert apart(fly(vehicle, held), reference(vehicle, held)) < 1e-6
+
+
+def test_batch_and_rollout_carry_all_states(datasets):
+    vehicle = with_effect(with_effect(preset(datasets, "auv151"), "fluid_memory"), "command_delay")
+    compiled = native.prepare(mjcf.scene(vehicle).compile())
+    held = np.repeat(commands(8, rows=50), 10, axis=0)[None].repeat(4, axis=0)
+    qpos, qvel = states.to_mujoco(np.tile(ETA, (4, 1)), NU * np.arange(4)[:, None])
+    ends = []
+    for threads in (1, 2):
+        many = batch.Batch(compiled, 4, nthread=threads)
+        many.qpos[:], many.qvel[:] = qpos, qvel
+        many.rollout(nstep=500, control=held)
+        ends.append(np.array(many.state))
+    np.testing.assert_array_equal(*ends)
+
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    starts = np.zeros((4, mujoco.mj_stateSize(compiled, full)))
+    for k in range(4):
+        data = mujoco.MjData(compiled)
+        data.qpos[:], data.qvel[:] = qpos[k], qvel[k]
+        mujoco.mj_getState(compiled, data, starts[k], full)
+    data = mujoco.MjData(compiled)
+    first = rollout.rollout(compiled, data, starts, held)[0]
+    again = rollout.rollout(compiled, data, starts, held)[0]
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first[:, -1, 1 : 1 + compiled.nq], ends[0][:, 1 : 1 + compiled.nq])
