@@ -58,7 +58,9 @@ def collect(
     truth: Annotated[
         str | None, typer.Option(metavar="FILE", help="Where to write what was hidden, as TOML.")
     ] = None,
-    depth: Annotated[float, typer.Option(min=0.0, help="Depth of the start and of the hold [m].")] = 20.0,
+    depth: Annotated[
+        float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks stray some 20 m.")
+    ] = 50.0,
     threads: Annotated[
         int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default, the cores.")
     ] = None,
@@ -87,7 +89,7 @@ def collect(
     if subject.ignored and sys.stderr.isatty():
         replaced = ", ".join(subject.ignored)
         typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
-    with progress("collect") as update:
+    with progress("collect") as update, about(str(vehicle)):
         frame = sim.collect(
             subject,
             count,

@@ -79,21 +79,17 @@ def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array
         work: (4, y.size) room for three states and a wrench.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
-    _rates(flat, facets, y, s, rotors[0], tau, rates)
+    total[:] = 0.0
+    trial[:] = y
+    for stage in range(4):
+        _rates(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
+        weight = 1.0 if stage == 0 or stage == 3 else 2.0
+        ahead = h if stage == 2 else 0.5 * h
+        for i in range(y.size):
+            total[i] += weight * rates[i]
+            trial[i] = y[i] + ahead * rates[i]
     for i in range(y.size):
-        total[i] = rates[i]
-        trial[i] = y[i] + 0.5 * h * rates[i]
-    _rates(flat, facets, trial, s, rotors[1], tau, rates)
-    for i in range(y.size):
-        total[i] += 2.0 * rates[i]
-        trial[i] = y[i] + 0.5 * h * rates[i]
-    _rates(flat, facets, trial, s, rotors[1], tau, rates)
-    for i in range(y.size):
-        total[i] += 2.0 * rates[i]
-        trial[i] = y[i] + h * rates[i]
-    _rates(flat, facets, trial, s, rotors[2], tau, rates)
-    for i in range(y.size):
-        y[i] += h / 6.0 * (total[i] + rates[i])
+        y[i] += h / 6.0 * total[i]
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
     for i in range(3, 7):
         y[i] /= norm

@@ -20,6 +20,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike
 
 from hydro.core.allocation import lag_decay
 from hydro.core.compiled import jit
@@ -42,6 +43,8 @@ from hydro.core.vehicle import Vehicle
 
 SUBSTEPS = 10
 """Integration steps per row: 500 Hz."""
+DEPTH = 50.0
+"""Depth [m] by default: walks stray by some 20 m from the light hold, and should not break the surface."""
 REPLACED = frozenset(
     {
         "added_mass",
@@ -137,7 +140,7 @@ def collect(
     *,
     excitation: str = "hybrid",
     noise: Noise | None = None,
-    depth: float = 20.0,
+    depth: float = DEPTH,
     threads: int | None = None,
     report: Report | None = None,
 ) -> pl.DataFrame:
@@ -176,9 +179,15 @@ def collect(
 
 
 def fly(
-    subject: Teacher, demand: Array, *, depth: float = 20.0, heading: float = 0.0, hold_heading: bool = False
+    subject: Teacher,
+    demand: Array,
+    *,
+    depth: float = DEPTH,
+    heading: float = 0.0,
+    hold_heading: bool = False,
+    nu: ArrayLike = (0.0,) * 6,
 ) -> tuple[Array, Array]:
-    """True motion of one session, from rest and level, and the commands that made it.
+    """True motion of one session, from a level attitude, and the commands that made it.
 
     Args:
         subject: From `teacher`.
@@ -186,6 +195,7 @@ def fly(
         depth: Depth of the start and of the hold [m].
         heading: Heading of the start, and of the hold [rad].
         hold_heading: Whether heading is held besides depth, roll and pitch.
+        nu: Velocity of the start over ground (6,), body axes; rest by default [m/s, rad/s].
 
     Returns:
         Motion (N, 12) x … psi, u … r, and commands (N, n).
@@ -195,7 +205,7 @@ def fly(
     """
     rows, thrusters = len(demand), subject.program.thrusters
     first = np.zeros(BODY)
-    first[2], first[3:7] = depth, quaternion_from_euler(0.0, 0.0, heading)
+    first[2], first[3:7], first[7:] = depth, quaternion_from_euler(0.0, 0.0, heading), nu
     aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
     states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
     crew = subject.mixing
