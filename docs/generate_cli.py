@@ -17,13 +17,13 @@ INTRODUCTION = """# The command line
 
 Written by `make docs` from the commands' own help: do not edit it by hand.
 
-Every command reads and writes Parquet artefacts. A missing input or `-` is stdin; a missing `-o` or `-` is stdout. So commands compose
-in a pipe, and the result has the same bytes as through files:
+Every command reads and writes Parquet artefacts. A missing input or `-` is stdin; a missing `-o` or `-` is
+stdout. So commands compose in a pipe, and the result has the same bytes as through files:
 
     hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 
-Binary never goes to a terminal; tables for people and progress never go into a pipe. An error is one line on stderr: what, where, what to
-do; `--debug`, anywhere, adds the traceback.
+Binary never goes to a terminal; tables for people and progress never go into a pipe. An error is one line on
+stderr: what, where, what to do; `--debug`, anywhere, adds the traceback.
 
 | exit code | meaning |
 |---|---|
@@ -48,7 +48,11 @@ def page() -> str:
 def _section(command: Callable[..., Any], example: str) -> str:
     """One command: what it does, its example, its arguments and options."""
     signature, hints = inspect.signature(command), get_type_hints(command, include_extras=True)
-    rows = [_row(name, hints[name], parameter.default) for name, parameter in signature.parameters.items()]
+    rows = [
+        _row(name, hints[name], parameter.default)
+        for name, parameter in signature.parameters.items()
+        if get_args(hints[name])
+    ]
     text = "\n\n".join(_text(command))
     table = "\n".join(["| argument or option | meaning |", "|---|---|", *rows])
     return f"## {_title(command)}\n\n{text}\n\n    {example}\n\n{table}\n"
@@ -64,8 +68,14 @@ def _row(name: str, annotation: Any, default: Any) -> str:
     if value is not bool:
         choices = "\\|".join(get_args(value)) if get_origin(value) is Literal else ""
         spelled += f" {choices or info.metavar or _bare(value).upper()}"
-    shown = default not in (None, False, "", "-")
-    return f"| `{spelled}` | {info.help}{f' Default: {default}.' if shown else ''} |"
+    return f"| `{spelled}` | {info.help}{_default(default)} |"
+
+
+def _default(default: Any) -> str:
+    """What happens without the option, where its help does not say."""
+    if default is inspect.Parameter.empty:
+        return " Required."
+    return "" if default is None or default in ("", "-") else f" Default: {default}."
 
 
 def _bare(value: Any) -> str:

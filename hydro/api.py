@@ -238,8 +238,8 @@ def replay(
         dataset: name of the recording in the metrics.
 
     Returns:
-        The motion of every variant and of the recording (variant `measured`): pose in NED [m, rad], velocity in
-        body axes [m/s, rad/s]; and a metrics table with the root mean square error of every velocity.
+        The motion of every variant and of the recording (variant `measured`): pose in NED [m, rad], velocity
+        in body axes [m/s, rad/s]; and a metrics table with the root mean square error of every velocity.
 
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import json
 import os
 import pty
 import re
@@ -9,7 +12,6 @@ import runpy
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +53,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # What a user asks first.
 
 
-def test_every_function_of_the_issue_has_a_command() -> None:
+def test_the_whole_line_has_commands() -> None:
     assert set(COMMANDS) >= {
         "check",
         "show",
@@ -147,8 +149,6 @@ def test_findings_go_through_a_pipe_as_artefacts(
 
 
 def test_show_into_a_pipe_is_json_with_lineage_and_columns(work: Path) -> None:
-    import json
-
     shown = json.loads(hydro("show", work / "split.parquet").stdout)
     assert (shown["kind"], shown["stage"]) == ("split", "split")
     assert [shown["inputs"][0]["kind"], shown["inputs"][0]["inputs"][0]["kind"]] == ["labels", "raw"]
@@ -231,72 +231,68 @@ def test_findings_on_a_terminal_are_tables(work: Path) -> None:
 # Bad input: one line that says what, where and what to do.
 
 
-def bad_files(folder: Path, good: Path) -> dict[str, Path]:
-    """Files that are not what a command wants, by what is wrong with them."""
-    artefact = table.read(good)
-    files = {
-        name: folder / f"{name}.parquet" for name in ("missing", "empty", "text", "truncated", "nan", "kind")
-    }
-    files["empty"].write_bytes(b"")
-    files["text"].write_text("session,t,u\nturn,0.0,1.0\n")
-    files["truncated"].write_bytes(good.read_bytes()[:5000])
-    number = next(name for name, dtype in artefact.frame.schema.items() if dtype == pl.Float32)
-    broken = artefact.frame.with_columns(pl.lit(float("nan"), pl.Float32).alias(number))
-    broken.write_parquet(files["nan"])
-    kind = "replay90" if artefact.kind != "raw" else None
-    files["kind"] = ROOT / "datasets" / "stonefish" / f"{kind}.parquet" if kind else files["kind"]
-    return files
+CONSUMES = {
+    "show": ("raw", []),
+    "check": ("raw", []),
+    "labels": ("raw", []),
+    "split": ("labels", []),
+    "features": ("labels", []),
+    "train": ("split", ["--epochs", "1"]),
+    "evaluate": ("split", ["{work}/model.parquet", "--labels"]),
+    "replay": ("raw", ["--variant", "MJ0"]),
+}
+"""For each command the kind of its main input and what stands before it."""
 
 
-def test_bad_input_is_told_in_one_line(work: Path, tmp_path: Path) -> None:
-    line: dict[str, tuple[str, Callable[[object], list[object]]]] = {
-        "show": ("raw", lambda file: [file]),
-        "check": ("raw", lambda file: [file]),
-        "labels": ("raw", lambda file: [file]),
-        "split": ("labels", lambda file: [file]),
-        "features": ("labels", lambda file: [file]),
-        "train": ("split", lambda file: [file, "--epochs", "1"]),
-        "evaluate": ("split", lambda file: [work / "model.parquet", "--labels", file]),
-        "replay": ("raw", lambda file: [file]),
-    }
-    assert set(line) == set(COMMANDS) - {"demo", "collect"}
-    for name, (kind, arguments) in line.items():
-        (folder := tmp_path / name).mkdir()
-        for what, file in bad_files(folder, work / f"{kind}.parquet").items():
-            if not file.exists() and what != "missing":
-                continue
-            if name in ("show", "check") and what == "kind":
-                continue
-            code, out, error = run(name, *arguments(file), "-o", folder / "out.parquet")
-            assert (code, out) == (1, ""), f"{name}, {what}"
-            assert error.startswith("hydro: "), f"{name}, {what}"
-            assert file.name in error, f"{name}, {what}: {error}"
-            assert error.count("\n") == 1, f"{name}, {what}"
-            assert not (folder / "out.parquet").exists()
+def bad_files(folder: Path, good: Path) -> list[Path]:
+    """Files that are not the table `good` but nearly."""
+    names = ("missing", "empty", "text", "truncated", "nan", "backwards")
+    missing, empty, text, truncated, nan, backwards = (folder / f"{name}.parquet" for name in names)
+    empty.write_bytes(b"")
+    text.write_text("session,t,u\nturn,0.0,1.0\n")
+    truncated.write_bytes(good.read_bytes()[:5000])
+    frame = table.read(good).frame
+    frame.with_columns(pl.lit(float("nan"), pl.Float32).alias("u")).write_parquet(nan)
+    frame.reverse().write_parquet(backwards)
+    return [missing, empty, text, truncated, nan, backwards]
 
 
-def run(name: str, *arguments: object) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command in this process; `-o` is dropped where a command has none."""
-    import contextlib
-    import io
+@pytest.mark.parametrize("name", CONSUMES)
+def test_bad_input_is_told_in_one_line(name: str, work: Path, tmp_path: Path) -> None:
+    kind, before = CONSUMES[name]
+    files = bad_files(tmp_path, work / f"{kind}.parquet")
+    if name not in ("show", "check"):
+        files.append(work / ("blocks.parquet"))
+    for file in files:
+        line = [part.format(work=work) for part in before]
+        output = [] if name in ("show", "check") else ["-o", tmp_path / "out.parquet"]
+        code, out, error = run(name, *line, file, *output)
+        assert (code, out) == (1, ""), file.name
+        assert re.fullmatch(rf"hydro: .*{file.name}: .+\n", error), error
+        assert not (tmp_path / "out.parquet").exists()
 
-    line = [str(argument) for argument in arguments]
-    if name in ("show", "check"):
-        line = line[: line.index("-o")]
+
+def test_every_command_that_reads_is_tried_with_bad_input() -> None:
+    assert set(CONSUMES) >= {"check", "show", "labels", "split", "features", "train", "evaluate", "replay"}
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command in this process."""
     out, error = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
-        code = cli.main([name, *line])
+        code = cli.main([str(argument) for argument in arguments])
     return code, out.getvalue(), error.getvalue()
 
 
 def test_check_tells_every_unsound_file_and_passes_sound_ones(work: Path, tmp_path: Path) -> None:
     files = bad_files(tmp_path, work / "raw.parquet")
     sound = [work / "raw.parquet", work / "model.parquet", ROOT / "datasets/stonefish/vehicle.toml"]
-    assert hydro("check", *sound).returncode == 0
-    done = hydro("check", *sound, files["text"], files["truncated"])
-    assert done.returncode == 1
-    lines = done.stderr.decode().splitlines()
-    assert ["text" in lines[0], "truncated" in lines[1], len(lines)] == [True, True, 2]
+    assert run("check", *sound) == (0, "", "")
+    code, _, error = run("check", *sound, *files)
+    assert code == 1
+    lines = error.splitlines()
+    assert len(lines) == len(files)
+    assert all(file.name in line for file, line in zip(files, lines, strict=True))
 
 
 def test_a_vehicle_is_taken_from_the_option_then_the_footer_and_missed_otherwise(
@@ -337,9 +333,9 @@ def test_vehicle_errors_name_the_file(tmp_path: Path, work: Path) -> None:
         ["check", wrong],
         ["labels", work / "raw.parquet", "--vehicle", wrong, "-o", tmp_path / "x"],
     ):
-        done = hydro(*line)
-        assert done.returncode == 1
-        assert re.fullmatch(r"hydro: .*wrong\.toml.*mass.*\n", done.stderr.decode())
+        code, _, error = run(*line)
+        assert code == 1
+        assert re.fullmatch(r"hydro: .*wrong\.toml.*mass.*\n", error)
 
 
 # Exit codes.
