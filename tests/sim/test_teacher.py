@@ -17,6 +17,7 @@ from hydro.core.ellipsoid import added_mass_matrix
 from hydro.core.errors import DataError
 from hydro.core.excitation import DECKS
 from hydro.core.frames import rotation
+from hydro.core.labels import labels
 from hydro.core.noise import PROFILES
 from hydro.core.panels import FORM_DRAG, SKIN_FRICTION, panel_wrench, superellipsoid
 from hydro.core.rigid_body import coriolis_matrix, mass_matrix, potential, restoring
@@ -249,6 +250,20 @@ def test_every_preset_keeps_upright_and_under_water_and_is_excited(path, excitat
     assert frame["z"].min() > 20.0
     assert frame["u"].std() + frame["v"].std() > 0.03
     assert frame["r"].std() > 0.03
+
+
+def test_labels_of_a_recording_are_the_water_that_made_it():
+    """tau_res = C(nu) nu - panels, where the file's added mass is the teacher's."""
+    M_A = teacher(craft()).added_mass
+    vehicle = craft(effect=({"name": "added_mass", "matrix": M_A.tolist()},))
+    subject = teacher(vehicle)
+    labelled = labels(collect(subject, 3000, 2), vehicle)
+    nu = labelled.select("u", "v", "w", "p", "q", "r").to_numpy().astype(np.float64)
+    coriolis = np.einsum("kij,kj->ki", coriolis_matrix(mass_matrix(vehicle) + M_A, nu), nu)
+    expected = coriolis - np.array([panel_wrench(subject.hull, row, RHO) for row in nu])
+    found = labelled.select("X_res", "Y_res", "Z_res", "K_res", "M_res", "N_res").to_numpy()
+    error = np.sqrt(np.mean((found - expected) ** 2, axis=0))
+    assert (error < 0.02 * np.sqrt(np.mean(expected**2, axis=0))).all()
 
 
 def test_the_hull_must_be_the_files():
