@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
 
 from hydro.core.errors import DataError
 from hydro.core.features import features
-from hydro.learn import networks
 from hydro.sim.network import Network
-
-
-def trained(name, seed=0, **changes):
-    """A model artefact's contents with random weights and scalers, and the torch network of them."""
-    torch.manual_seed(seed)
-    rng = np.random.default_rng(seed)
-    architecture = networks.architecture(name) | changes
-    network = networks.build(architecture)
-    inputs = architecture["layers"][0]
-    scalers = {
-        "input_mean": rng.normal(size=inputs),
-        "input_scale": rng.uniform(0.5, 3.0, inputs),
-        "output_mean": rng.normal(size=6),
-        "output_scale": rng.uniform(5.0, 50.0, 6),
-    }
-    network.standardise(scalers)
-    tensors = {name: value.numpy() for name, value in network.state_dict().items()}
-    return network, SimpleNamespace(name=name, architecture=architecture, tensors=tensors, scalers=scalers)
+from tests.sim.trained import trained
 
 
 @pytest.mark.parametrize("activation", ["silu", "relu"])

@@ -1,0 +1,124 @@
+"""A residual network inside the simulation against the same pieces put together outside."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import batch, rollout
+
+from hydro.core.conditioning import COUNTS, Conditioning, condition
+from hydro.core.smoothing import Design, smooth
+from hydro.io import vehicle as vehicle_file
+from hydro.sim import control, mjcf, native, states
+from hydro.sim.control import Control
+from hydro.sim.network import Network
+from hydro.sim.student import control_states
+from hydro.sim.water import residual
+from tests.sim.trained import trained
+
+ETA = np.array([0.0, 0.0, 5.0, 0.1, -0.2, 1.0])
+NU = np.array([0.5, -0.2, 0.1, 0.1, -0.1, 0.2])
+TICKS, STEPS = 40, 20
+DESIGN = Design(0.02, (10.0,) * 6, (0.01,) * 6)
+CONDITIONING = Conditioning(
+    beta=0.7, limits=(8.0, 8.0, 8.0, 2.0, 2.0, 2.0), linear_deadband=0.8, angular_deadband=0.8
+)
+
+
+@pytest.fixture(scope="module")
+def craft(datasets):
+    return vehicle_file.read(datasets / "vehicles" / "auv151.toml")[0]
+
+
+@pytest.fixture(scope="module")
+def residual_control():
+    _, artefact = trained("physfeat")
+    artefact.scalers = artefact.scalers | {"output_mean": np.full(6, 2.0), "output_scale": np.full(6, 9.0)}
+    return Control(Network.of(artefact), 0.04, DESIGN, CONDITIONING)
+
+
+def compiled(craft, control=None, integrator="implicitfast"):
+    return native.prepare(mjcf.scene(craft, residual(craft, control), integrator=integrator).compile())
+
+
+def started(model, nu=NU):
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = states.to_mujoco(ETA, nu)
+    data.ctrl[:] = 0.3
+    return data
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "rk4"])
+def test_every_control_step_is_filter_network_and_conditioning(craft, residual_control, integrator):
+    inside, outside = compiled(craft, residual_control, integrator), compiled(craft, None, integrator)
+    first = control_states(inside, craft.name)
+    data, twin = started(inside), started(outside)
+    nus, held, counted = [], [], None
+    for _ in range(TICKS):
+        nus.append(states.from_mujoco(data.qpos, data.qvel)[1])
+        mujoco.mj_step(inside, data, STEPS)
+        held.append(data.act[first + control.HELD : first + control.HELD + 6].copy())
+        counted = data.act[first + control.COUNTED : first + control.COUNTED + COUNTS].copy()
+        # A host that holds these wrenches flies the same motion, to the bit.
+        twin.userdata[:] = held[-1]
+        mujoco.mj_step(outside, twin, STEPS)
+        np.testing.assert_array_equal(data.qpos, twin.qpos)
+
+    nus = np.array(nus)
+    filtered = smooth(nus, [[0, TICKS]], DESIGN.at(0.04), "kalman")
+    wrenches = residual_control.network.wrench(np.hstack([nus, filtered[:, :, 1]]))
+    expected, counts = condition(wrenches, nus, CONDITIONING)
+    np.testing.assert_allclose(held, expected, atol=1e-9)
+    assert tuple(counted) == (counts.steps, *counts.clipped, counts.held_back)
+    assert counts.steps == TICKS
+    assert max(counts.clipped) > 0
+    assert counts.held_back > 0
+
+
+def test_the_wrench_of_a_control_step_is_renewed_once(craft, residual_control):
+    model = compiled(craft, residual_control)
+    data = started(model)
+    first = control_states(model, craft.name)
+    mujoco.mj_step(model, data, STEPS)
+    for _ in range(3):
+        mujoco.mj_forward(model, data)
+    assert data.act[first + control.TICK] == 2
+    assert data.act[first + control.COUNTED] == 2
+    mujoco.mj_resetData(model, data)
+    assert not data.act.any()
+
+
+def test_batch_threads_and_rollout_give_the_same_bits(craft, residual_control):
+    model = compiled(craft, residual_control)
+    nus = NU * np.linspace(-1, 1, 5)[:, None]
+    qpos, qvel = states.to_mujoco(np.tile(ETA, (5, 1)), nus)
+    ends = []
+    for threads in (1, 2):
+        many = batch.Batch(model, 5, nthread=threads)
+        many.qpos[:], many.qvel[:], many.ctrl[:] = qpos, qvel, 0.3
+        many.step(nstep=205)
+        ends.append(np.hstack([many.qpos, many.qvel, many.act]))
+    np.testing.assert_array_equal(*ends)
+
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    rows = np.zeros((5, mujoco.mj_stateSize(model, full)))
+    for k in range(5):
+        data = started(model, nus[k])
+        mujoco.mj_getState(model, data, rows[k], full)
+        mujoco.mj_step(model, data, 205)
+        np.testing.assert_array_equal(ends[0][k], np.concatenate([data.qpos, data.qvel, data.act]))
+    used = started(model)
+    mujoco.mj_step(model, used, 33)
+    rolled = rollout.rollout(model, used, rows, np.full((5, 205, 8), 0.3))[0]
+    np.testing.assert_array_equal(rolled[:, -1, 1:], ends[0])
+
+
+def test_a_saved_model_keeps_its_network(craft, residual_control, tmp_path):
+    model = compiled(craft, residual_control)
+    mujoco.mj_saveModel(model, str(tmp_path / "model.mjb"), None)
+    loaded = native.prepare(mujoco.MjModel.from_binary_path(str(tmp_path / "model.mjb")))
+    data, again = started(model), started(loaded)
+    mujoco.mj_step(model, data, 100)
+    mujoco.mj_step(loaded, again, 100)
+    np.testing.assert_array_equal(data.qpos, again.qpos)

@@ -1,0 +1,28 @@
+"""Model artefacts with random weights, and the torch networks they came from."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import torch
+
+from hydro.learn import networks
+
+
+def trained(name, seed=0, **changes):
+    """A model artefact's contents with random weights and scalers, and the torch network of them."""
+    torch.manual_seed(seed)
+    rng = np.random.default_rng(seed)
+    architecture = networks.architecture(name) | changes
+    network = networks.build(architecture)
+    inputs = architecture["layers"][0]
+    scalers = {
+        "input_mean": rng.normal(size=inputs),
+        "input_scale": rng.uniform(0.5, 3.0, inputs),
+        "output_mean": rng.normal(size=6),
+        "output_scale": rng.uniform(5.0, 50.0, 6),
+    }
+    network.standardise(scalers)
+    tensors = {name: value.numpy() for name, value in network.state_dict().items()}
+    return network, SimpleNamespace(name=name, architecture=architecture, tensors=tensors, scalers=scalers)
