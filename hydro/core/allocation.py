@@ -238,7 +238,7 @@ def lag_states(
     return out
 
 
-def column_thrusts(
+def thrusts(
     table: Array,
     commands: ArrayLike,
     t: ArrayLike,
@@ -247,10 +247,11 @@ def column_thrusts(
     after_gap: ArrayLike | None = None,
     nu_r: ArrayLike | None = None,
 ) -> Array:
-    """Thrusts at every row of a log, from a thruster table that effects may have changed.
+    """Thrusts f(t_k) at every row of a log; paper (10).
 
     Args:
-        table: Thruster table, shape (n, COLUMNS).
+        table: Thruster table, shape (n, COLUMNS): that of `effects.thruster_table`, which holds the vehicle's
+            actuator effects, or of `thruster_table` without them.
         commands: Commands, shape (N, n).
         t: Times [s], shape (N,), rising within each segment.
         segments: Unbroken runs of rows [start, stop), shape (S, 2).
@@ -275,51 +276,6 @@ def column_thrusts(
     water = np.empty((0, 6)) if nu_r is None else np.ascontiguousarray(nu_r, dtype=np.float64)
     _thrust_kernel(table, out, water, out)
     return out
-
-
-def thrusts(
-    vehicle: Vehicle,
-    commands: ArrayLike,
-    t: ArrayLike,
-    segments: ArrayLike,
-    *,
-    after_gap: ArrayLike | None = None,
-) -> Array:
-    """Thrusts f(t_k) at every row of a log, of the vehicle file's thruster chain without actuator effects.
-
-    Arguments, result and errors are those of `column_thrusts`; physics: paper (10).
-    """
-    return column_thrusts(thruster_table(vehicle), commands, t, segments, after_gap=after_gap)
-
-
-def substep_thrusts(
-    vehicle: Vehicle, commands: ArrayLike, dt: float, substeps: int, *, at: float = 0.5, settled: bool = False
-) -> Array:
-    """Thrusts to be held over every physics step of a segment.
-
-    The middle of a step gives it its impulse to second order, and exactly where there is no lag.  A source
-    that moves its rotors before its body, as Stonefish does, holds what they reach by its end (at = 1).
-
-    Args:
-        vehicle: The vehicle.
-        commands: Commands, shape (N, n), one row per `dt`.
-        dt: Time between rows [s].
-        substeps: Physics steps per row.
-        at: Where in each step the thrust is taken, from 0 (start) to 1 (end).
-        settled: Start settled on the first command instead of at rest.
-
-    Returns:
-        Thrusts, shape (N, substeps, n) [N].
-
-    Raises:
-        DataError: The commands' shape does not fit the thrusters.
-    """
-    table = thruster_table(vehicle)
-    rows = np.shape(commands)[0]
-    moments = (np.arange(rows * substeps) + at) * (dt / substeps)
-    states = lag_states(table, commands, np.arange(rows) * dt, moments, settled=settled)
-    _thrust_kernel(table, states, np.empty((0, 6)), states)
-    return states.reshape(rows, substeps, len(table))
 
 
 def _unit_wrench(thruster: Thruster) -> Array:

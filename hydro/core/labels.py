@@ -19,7 +19,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.allocation import INFLOW, UNIT_WRENCH, column_thrusts
+from hydro.core.allocation import INFLOW, UNIT_WRENCH, thrusts
 from hydro.core.compiled import jit
 from hydro.core.effects import inertia_matrix
 from hydro.core.effects.catalogue import current, thruster_table
@@ -85,7 +85,7 @@ def labels(
         motion = smooth(_columns(part, VELOCITIES), within, chosen, acceleration, designed)
         attitude = _columns(part, ("phi", "theta", "psi"))
         nu_r = None if water is None else _through_water(motion, attitude, water)
-        thrust = column_thrusts(
+        thrust = thrusts(
             table, _columns(part, commands), part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )
         _label_kernel(motion, attitude, thrust, configuration, *known, out[:, start:stop])

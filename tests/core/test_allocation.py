@@ -46,6 +46,17 @@ def settled_thrust(one: Thruster, n):
     return np.where(n > 0, size * one.max_thrust, -size * one.max_reverse_thrust)
 
 
+def thrusts(vehicle: Vehicle, *arguments, **options):
+    """Thrusts of a vehicle file's thrusters, without actuator effects."""
+    return allocation.thrusts(allocation.thruster_table(vehicle), *arguments, **options)
+
+
+def states_at(vehicle: Vehicle, held, moments, **options):
+    return allocation.lag_states(
+        allocation.thruster_table(vehicle), held, np.arange(len(held)) * DT, moments, **options
+    )
+
+
 def step_responses(one: Thruster, held, t, moments):
     """Lag state at any moments, from rest, as the sum of one exponential per change of command."""
     target = np.clip(held, -1, 1) if one.lag == "speed" else settled_thrust(one, np.clip(held, -1, 1))
@@ -183,7 +194,7 @@ def test_the_lag_on_thrust_is_scipys_discretisation(one, held):
     f = [0.0]
     for target in settled_thrust(one, np.clip(held[:-1, 0], -1, 1)):
         f.append(Ad[0, 0] * f[-1] + Bd[0, 0] * target)
-    found = allocation.thrusts(vehicle_with(one), held, np.arange(20) * DT, one_segment(20))
+    found = thrusts(vehicle_with(one), held, np.arange(20) * DT, one_segment(20))
     np.testing.assert_allclose(found[:, 0], f, rtol=1e-11, atol=1e-10)
 
 
@@ -196,7 +207,7 @@ def test_the_lag_on_speed_comes_before_dead_band_and_curve(one, held):
     for command in np.clip(held[:-1, 0], -1, 1):
         n.append(Ad[0, 0] * n[-1] + Bd[0, 0] * command)
     assume(np.all(np.abs(np.abs(n) - one.deadband) > 1e-9))  # at a cut, rounding decides
-    found = allocation.thrusts(vehicle_with(one), held, np.arange(20) * DT, one_segment(20))
+    found = thrusts(vehicle_with(one), held, np.arange(20) * DT, one_segment(20))
     np.testing.assert_allclose(found[:, 0], settled_thrust(one, np.array(n)), rtol=1e-9, atol=1e-9)
 
 
@@ -210,7 +221,7 @@ def test_the_euler_lag_is_the_sources_own_loop(one, held):
         at_rows.append(f)
         for _ in range(10):
             f += 0.002 / 0.1 * (target - f)
-    found = allocation.thrusts(vehicle_with(one), held, np.arange(12) * DT, one_segment(12))
+    found = thrusts(vehicle_with(one), held, np.arange(12) * DT, one_segment(12))
     np.testing.assert_allclose(found[:, 0], at_rows, rtol=1e-11, atol=1e-10)
 
 
@@ -272,7 +283,7 @@ def test_columns_apply_the_effects_of_the_table_and_the_water():
     table[:, allocation.GAIN], table[:, allocation.INFLOW] = [0.5, 0.0], 0.01
     nu_r = np.zeros((3, 6))
     nu_r[:, 0] = 2.0
-    f = allocation.column_thrusts(table, np.full((3, 2), 0.5), np.arange(3) * DT, one_segment(3), nu_r=nu_r)
+    f = allocation.thrusts(table, np.full((3, 2), 0.5), np.arange(3) * DT, one_segment(3), nu_r=nu_r)
     ahead = np.array([75.0, 25.0])
     np.testing.assert_allclose(
         f, [[0.0, 0.0], *[ahead - 0.01 * np.sqrt(ahead * 100.0) * 2.0] * 2], rtol=1e-12
@@ -290,7 +301,7 @@ def test_any_lag_state_sums_its_step_responses_even_on_a_jittery_clock(one, held
     table = allocation.thruster_table(vehicle_with(one))
     found = allocation.lag_states(table, held, t, t)[:, 0]
     np.testing.assert_allclose(found, step_responses(one, held[:, 0], t, t), rtol=1e-7, atol=1e-7)
-    thrust = allocation.thrusts(vehicle_with(one), held, t, one_segment(15))[:, 0]
+    thrust = thrusts(vehicle_with(one), held, t, one_segment(15))[:, 0]
     expected = [allocation.state_to_thrust(table[0], state, 0.0) for state in found]
     np.testing.assert_array_equal(thrust, expected)
 
@@ -302,14 +313,14 @@ def test_a_command_is_felt_from_the_next_row_on_and_never_before(vehicle, data):
     k = data.draw(st.integers(0, 9))
     t = np.arange(10) * DT
     changed[:k] = held[:k]
-    before = allocation.thrusts(vehicle, held, t, one_segment(10))
-    after = allocation.thrusts(vehicle, changed, t, one_segment(10))
+    before = thrusts(vehicle, held, t, one_segment(10))
+    after = thrusts(vehicle, changed, t, one_segment(10))
     np.testing.assert_array_equal(before[0], 0.0)
     np.testing.assert_array_equal(before[: k + 1], after[: k + 1])
 
 
 def test_the_first_command_is_felt_at_the_second_row():
-    f = allocation.thrusts(vehicle_with(thruster()), [[1.0], [0.5], [0.0]], np.arange(3) * DT, one_segment(3))
+    f = thrusts(vehicle_with(thruster()), [[1.0], [0.5], [0.0]], np.arange(3) * DT, one_segment(3))
     np.testing.assert_array_equal(f[:, 0], [0.0, 100.0, 50.0])
 
 
@@ -318,15 +329,15 @@ def test_the_first_command_is_felt_at_the_second_row():
 def test_a_delay_of_whole_rows_shifts_the_thrust_by_as_many_rows(start, rows):
     t = start + np.arange(40) * DT
     held = np.sin(np.arange(40.0))[:, None]
-    prompt = allocation.thrusts(vehicle_with(thruster()), held, t, one_segment(40))
-    late = allocation.thrusts(vehicle_with(thruster(delay=rows * DT)), held, t, one_segment(40))
+    prompt = thrusts(vehicle_with(thruster()), held, t, one_segment(40))
+    late = thrusts(vehicle_with(thruster(delay=rows * DT)), held, t, one_segment(40))
     np.testing.assert_array_equal(late[:rows], 0.0)
     np.testing.assert_array_equal(late[rows:], prompt[:-rows])
 
 
 def test_a_delay_of_part_of_a_row_splits_the_row():
     one = thruster(time_constant=0.1, delay=0.015)
-    f = allocation.thrusts(vehicle_with(one), [[1.0], [-1.0], [0.0]], np.arange(3) * DT, one_segment(3))[:, 0]
+    f = thrusts(vehicle_with(one), [[1.0], [-1.0], [0.0]], np.arange(3) * DT, one_segment(3))[:, 0]
     after_first = 100.0 * (1 - np.exp(-0.005 / 0.1))
     middle = 100.0 + (after_first - 100.0) * np.exp(-0.015 / 0.1)
     after_second = -60.0 + (middle + 60.0) * np.exp(-0.005 / 0.1)
@@ -338,9 +349,9 @@ def test_each_segment_stands_alone_and_resumes_settled_after_a_gap(vehicle, data
     count = len(vehicle.thruster)
     held = data.draw(commands(12, count))
     t = np.concatenate([np.arange(5), np.arange(7) + 100.0]) * DT
-    both = allocation.thrusts(vehicle, held, t, [[0, 5], [5, 12]])
-    np.testing.assert_array_equal(both[5:], allocation.thrusts(vehicle, held[5:], t[5:], one_segment(7)))
-    resumed = allocation.thrusts(vehicle, held, t, [[0, 5], [5, 12]], after_gap=[False, True])
+    both = thrusts(vehicle, held, t, [[0, 5], [5, 12]])
+    np.testing.assert_array_equal(both[5:], thrusts(vehicle, held[5:], t[5:], one_segment(7)))
+    resumed = thrusts(vehicle, held, t, [[0, 5], [5, 12]], after_gap=[False, True])
     np.testing.assert_array_equal(resumed[:5], both[:5])
     settled = [float(settled_thrust(one, c)) for one, c in zip(vehicle.thruster, held[5], strict=True)]
     np.testing.assert_allclose(resumed[5], settled, rtol=1e-12, atol=1e-12)
@@ -348,59 +359,50 @@ def test_each_segment_stands_alone_and_resumes_settled_after_a_gap(vehicle, data
 
 def test_a_constant_command_after_a_gap_stays_settled_whatever_the_delay():
     one = thruster(time_constant=0.2, delay=0.03)
-    f = allocation.thrusts(
-        vehicle_with(one), np.full((9, 1), 0.4), np.arange(9) * DT, one_segment(9), after_gap=[1]
-    )
+    f = thrusts(vehicle_with(one), np.full((9, 1), 0.4), np.arange(9) * DT, one_segment(9), after_gap=[1])
     np.testing.assert_allclose(f, 40.0, rtol=1e-12)
 
 
 @given(vehicles(max_thrusters=3), st.data(), st.integers(1, 12))
-def test_the_end_of_a_rows_last_substep_is_the_next_row(vehicle, data, substeps):
-    count = len(vehicle.thruster)
-    held = data.draw(commands(6, count))
-    assume(all(one.deadband_style == "shift" for one in vehicle.thruster))  # a cut may fall either way
-    at_rows = allocation.thrusts(vehicle, held, np.arange(6) * DT, one_segment(6))
-    within = allocation.substep_thrusts(vehicle, held, DT, substeps, at=1.0)
-    assert within.shape == (6, substeps, count)
-    np.testing.assert_allclose(within[:-1, -1], at_rows[1:], rtol=1e-9, atol=1e-8)
+def test_states_at_the_rows_are_the_same_however_often_one_looks_in_between(vehicle, data, substeps):
+    held = data.draw(commands(6, len(vehicle.thruster)))
+    rows = states_at(vehicle, held, np.arange(6) * DT)
+    often = states_at(vehicle, held, np.arange(6 * substeps) * (DT / substeps))
+    np.testing.assert_allclose(often[::substeps], rows, rtol=1e-9, atol=1e-8)
 
 
-def test_substeps_take_the_middle_so_that_impulse_is_right():
+def test_states_between_the_rows_are_the_step_responses():
     one = thruster(time_constant=0.1, delay=0.013)
     held = np.array([1.0, -0.5, 0.2])
     middles = (np.arange(30) + 0.5) * DT / 10
-    found = allocation.substep_thrusts(vehicle_with(one), held[:, None], DT, 10)
-    np.testing.assert_allclose(
-        found.ravel(), step_responses(one, held, np.arange(3) * DT, middles), rtol=1e-11
-    )
-    prompt = allocation.substep_thrusts(vehicle_with(thruster()), held[:, None], DT, 4)
-    np.testing.assert_array_equal(prompt[..., 0], np.repeat([[100.0], [-30.0], [20.0]], 4, axis=1))
+    found = states_at(vehicle_with(one), held[:, None], middles)
+    np.testing.assert_allclose(found[:, 0], step_responses(one, held, np.arange(3) * DT, middles), rtol=1e-11)
+    prompt = states_at(vehicle_with(thruster()), held[:, None], middles)
+    np.testing.assert_array_equal(prompt[:, 0], np.repeat([100.0, -30.0, 20.0], 10))
 
 
 def test_single_precision_and_strided_columns_are_accepted():
     vehicle = vehicle_with(thruster(time_constant=0.1), thruster(name="T2", delay=0.01))
     held = np.random.default_rng(0).uniform(-1, 1, (50, 2)).astype(np.float32)
     t = np.arange(50) * DT
-    expected = allocation.thrusts(vehicle, held.astype(float), t, one_segment(50))
-    np.testing.assert_array_equal(
-        allocation.thrusts(vehicle, np.asfortranarray(held), t, one_segment(50)), expected
-    )
+    expected = thrusts(vehicle, held.astype(float), t, one_segment(50))
+    np.testing.assert_array_equal(thrusts(vehicle, np.asfortranarray(held), t, one_segment(50)), expected)
 
 
 @pytest.mark.parametrize("shape", [(5, 2), (4, 1), (5,), (0, 1)])
 def test_commands_that_do_not_fit_are_refused(shape):
     with pytest.raises(DataError, match="commands: expected 5 rows of 1 thrusters, got shape"):
-        allocation.thrusts(vehicle_with(thruster()), np.zeros(shape), np.arange(5) * DT, one_segment(5))
+        thrusts(vehicle_with(thruster()), np.zeros(shape), np.arange(5) * DT, one_segment(5))
 
 
 def test_nothing_in_nothing_out():
     vehicle = vehicle_with(thruster())
-    assert allocation.thrusts(vehicle, np.zeros((0, 1)), np.zeros(0), np.zeros((0, 2))).shape == (0, 1)
-    assert allocation.thrusts(vehicle_with(), np.zeros((4, 0)), np.arange(4.0), one_segment(4)).shape == (
+    assert thrusts(vehicle, np.zeros((0, 1)), np.zeros(0), np.zeros((0, 2))).shape == (0, 1)
+    assert thrusts(vehicle_with(), np.zeros((4, 0)), np.arange(4.0), one_segment(4)).shape == (
         4,
         0,
     )
-    assert allocation.substep_thrusts(vehicle, np.zeros((0, 1)), DT, 10).shape == (0, 10, 1)
+    assert states_at(vehicle, np.zeros((0, 1)), np.zeros(0)).shape == (0, 1)
 
 
 # -- Stonefish ---------------------------------------------------------------------------------------------
@@ -431,7 +433,7 @@ def test_thrust_of_the_recorded_replay_is_the_simulators_own_formula(datasets):
     n = np.array(speeds)
     expected = np.where(np.abs(n) > 0.05, 155.0 * np.sign(n) * (n**2 - 0.05**2) / (1 - 0.05**2), 0.0)
     vehicle = vehicle_with(*(thruster(name=f"T{i}", **ROTOR) for i in range(1, 9)))
-    found = allocation.thrusts(vehicle, held, t, one_segment(len(t)))
+    found = thrusts(vehicle, held, t, one_segment(len(t)))
     assert np.abs(found).max() > 50.0
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
@@ -449,7 +451,8 @@ def test_thrust_moves_the_recorded_vehicle_from_rest_when_and_where_it_did(stone
         start = log.filter(pl.col("session") == session).head(4).collect().cast({"t": pl.Float64})
         held = start.select(pl.selectors.starts_with("cmd_")).to_numpy()
         momentum = inertia @ start.select("u", "v", "w", "p", "q", "r").to_numpy()[3]
-        thrust = allocation.substep_thrusts(vehicle, held[:3], DT, 10, at=1.0)
-        impulse = thrust.sum(axis=(0, 1)) @ B.T * 0.002
+        ends = np.arange(1, 31) * 0.002  # Stonefish moves its rotors before the body in each step
+        speeds = states_at(vehicle, held[:3], ends)
+        impulse = sum(B @ settled_thrust(vehicle.thruster[0], n) for n in speeds) * 0.002
         impulse += 3 * DT * rigid_body.restoring(vehicle, start["phi"][0], start["theta"][0])
         assert momentum[axis] == pytest.approx(impulse[axis], rel=0.01)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from strategies import numbers, vectors
 
 from hydro.core import allocation
-from hydro.core.allocation import column_thrusts
+from hydro.core.allocation import thrusts
 from hydro.core.effects import thruster_table, velocity_log
 from hydro.core.effects.sensor import corrected, measured
 
@@ -22,7 +22,7 @@ def held(command, *effects, nu_r=None):
     """Thrusts of the bench's two thrusters after four seconds of one command."""
     commands = np.tile(np.asarray(command, float), (200, 1))
     water = None if nu_r is None else np.tile(np.asarray(nu_r, float), (200, 1))
-    return column_thrusts(thruster_table(equipped(*effects)), commands, T, ROWS, nu_r=water)
+    return thrusts(thruster_table(equipped(*effects)), commands, T, ROWS, nu_r=water)
 
 
 def test_without_effects_the_table_is_the_files():
