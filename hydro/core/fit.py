@@ -1,0 +1,322 @@
+"""Parameters of named effects, and their covariance, from a recording.
+
+Two methods.  Equation error balances accelerations over windows of the smoothed motion (`core.weakform`): fast,
+and close, but noise in the measured motion biases it.  Output error predicts short shots and compares them with
+what was logged (`core.shooting`): it begins where equation error ended and is unbiased where the model is true.
+Both are weighted least squares, solved by a Levenberg-Marquardt iteration within bounds.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core import shooting, weakform
+from hydro.core.candidate import Candidate, candidate
+from hydro.core.effects import CATALOGUE, sensor, validate, velocity_log
+from hydro.core.errors import DataError
+from hydro.core.normal import Normal, bounded_step, covariance
+from hydro.core.parameters import LONGEST_SENSOR_DELAY, Entry, Free, effect_table, free
+from hydro.core.recording import Recording, recording
+from hydro.core.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]
+Method = Literal["output", "equation"]
+METHODS: tuple[str, ...] = ("output", "equation")
+
+PRIOR = 10.0
+"""Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""
+ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' worth ends an iteration
+ITERATIONS = 25
+UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
+PLAIN = 3.0
+ALIKE = 0.98  # correlation of two estimates that the data tell apart no more
+WORSE = 1.15  # ratio of a channel's residual to its noise from which the weights are made anew
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fitted effects.
+
+    Attributes:
+        vehicle: The vehicle with the fitted values.
+        free: The entries that were fitted.
+        values: (P,) in the units of the entries.
+        standard_errors: (P,).
+        covariance: (P, P).
+        determined: Which entries the data determine, (P,).
+        chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
+        method: `output` or `equation`.
+        warnings: What the user should know, one line each.
+    """
+
+    vehicle: Vehicle
+    free: Free
+    values: Array
+    standard_errors: Array
+    covariance: Array
+    determined: NDArray[np.bool_]
+    chi2: float
+    method: str
+    warnings: tuple[str, ...]
+
+    def tables(self) -> tuple[dict[str, Any], ...]:
+        """The `[[effect]]` tables of the fitted effects, with their standard errors."""
+        names = dict.fromkeys(entry.effect for entry in self.free.entries)
+        return tuple(
+            {"name": name}
+            | effect_table(self.free, name, self.values)
+            | {"standard_error": effect_table(self.free, name, self.standard_errors)}
+            for name in names
+        )
+
+    def frame(self) -> pl.DataFrame:
+        """One row per entry: parameter, value, standard_error, unit, determined."""
+        entries = self.free.entries
+        return pl.DataFrame(
+            {
+                "parameter": [entry.name for entry in entries],
+                "value": self.values,
+                "standard_error": self.standard_errors,
+                "unit": [entry.unit for entry in entries],
+                "determined": self.determined,
+            }
+        )
+
+
+class Problem(Protocol):
+    """What the iteration asks of a method."""
+
+    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
+        """The least-squares problem about a vehicle."""
+
+    def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, Problem]:
+        """Sum of squares after a step of the parameters, and the problem with its own unknowns moved along."""
+
+    def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
+        """The problem with weights that fit its residuals, and whether they differ."""
+
+
+def fit(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    *,
+    method: Method = "output",
+    noise: Array | None = None,
+    report: Report | None = None,
+) -> Fit:
+    """Fit named effects to a recording.
+
+    Args:
+        vehicle: The vehicle; effects that it has begin at their values, new ones at nothing.
+        raw: Raw table of the measured motion and commands.
+        effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
+            choice), or tables with values to begin from.
+        method: `output` or `equation`.
+        noise: Standard deviation of pose and velocity, (12,); by default found from the data.
+        report: Called with a few words and the share of the work done.
+
+    Returns:
+        Values with standard errors and warnings.
+
+    Raises:
+        DataError: An effect or the recording is at fault, or the vehicle's motion knows no bounds.
+    """
+    if method not in METHODS:
+        raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
+    told = report or (lambda words, share: None)
+    record = recording(raw, vehicle)
+    unknown = free(vehicle, effects, reach=record.eta[:, :3])
+    told("equation error", 0.0)
+    values, normal, problem = _begin(unknown, weakform.Windows.of(record, noise))
+    if method == "output":
+        told("output error", 0.2)
+        late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
+            entry.effect == "sensor_delay" for entry in unknown.entries
+        )
+        shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise)
+        values, normal = _settle(unknown, values, OutputError.of(shots, unknown.at(values)), told)
+    else:
+        values, normal = _settle(unknown, values, problem, told)
+    told("done", 1.0)
+    return _judged(unknown, values, normal, method)
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """Output error over shots, whose beginnings go along with the parameters."""
+
+    shots: shooting.Shots
+
+    @classmethod
+    def of(cls, shots: shooting.Shots, vehicle: Vehicle) -> OutputError:
+        """Begin the shots as this vehicle's velocity log says."""
+        return cls(shooting.corrected_first(shots, candidate(vehicle)))
+
+    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
+        """See `shooting.linearise`."""
+        loaded = shooting.load(candidate(base), self.shots)
+        others = [shooting.load(candidate(other), self.shots, loaded) for other in moved]
+        return shooting.linearise(loaded, others, steps, self.shots)
+
+    def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, OutputError]:
+        """Predict anew, from beginnings moved as the linearised problem would have them."""
+        shift = normal.follow[..., -1].copy()
+        if step is not None:
+            shift -= normal.follow[..., :-1] @ step
+        moved = replace(self.shots, first=shooting.displaced(self.shots.first, shift))
+        return shooting.cost(shooting.load(candidate(vehicle), moved), moved), OutputError(moved)
+
+    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
+        """Noise of each channel raised to what is left in it, where the model does not explain it."""
+        rms = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / shooting.CHANNELS))
+        if (rms < WORSE).all():
+            return self, False
+        return OutputError(replace(self.shots, sigma=self.shots.sigma * np.maximum(rms, 1.0))), True
+
+
+def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Normal, Problem]:
+    """The best of all beginnings after an iteration of equation error from each."""
+    quick = 3 if len(unknown.starts) > 1 else ITERATIONS
+    tried = [_descend(unknown, start, windows, quick) for start in unknown.starts]
+    best = min(tried, key=lambda result: result[1].cost)
+    return best if len(tried) == 1 else _descend(unknown, best[0], best[2], ITERATIONS)
+
+
+def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal]:
+    """Iterate, weigh anew by what is left, and iterate again."""
+    for attempt in range(4):
+        values, normal, problem = _descend(unknown, values, problem, ITERATIONS)
+        told("weights", 0.5 + 0.1 * attempt)
+        problem, changed = problem.reweighted(normal)
+        if not changed:
+            break
+    return values, normal
+
+
+def _descend(
+    unknown: Free, start: Array, problem: Problem, iterations: int
+) -> tuple[Array, Normal, Problem]:
+    """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`."""
+    scales = unknown.scales
+    low, high = (bound / scales for bound in unknown.bounds)
+    begin = x = start / scales
+    damping, prior = 1e-6, np.full(len(x), PRIOR**-2)
+    normal = _linearised(unknown, x, problem)
+    if not np.isfinite(normal.cost):
+        raise DataError(
+            "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
+            "linear_damping first"
+        )
+    for _ in range(iterations):
+        matrix = normal.matrix.sum(axis=0) + np.diag(prior)
+        score = normal.score.sum(axis=0) - prior * (x - begin)
+        worth = ENOUGH * max(1.0, normal.chi2)
+        before = normal.cost + float((prior * (x - begin) ** 2).sum())
+        while True:
+            step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
+            promise = float(2.0 * score @ step - step @ matrix @ step)
+            if promise < worth or damping > 1e8:
+                return x * scales, normal, problem
+            cost, moved = problem.cost(unknown.at((x + step) * scales), step, normal)
+            if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
+                break
+            damping = max(damping * 10.0, 1e-4)
+        x, problem, damping = x + step, moved, max(damping * 0.1, 1e-9)
+        normal = _linearised(unknown, x, problem)
+    return x * scales, normal, problem
+
+
+def _linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
+    """The problem about x (P,), with one-sided differences that keep within the bounds."""
+    scales, (_, high) = unknown.scales, unknown.bounds
+    moved, steps = [], []
+    for i, entry in enumerate(unknown.entries):
+        values = x * scales
+        step = entry.step if values[i] + entry.step <= high[i] else -entry.step
+        values[i] += step
+        moved.append(unknown.at(values))
+        steps.append(step / scales[i])
+    return problem.linearise(unknown.at(x * scales), moved, steps)
+
+
+def _judged(unknown: Free, values: Array, normal: Normal, method: str) -> Fit:
+    """Covariance, warnings and a vehicle that is physically possible."""
+    warnings: list[str] = []
+    within = _possible(unknown, values)
+    if within is not values:
+        warnings.append(
+            "the best values would let damping or added mass drive the vehicle; they are reduced to what a "
+            "passive hull can have"
+        )
+        values = within
+    scales = unknown.scales
+    spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
+    errors = np.sqrt(np.diag(spread))
+    determined = (errors <= UNDETERMINED * scales) | (np.abs(values) > PLAIN * errors)
+    for entry, known in zip(unknown.entries, determined, strict=True):
+        if not known:
+            warnings.append(_advice(entry))
+    warnings += _confusions(unknown, spread, errors, determined)
+    low, high = unknown.bounds
+    for entry, value, a, b in zip(unknown.entries, values, low, high, strict=True):
+        if (value <= a or value >= b) and entry.scale:
+            warnings.append(f"{entry.name} lies on its bound, {value:g} {entry.unit}")
+    return Fit(
+        vehicle=unknown.at(values),
+        free=unknown,
+        values=values,
+        standard_errors=errors,
+        covariance=spread,
+        determined=determined,
+        chi2=normal.chi2,
+        method=method,
+        warnings=tuple(warnings),
+    )
+
+
+def _advice(entry: Entry) -> str:
+    return (
+        f"{entry.name} is not determined by these data; it would need {CATALOGUE[entry.effect].excitation}"
+    )
+
+
+def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
+    """Pairs of entries that the data can hardly tell apart."""
+    correlation = spread / np.outer(errors, errors)
+    return [
+        f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be told apart by these data "
+        f"(correlation {correlation[i, j]:+.3f})"
+        for i in range(len(errors))
+        for j in range(i)
+        if abs(correlation[i, j]) > ALIKE and determined[i] and determined[j]
+    ]
+
+
+def _possible(unknown: Free, values: Array) -> Array:
+    """Values that `validate` accepts: the fitted ones, or as near to them on the way from the start."""
+
+    def accepted(trial: Array) -> bool:
+        try:
+            validate(unknown.at(trial))
+        except DataError:
+            return False
+        return True
+
+    if accepted(values):
+        return values
+    start = unknown.starts[0]
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if accepted(start + middle * (values - start)) else (low, middle)
+    return start + low * (values - start)

@@ -1,0 +1,132 @@
+"""A linearised least-squares problem kept in pieces: what each stretch of data says of the parameters.
+
+Residual e, columns X (how the prediction answers to each parameter): a piece is the Gram matrix of [X, e].
+Sums of pieces give estimates; their scatter gives standard errors that hold where residuals are correlated or
+the model is not quite right; and any subset of columns or pieces gives another problem at no cost.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
+
+Array = NDArray[np.float64]
+
+LEAST_BLOCKS = 8
+CORRELATION_TIMES = 10
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Gram matrices of the whitened, projected problem.
+
+    Attributes:
+        gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction has
+            left all bounds.
+        freedom: Independent residuals in one piece.
+        channels: Sum of squares of each measured channel's residual, (S, C).
+        follow: What the eliminated unknowns of a piece take of each column and of the residual, (S, Q, P + 1);
+            Q may be 0.
+    """
+
+    gram: Array
+    freedom: int
+    channels: Array
+    follow: Array
+
+    @property
+    def matrix(self) -> Array:
+        """X^T X of each piece, (S, P, P)."""
+        return self.gram[:, :-1, :-1]
+
+    @property
+    def score(self) -> Array:
+        """X^T e of each piece, (S, P)."""
+        return self.gram[:, :-1, -1]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.gram[:, -1, -1].sum())
+
+    @property
+    def residuals(self) -> int:
+        """Independent residuals in all."""
+        return self.freedom * len(self.gram)
+
+    @property
+    def chi2(self) -> float:
+        """Mean square of the residuals: 1 where the model is true and the noise is known."""
+        return self.cost / self.residuals
+
+
+def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
+    """The step d within [low, high] that minimises d^T matrix d - 2 score^T d; matrix positive definite."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    upper = np.linalg.cholesky(matrix * np.outer(scale, scale)).T
+    target = solve_triangular(upper.T, score * scale, lower=True)
+    free: Array = solve_triangular(upper, target) * scale
+    if ((free >= low) & (free <= high)).all():
+        return free
+    wide = np.maximum(high / scale, low / scale + 1e-12)
+    solved = lsq_linear(upper, target, (low / scale, wide), method="bvls")
+    return np.clip(np.asarray(solved.x) * scale, low, high)
+
+
+def block_length(normal: Normal) -> int:
+    """Pieces that belong together: ten correlation times of residual times regressor, at least eight blocks.
+
+    Scores of neighbouring pieces are correlated where the model errs for longer than a piece lasts; where the
+    residual is white noise they are not, and a piece is a block.
+    """
+    scores, pieces = normal.score, len(normal.gram)
+    size = np.sqrt((scores**2).sum(axis=0))
+    unit = scores[:, size > 0.0] / size[size > 0.0]
+    if pieces < 2 * LEAST_BLOCKS or not unit.size:
+        return 1
+    time, least = 0.0, 2.0 / math.sqrt(pieces * max(1.0, unit.shape[1] / 4.0))
+    for lag in range(1, pieces // LEAST_BLOCKS):
+        correlation = float((unit[lag:] * unit[:-lag]).sum()) / unit.shape[1]
+        if correlation <= least:
+            break
+        time += correlation
+    return max(1, min(math.ceil(CORRELATION_TIMES * time), pieces // LEAST_BLOCKS))
+
+
+def covariance(normal: Normal, prior: Array) -> Array:
+    """Covariance of the estimate at its minimum.
+
+    The greater, parameter by parameter, of two: what white residuals of the size found would give; and the
+    delete-one-block jackknife of the linearised problem (the sandwich with leverage corrected, Cameron and
+    Miller 2015), which needs neither whiteness nor a true model.
+
+    Args:
+        normal: The problem at the estimate.
+        prior: Information added to the diagonal, (P,).
+
+    Returns:
+        (P, P), in the units of the problem's parameters.
+    """
+    total = normal.matrix.sum(axis=0) + np.diag(prior)
+    plain: Array = np.linalg.inv(total) * max(1.0, normal.chi2)
+    size = block_length(normal)
+    edges = np.arange(0, len(normal.gram), size)
+    if len(edges) > 1 and len(normal.gram) - edges[-1] < size:
+        edges = edges[:-1]
+    blocks = len(edges)
+    if blocks < LEAST_BLOCKS:
+        return plain
+    matrices = np.add.reduceat(normal.matrix, edges, axis=0)
+    scores = np.add.reduceat(normal.score, edges, axis=0)
+    scores = scores - scores.sum(axis=0) / blocks
+    left_out = np.linalg.solve(total - matrices, -scores[..., None])[..., 0]
+    left_out -= left_out.mean(axis=0)
+    robust = left_out.T @ left_out * (blocks - 1) / blocks
+    stretch = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(robust), 1e-300), 1.0))
+    wide: Array = robust * np.outer(stretch, stretch)
+    return wide
