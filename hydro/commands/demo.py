@@ -12,7 +12,7 @@ import typer
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
 
 PACKAGE = Path(__file__).resolve().parents[1]
-EPOCHS = 12
+EPOCHS = 20
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; made if need be.")]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
+    from rich.tree import Tree
 
     from hydro.io.table import Artefact
 
@@ -20,8 +22,8 @@ Files = Annotated[list[str], typer.Argument(metavar="FILE", help="Artefacts and 
 File = Annotated[
     str, typer.Argument(metavar="FILE", show_default=False, help="An artefact; nothing or - is stdin.")
 ]
-WHOLE = 60
-"""Tables of at most this many rows are shown whole."""
+SHORT = len("sha256:") + 12
+"""How much of a hash of the lineage is shown."""
 
 
 def check(files: Files) -> None:
@@ -78,10 +80,8 @@ def columns(artefact: Artefact) -> pl.DataFrame:
 
     fields = schema.load(artefact.kind).columns(artefact.frame.columns)
     numbers = [name for name in fields if artefact.frame.schema[name].is_numeric()]
-    low, high = (
-        pl.concat([artefact.frame.select(pl.col(numbers).cast(pl.Float64)).select(extreme)]).to_dicts()[0]
-        for extreme in (pl.all().min(), pl.all().max())
-    )
+    values = artefact.frame.select(pl.col(numbers).cast(pl.Float64))
+    low, high = (dict(zip(numbers, each.row(0), strict=True)) for each in (values.min(), values.max()))
     return pl.DataFrame(
         {
             "column": list(fields),
@@ -96,33 +96,47 @@ def columns(artefact: Artefact) -> pl.DataFrame:
 
 
 def _print_page(artefact: Artefact) -> None:
-    """Print an artefact for a person."""
+    """Print an artefact for a person: what it is, what it was made from, what is in it."""
     from rich.console import Console
+
+    console = Console(highlight=False, markup=False)
+    for line in _summary(artefact):
+        console.print(line)
+    console.print(_lineage(artefact))
+    print_table(artefact.frame if artefact.kind == "metrics" else columns(artefact).drop("description"))
+
+
+def _summary(artefact: Artefact) -> Iterator[str]:
+    """Size, seed, vehicle and network, each in one line, where there is one."""
+    from hydro.io import vehicle
+
+    record, frame = artefact.provenance, artefact.frame
+    sessions = frame["session"].n_unique() if "session" in frame.columns else 0
+    counted = f" in {sessions} session{'s' if sessions > 1 else ''}" if sessions else ""
+    yield f"{artefact.kind}: {frame.height:,} rows{counted}, {frame.width} columns"
+    if record.seed is not None:
+        yield f"seed {record.seed}"
+    if record.vehicle is not None:
+        yield f"vehicle {vehicle.parse(record.vehicle).name}"
+    if record.model is not None:
+        yield f"model {record.model['name']}: {_named(record.model['architecture'])}"
+        yield f"trained: {_named(record.model['training'])}"
+
+
+def _lineage(artefact: Artefact) -> Tree:
+    """The artefact, what it was made from, and what that was made from in turn."""
+    from rich.text import Text
     from rich.tree import Tree
 
     from hydro.io import provenance
 
-    record, frame, console = artefact.provenance, artefact.frame, Console(highlight=False)
-    sessions = f" in {frame['session'].n_unique()} sessions" if "session" in frame.columns else ""
-    console.print(f"[bold]{artefact.kind}[/bold]: {frame.height:,} rows{sessions}, {frame.width} columns")
-    if record.seed is not None:
-        console.print(f"seed {record.seed}")
-    if record.vehicle is not None:
-        from hydro.io import vehicle
-
-        console.print(f"vehicle {vehicle.parse(record.vehicle).name}")
-    if record.model is not None:
-        console.print(f"model {record.model['name']}: {_named(record.model['architecture'])}")
     trees: dict[int, Tree] = {}
-    for depth, node in provenance.lineage(record):
+    for depth, node in provenance.lineage(artefact.provenance):
         stage = f" by {node.stage} {_named(node.parameters)}".rstrip() if node.stage else ""
-        line = f"{node.kind}{stage}\n[dim]{node.content}[/dim]"
+        content = node.content[:SHORT] if depth else node.content
+        line = Text.assemble((node.kind, "bold"), stage, "\n", (content, "dim"))
         trees[depth] = trees[depth - 1].add(line) if depth else Tree(line)
-    console.print(trees[0])
-    if frame.height <= WHOLE and artefact.kind != "model":
-        print_table(frame, "")
-    else:
-        print_table(columns(artefact).drop("description"), "")
+    return trees[0]
 
 
 def _named(values: dict[str, Any]) -> str:

@@ -161,7 +161,7 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
         yield lambda done, total, text="": bar.update(task, completed=done, total=total, text=text)
 
 
-def print_table(frame: pl.DataFrame, title: str) -> None:
+def print_table(frame: pl.DataFrame, title: str = "") -> None:
     """Print a table for a person: numbers to the right with three significant figures, gaps as dashes."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
@@ -172,8 +172,8 @@ def print_table(frame: pl.DataFrame, title: str) -> None:
         table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=dtype.is_numeric())
     for row in frame.iter_rows():
         table.add_row(*[_cell(value) for value in row])
-    console = Console(highlight=False)
-    console.print(f"\n[bold]{title}[/bold]" if title else "")
+    console = Console(highlight=False, markup=False)
+    console.print(*["", title] if title else [""], sep="\n", style="bold")
     console.print(table, width=console.width if console.is_terminal else 160)
 
 

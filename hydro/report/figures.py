@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 MEASURED = "measured"
+PANELS = ("u", "p", "v", "q", "w", "r")
 HEADROOM = 0.35
-"""How far a panel reaches beyond the measured range, as a share of it, where variants run away."""
+"""How far a panel reaches beyond the measured range, as a share of it."""
 MOST_POINTS = 3000
 """Samples drawn per curve; more would not be seen at print resolution."""
 
@@ -48,18 +49,19 @@ _STYLE: dict[str, Any] = {
 }
 
 
-def overlay_table(
-    replay: pl.DataFrame, axes: tuple[str, ...] = ("u", "w", "v", "p", "q", "r")
-) -> pl.DataFrame:
-    """What the overlay draws: one row per axis, variant and time, with the panel's limits.
+def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = PANELS) -> pl.DataFrame:
+    """What the overlay draws: one row per axis, variant and time.
+
+    A curve ends where its error first exceeds the whole range of the measured motion: from there on it says
+    nothing and would only hide what does.
 
     Args:
         replay: a replay artefact's series; its first session is drawn.
         axes: velocity columns, one panel each.
 
     Returns:
-        Columns `axis`, `variant`, `t` [s, from the start], `value` [m/s or rad/s], and `bottom`, `top`: the
-        panel's limits, set by the measured motion so that a runaway variant does not flatten the rest.
+        Columns `axis`, `variant`, `t` [s, from the start], `value` [m/s or rad/s], `lost` (true in the last
+        row of a curve that ends early), and `bottom`, `top`: the panel's limits, set by the measured motion.
     """
     one = replay.filter(pl.col("session") == replay["session"][0])
     step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // MOST_POINTS))
@@ -69,12 +71,20 @@ def overlay_table(
         (pl.col("t") - pl.col("t").min()).cast(pl.Float64),
         *[pl.col(axis).cast(pl.Float64) for axis in axes],
     ).unpivot(on=list(axes), index=["variant", "t"], variable_name="axis", value_name="value")
-    measured = series.filter(pl.col("variant") == MEASURED).group_by("axis")
-    low, high = pl.col("value").min(), pl.col("value").max()
-    margin = HEADROOM * (high - low).clip(1e-3)
-    limits = measured.agg(bottom=low - margin, top=high + margin)
-    return series.join(limits, on="axis", maintain_order="left").select(
-        "axis", "variant", "t", "value", "bottom", "top"
+    measured = series.filter(pl.col("variant") == MEASURED).drop("variant").rename({"value": "measured"})
+    low, high = pl.col("measured").min(), pl.col("measured").max()
+    reach = (high - low).clip(1e-3).over("axis")
+    against = measured.with_columns(
+        reach=reach, bottom=low.over("axis") - HEADROOM * reach, top=high.over("axis") + HEADROOM * reach
+    )
+    away = (pl.col("value") - pl.col("measured")).abs() > pl.col("reach")
+    curve = ["axis", "variant"]
+    return (
+        series.join(against, on=["axis", "t"], how="inner", maintain_order="left")
+        .with_columns(times_away=away.cum_sum().over(curve))
+        .with_columns(lost=pl.col("times_away") == 1)
+        .filter(pl.col("times_away").shift(1, fill_value=0).over(curve) == 0)
+        .select(*curve, "t", "value", "lost", "bottom", "top")
     )
 
 
@@ -82,6 +92,7 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
     """Draw measured and replayed velocities, one panel per axis, from `overlay_table`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     axes = table["axis"].unique(maintain_order=True).to_list()
     variants = [name for name in table["variant"].unique(maintain_order=True) if name != MEASURED]
@@ -98,14 +109,10 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
             panel.tick_params(labelbottom=True)
             panel.set_xlabel("time [s]")
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(
-            handles,
-            labels,
-            loc="outside upper center",
-            ncols=min(6, len(labels)),
-            frameon=False,
-            handlelength=1.8,
-        )
+        if table["lost"].any():
+            handles.append(Line2D([], [], color="#777777", marker="x", linestyle="", markeredgewidth=2))
+            labels.append("lost: error beyond the measured range")
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
     return figure
 
 
@@ -120,6 +127,10 @@ def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
         curve = rows.filter(pl.col("variant") == name)
         dashes = (0, (3, 1.6)) if name == variants[-1] and len(variants) > 1 else "-"
         panel.plot(curve["t"], curve["value"], color=colour, linewidth=1.4, linestyle=dashes, label=name)
+        end = curve.filter("lost")
+        height = end["value"].clip(rows["bottom"][0], rows["top"][0])
+        (cross,) = panel.plot(end["t"], height, "x", color=colour, markersize=8, markeredgewidth=2)
+        cross.set(clip_on=False, in_layout=False)
     panel.set_ylim(rows["bottom"][0], rows["top"][0])
     panel.margins(x=0.01)
     panel.set_title(f"{TITLES[axis]} {axis}")

@@ -30,8 +30,8 @@ ERRORS = pl.DataFrame(
 
 def test_overlay_draws_the_first_session_from_time_zero() -> None:
     table = figures.overlay_table(replay_table(), axes=("u", "w"))
-    assert table.columns == ["axis", "variant", "t", "value", "bottom", "top"]
-    assert table.height == 2 * 3 * 400
+    assert table.columns == ["axis", "variant", "t", "value", "lost", "bottom", "top"]
+    assert table.filter(pl.col("variant") != "MJ0").height == 2 * 2 * 400
     assert table["t"].min() == 0.0
     heave = table.filter(pl.col("axis") == "w", pl.col("variant") == "measured")
     assert np.allclose(heave["value"], np.sin(heave["t"].to_numpy() + 2))
@@ -46,13 +46,24 @@ def test_limits_follow_the_measured_motion_not_a_runaway_variant() -> None:
     margin = figures.HEADROOM * (high - low)
     assert surge["bottom"].unique().to_list() == pytest.approx([low - margin])
     assert surge["top"].unique().to_list() == pytest.approx([high + margin])
-    assert surge["value"].max() > 10 * surge["top"][0]
+
+
+def test_a_curve_ends_where_its_error_first_exceeds_the_measured_range() -> None:
+    surge = figures.overlay_table(replay_table(), axes=("u",))
+    t = surge.filter(pl.col("variant") == "measured")["t"].to_numpy()
+    measured = np.sin(t)
+    error = 39.0 * np.abs(measured)
+    first = int(np.argmax(error > measured.max() - measured.min()))
+    lost = surge.filter(pl.col("variant") == "MJ0")
+    assert lost.height == first + 1
+    assert lost["lost"].to_list() == [False] * first + [True]
+    assert not surge.filter(pl.col("variant") != "MJ0")["lost"].any()
 
 
 def test_long_series_are_thinned_evenly_and_alike() -> None:
     table = figures.overlay_table(replay_table(rows=3 * figures.MOST_POINTS), axes=("u",))
-    counts = table.group_by("variant").len()["len"].to_list()
-    assert counts == [figures.MOST_POINTS] * 3
+    counts = dict(table.group_by("variant").len().rows())
+    assert counts["measured"] == counts["MJ4"] == figures.MOST_POINTS
     steps = np.diff(table.filter(pl.col("variant") == "MJ4")["t"].to_numpy())
     assert np.allclose(steps, 3 / 50)
 
