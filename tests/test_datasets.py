@@ -77,7 +77,7 @@ def test_the_rotor_is_integrated_as_stonefish_does(datasets: Path) -> None:
 def test_samples_are_rows_of_the_full_recordings(datasets: Path, stonefish: Path) -> None:
     sample = table.read(datasets / "stonefish" / "sample.parquet").frame
     full = pl.scan_parquet(stonefish / "nominal.parquet").filter(
-        pl.col("session").is_in(sample["session"].unique())
+        pl.col("session").is_in(sample["session"].unique().to_list())
     )
     assert full.collect().equals(sample)
     assert pl.read_parquet(stonefish / "replay90.parquet").equals(
