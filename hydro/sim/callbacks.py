@@ -53,6 +53,7 @@ MODEL_FIELDS = (
     "numeric_data",
     "M_rownnz",
     "M_rowadr",
+    "body_subtreemass",
     "actuator_ctrladr",
     "actuator_actadr",
     "actuator_actnum",
@@ -61,10 +62,12 @@ MODEL_FIELDS = (
 )
 DATA_FIELDS = ("time", "qvel", "xpos", "xmat", "M", "qfrc_passive", "act", "act_dot", "ctrl", "userdata")
 
-_TIMESTEP, _INTEGRATOR, _NNUMERIC, _NUMERIC_ADR, _NUMERIC_SIZE, _NUMERIC_DATA, _M_ROWNNZ, _M_ROWADR = (
-    offset("mjModel", name) for name in MODEL_FIELDS[:8]
+_TIMESTEP, _INTEGRATOR, _NNUMERIC, _NUMERIC_ADR, _NUMERIC_SIZE, _NUMERIC_DATA = (
+    offset("mjModel", name) for name in MODEL_FIELDS[:6]
 )
-_CTRLADR, _ACTADR, _ACTNUM, _BIASPRM, _DELAY = (offset("mjModel", name) for name in MODEL_FIELDS[8:])
+_M_ROWNNZ, _M_ROWADR, _SUBTREE_MASS, _CTRLADR, _ACTADR, _ACTNUM, _BIASPRM, _DELAY = (
+    offset("mjModel", name) for name in MODEL_FIELDS[6:]
+)
 _TIME, _QVEL, _XPOS, _XMAT, _M, _QFRC_PASSIVE, _ACT, _ACT_DOT, _CTRL, _USERDATA = (
     offset("mjData", name) for name in DATA_FIELDS
 )
@@ -74,6 +77,8 @@ _NBIAS = 10  # mjNBIAS
 # What `prepare` writes into a thruster's `biasprm`.
 PRM_MAGIC, PRM_VEHICLE = 0, 1  # ..., address of the vehicle's field
 PRM_THRUSTER = 2  # address of the thruster's row; -1 for an actuator that only carries states
+PRM_CARRIES = 3  # 1 where this actuator carries its vehicle's internal states
+PRM_STEP, PRM_DECAY = 4, 5  # a time step [s] and what the lag leaves of a distance over it
 
 _mj_factorM = types.ExternalFunction("mj_factorM", types.void(types.intp, types.intp))
 _mj_makeM = types.ExternalFunction("mj_makeM", types.void(types.intp, types.intp))
@@ -294,23 +299,40 @@ def _take(held, tau):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _stale(model, data, vehicle):  # type: ignore[no-untyped-def]
+    """Whether MuJoCo's M may hold a vehicle's added inertia already: a caller repeats the velocity stage alone.
+
+    The translational part of M is the body's mass times the identity, and the trace of the added part is the same at
+    any attitude.
+    """
+    at, addresses = int(vehicle[water.AT_INERTIA]), _integers(model, _M_ROWADR, int(vehicle[water.AT_DOF]), 3)
+    added = vehicle[at] + vehicle[at + 7] + vehicle[at + 14]
+    mass = _numbers(model, _SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
+    M = _numbers(data, _M, 0, addresses[2] + 3)
+    found = M[addresses[0]] + M[addresses[1] + 1] + M[addresses[2] + 2] - 3.0 * mass
+    return added < 1e-6 * mass or found > 0.5 * added
+
+
+@jit
 def _passive(model, data):  # type: ignore[no-untyped-def]
     """`mjcb_passive`: all vehicles of a model."""
-    heavier = False
-    for index in range(_field(model, _NNUMERIC)):
+    count = _field(model, _NNUMERIC)
+    heavier = stale = False
+    for index in range(count):
         vehicle = _vehicle_at(model, index)
-        if vehicle.size == 0:
-            continue
-        if (
-            vehicle[water.AT_DOF] < 0.0
-        ):  # never prepared: let MuJoCo stop with its warning, not fly on without water
+        if vehicle.size and vehicle[water.AT_DOF] < 0.0:
+            # Never prepared: let MuJoCo stop with its warning, not fly on without water.
             _numbers(data, _QFRC_PASSIVE, 0, 1)[0] = np.nan
-            continue
-        if not heavier and vehicle[water.AT_INERTIA] > 0.0:
-            # A caller may repeat the velocity stage without the position stage: start from MuJoCo's own M.
-            _mj_makeM(model, data)
+            return
+        if vehicle.size and vehicle[water.AT_INERTIA] > 0.0:
             heavier = True
-        _add_forces(model, data, vehicle)
+            stale = stale or _stale(model, data, vehicle)
+    if stale:
+        _mj_makeM(model, data)
+    for index in range(count):
+        vehicle = _vehicle_at(model, index)
+        if vehicle.size:
+            _add_forces(model, data, vehicle)
     if heavier:
         _mj_factorM(model, data)
 
@@ -395,14 +417,10 @@ def _command(model, data, actuator):  # type: ignore[no-untyped-def]
 
 @jit
 def _internal_rates(model, data, actuator):  # type: ignore[no-untyped-def]
-    """Write the rates of a vehicle's internal states, where this actuator carries them."""
-    if _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_MAGIC] != water.MAGIC:
-        return
+    """Write the rates of the internal states of a vehicle, which this actuator carries."""
     vehicle = _numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
     program, at = _program(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
-    if count == 0 or at != _integers(model, _ACTADR, actuator, 1)[0]:
-        return
     room = carray(_stack(), (_ROOM,), np.float64)
     s, tau = room[9:33], room[33:39]
     _observe(data, vehicle, room[0:9].reshape(3, 3), s)
@@ -416,19 +434,22 @@ def _rate(model, data, actuator):  # type: ignore[no-untyped-def]
     Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the step, which
     makes the lag exact for a held command.
     """
-    _internal_rates(model, data, actuator)
+    prm = _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
+    if prm[PRM_MAGIC] != water.MAGIC:
+        return 0.0
+    if prm[PRM_CARRIES] > 0.0:
+        _internal_rates(model, data, actuator)
     row = _thruster(model, actuator)
-    if row.size == 0:
+    if row.size == 0 or row[TIME_CONSTANT] <= row[LAG_STEP]:
         return 0.0
     last = _last_activation(model, actuator)
-    rate = 0.0
-    if row[TIME_CONSTANT] > row[LAG_STEP]:
-        state, command = _numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
-        if carray(_pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
-            rate = state_derivative(row, state, command)
-        else:
-            step = _number(model, _TIMESTEP)
-            rate = (settled_state(row, command) - state) * (1.0 - lag_decay(row, step)) / step
+    state, command = _numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
+    if carray(_pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
+        rate = state_derivative(row, state, command)
+    else:
+        step = _number(model, _TIMESTEP)
+        decay = prm[PRM_DECAY] if step == prm[PRM_STEP] else lag_decay(row, step)
+        rate = (settled_state(row, command) - state) * (1.0 - decay) / step
     _numbers(data, _ACT_DOT, last, 1)[0] = rate
     return rate
 

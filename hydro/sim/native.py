@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import COLUMNS
+from hydro.core.allocation import COLUMNS, lag_decay
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
 from hydro.core.errors import DataError, HydroError
 from hydro.sim import callbacks, control, fields, water
@@ -86,18 +86,24 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
             f"model: nuserdata = {model.nuserdata} leaves no room for the held wrench of vehicle {name}"
         )
     program = int(data[water.AT_PROGRAM])
-    address = int(model.numeric_adr[field.id])
+    address, step = int(model.numeric_adr[field.id]), float(model.opt.timestep)
     actuators = [i for i in range(model.nactuator) if model.actuator(i).name.startswith(f"{name}/")]
     thrusters = [i for i in actuators if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_USER]
     if len(thrusters) != data[program + THRUSTER_COUNT]:
         raise DataError(f"model: vehicle {name} has lost thrusters; build the model again")
     table = address + program + int(data[program + THRUSTER_TABLE])
-    for actuator in actuators:
-        row = table + thrusters.index(actuator) * COLUMNS if actuator in thrusters else water.UNKNOWN
-        prm = model.actuator_biasprm[actuator]
-        prm[[callbacks.PRM_MAGIC, callbacks.PRM_VEHICLE, callbacks.PRM_THRUSTER]] = water.MAGIC, address, row
-    data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     states = int(data[program + STATE_COUNT])
+    for actuator in actuators:
+        prm = model.actuator_biasprm[actuator]
+        prm[[callbacks.PRM_MAGIC, callbacks.PRM_VEHICLE]] = water.MAGIC, address
+        prm[callbacks.PRM_CARRIES] = float(states > 0 and actuator == actuators[0])
+        prm[callbacks.PRM_THRUSTER] = water.UNKNOWN
+        if actuator in thrusters:
+            at = table + thrusters.index(actuator) * COLUMNS
+            row = model.numeric_data[at : at + COLUMNS]
+            prm[callbacks.PRM_THRUSTER] = at
+            prm[[callbacks.PRM_STEP, callbacks.PRM_DECAY]] = step, lag_decay(row, step)
+    data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     if states or data[water.AT_CONTROL]:
         first = int(model.actuator_actadr[actuators[0]])
         controls = control.STATES if data[water.AT_CONTROL] else 0

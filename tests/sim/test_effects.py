@@ -74,7 +74,7 @@ def fly(vehicle, held, *, timestep=0.002, integrator="rk4", rows=None):
     out = []
     for command in held:
         out.append(np.hstack(states.from_mujoco(data.qpos, data.qvel)))
-        data.ctrl[:] = command
+        data.ctrl[: len(command)] = command
         mujoco.mj_step(compiled, data, round(DT / timestep))
     assert sum(warning.number for warning in data.warning) == 0
     return np.array(out)

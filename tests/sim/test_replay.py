@@ -1,0 +1,184 @@
+"""Replay: it starts where the recording does, flies what the vehicle file says, and hides no divergence."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro.core.conditioning import Conditioning
+from hydro.core.errors import DataError, UsageError
+from hydro.core.simulate import simulate
+from hydro.io import schema
+from hydro.io import vehicle as vehicle_file
+from hydro.sim.replay import BASELINES, EFFECTS, Variant, replay, variants
+from hydro.sim.student import Physics
+from tests.sim.trained import trained
+
+RK4 = Physics(integrator="rk4")
+
+
+@pytest.fixture(scope="module")
+def craft(datasets):
+    return vehicle_file.read(datasets / "vehicles" / "auv151.toml")[0]
+
+
+def recording(craft, rows=120, sessions=("a", "b"), effects=None):
+    """What the vehicle itself would log: two sessions, the second with a gap in it."""
+    frames = []
+    for k, session in enumerate(sessions):
+        t = np.arange(rows) * 0.02
+        t = np.where(np.arange(rows) >= 50, t + 3.0 * k, t)
+        values = 0.5 * np.sin(t[:, None] * np.linspace(1, 3, 8) + k)
+        commands = pl.DataFrame(values, schema=[f"cmd_{i + 1}" for i in range(8)])
+        start = {
+            name: 0.1 * (k + 1)
+            for name in ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+        }
+        frames.append(
+            pl.DataFrame({"session": [session] * rows, "t": t})
+            .hstack(commands)
+            .with_columns(pl.lit(value).alias(name) for name, value in start.items())
+        )
+    return simulate(pl.concat(frames), craft)
+
+
+def of(series, name):
+    return series.filter(pl.col("variant") == name).drop("variant")
+
+
+def test_the_recorded_vehicle_flies_its_recording_again(craft):
+    raw = recording(craft)
+    series, metrics = replay(raw, craft, [EFFECTS], physics=RK4)
+    flown, measured = of(series, "effects"), of(series, "measured")
+    assert measured.equals(raw.select(measured.columns))
+    assert flown.select("session", "t").equals(raw.select("session", "t"))
+    difference = flown.drop("session").to_numpy() - measured.drop("session").to_numpy()
+    assert abs(difference).max() < 1e-7
+    assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-8
+
+
+def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
+    delayed = msgspec.structs.replace(craft, effect=(*craft.effect, {"name": "command_delay", "d": 0.1}))
+    raw = recording(delayed)
+    series, _ = replay(raw, delayed, [EFFECTS], physics=RK4)
+    flown = (
+        of(series, "effects").drop("session").to_numpy() - of(series, "measured").drop("session").to_numpy()
+    )
+    assert abs(flown).max() < 1e-7
+
+
+def test_the_baselines_are_what_they_say(craft):
+    raw = recording(craft, sessions=("a",))
+    bare = msgspec.structs.replace(craft, effect=())
+    series, _ = replay(raw, craft, BASELINES, physics=RK4)
+    expected = simulate(raw, bare)
+    flown = of(series, "MJ0")
+    assert (
+        abs(flown.drop("session", "t").to_numpy() - expected.select(flown.columns[2:]).to_numpy()).max()
+        < 1e-7
+    )
+    # M_A without C_A: the whole added mass with its Coriolis terms taken back.
+    kept = next(effect for effect in craft.effect if effect["name"] == "added_mass")
+    inertial = msgspec.structs.replace(craft, effect=(kept, {"name": "added_mass_coriolis", "kappa": -1.0}))
+    expected, flown = simulate(raw, inertial), of(series, "MJ0+M_A")
+    assert (
+        abs(flown.drop("session", "t").to_numpy() - expected.select(flown.columns[2:]).to_numpy()).max()
+        < 1e-7
+    )
+
+
+def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
+    # The network's output does not depend on its input: a constant wrench, and so a constant force on the left-hand side.
+    _, model = trained("mlp")
+    model.tensors = {name: np.zeros_like(value) for name, value in model.tensors.items()}
+    push = np.array([4.0, -3.0, 2.0, 0.5, -0.4, 0.3])
+    model.scalers = model.scalers | {"output_mean": push}
+    raw = recording(craft, sessions=("a",))
+    series, metrics = replay(raw, craft, variants([model], ["MJ1"]), physics=RK4)
+    assert set(metrics["model"]) == {"mlp"}
+    first, second = of(series, "MJ1").select("u", "v", "w", "p", "q", "r").to_numpy()[:2]
+    # M nu_dot = -g - tau_ML + thrust, and the thrust has only begun to build up.
+    from hydro.core.effects import inertia_matrix
+    from hydro.core.rigid_body import mass_matrix, restoring
+
+    balance = restoring(craft, *raw.select("phi", "theta").row(0)) - push
+    expected = np.linalg.solve(mass_matrix(craft) + inertia_matrix(craft), balance)
+    np.testing.assert_allclose((second - first) / 0.02, expected, atol=0.06)
+    assert abs(expected).max() > 0.2
+
+
+def test_conditioning_is_applied_and_counted(craft):
+    _, model = trained("physfeat")
+    raw = recording(craft, sessions=("a",))
+    strict = Conditioning(limits=(1.0,) * 6)
+    free, _ = replay(raw, craft, variants([model], ["MJ4"]))
+    held, metrics = replay(raw, craft, variants([model], ["MJ4"]), conditioning=strict)
+    assert not of(free, "MJ4").equals(of(held, "MJ4"))
+    shares = metrics.filter(pl.col("metric") == "clipped")
+    assert shares["axis"].to_list() == ["X", "Y", "Z", "K", "M", "N"]
+    assert shares["value"].max() > 0.5
+
+
+def test_a_divergence_is_told_and_its_rows_are_dropped(craft):
+    _, model = trained("mlp")
+    model.tensors = {name: np.zeros_like(value) for name, value in model.tensors.items()}
+    model.tensors["layers.0.weight"][:6, :6] = -np.eye(6)
+    for i in range(1, 4):
+        model.tensors[f"layers.{i}.weight"][:6, :6] = np.eye(6)
+    model.architecture = model.architecture | {"activation": "relu"}
+    model.scalers = model.scalers | {"output_scale": np.full(6, -1e9), "input_mean": np.full(12, 5.0)}
+    raw = recording(craft)
+    series, metrics = replay(raw, craft, [Variant("wild", "mlp", model), *BASELINES])
+    wild = of(series, "wild")
+    assert 0 < wild.height < raw.height
+    assert np.isfinite(wild.drop("session").to_numpy()).all()
+    told = metrics.filter(pl.col("variant") == "wild")
+    assert told.filter(pl.col("metric") == "diverged").height == 1
+    assert "rmse" not in told["metric"].to_list()
+    assert "rmse_before_divergence" in told["metric"].to_list()
+    assert of(series, "MJ0").height == raw.height
+
+
+def test_more_threads_change_nothing_and_tables_fit_their_schemas(craft):
+    raw = recording(craft)
+    one = replay(raw, craft, BASELINES)
+    two = replay(raw, craft, BASELINES, threads=2)
+    assert one[0].equals(two[0])
+    assert one[1].equals(two[1])
+    schema.load("replay").check(one[0], "replay")
+    schema.load("metrics").check(one[1], "metrics")
+
+
+def test_progress_reaches_its_end(craft):
+    seen = []
+    replay(recording(craft), craft, BASELINES, progress=lambda *what: seen.append(what))
+    assert {name for name, *_ in seen} == {"MJ0", "MJ0+M_A"}
+    assert [done for name, done, total in seen if done == total]
+
+
+def test_what_does_not_fit_is_refused(craft):
+    raw = recording(craft)
+    with pytest.raises(DataError, match="has 8 thrusters, and the table lacks cmd_8"):
+        replay(raw.drop("cmd_8"), craft)
+    with pytest.raises(DataError, match="also has cmd_9"):
+        replay(raw.with_columns(cmd_9=pl.lit(0.0)), craft)
+    with pytest.raises(UsageError, match="no multiple of the physics step"):
+        replay(raw, craft, physics=Physics(timestep=0.003))
+    _, model = trained("mlp")
+    with pytest.raises(UsageError, match=r"control step of 0\.001 s"):
+        replay(raw, craft, variants([model]), control_step=0.001)
+    with pytest.raises(UsageError, match="no variant is called 'MJ9'"):
+        variants([], ["MJ9"])
+    with pytest.raises(UsageError, match="cannot be told apart"):
+        variants([model, model])
+
+
+def test_stonefish_baselines_stray_as_far_as_they_did(stonefish, datasets):
+    # Measured once and independently confirmed against a Runge-Kutta integration of Fossen's equations.
+    vehicle = vehicle_file.read(datasets / "stonefish" / "vehicle.toml")[0]
+    raw = pl.read_parquet(stonefish / "replay90.parquet")
+    _, metrics = replay(raw, vehicle, BASELINES, physics=Physics(integrator="euler"))
+    added_mass = metrics.filter((pl.col("variant") == "MJ0+M_A") & (pl.col("metric") == "rmse"))
+    np.testing.assert_allclose(added_mass["value"][:6], [2.57, 2.33, 2.20, 0.815, 0.60, 2.88], rtol=0.02)
