@@ -216,7 +216,8 @@ def _standardised(
     device: torch.device,
 ) -> _Rows:
     def tensor(columns: NDArray[np.float64], side: str) -> Tensor:
-        scaled = (columns - scalers[f"{side}_mean"]) / scalers[f"{side}_scale"]
+        scaled = columns - scalers[f"{side}_mean"]
+        scaled /= scalers[f"{side}_scale"]
         return torch.from_numpy(scaled.astype(np.float32)).to(device)
 
     return _Rows(tensor(inputs, "input"), tensor(targets, "output"))
