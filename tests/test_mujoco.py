@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import batch, rollout
-from tests.sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
 from hydro.core.allocation import configuration_matrix
 from hydro.core.effects import assemble
@@ -20,6 +19,7 @@ from hydro.core.rigid_body import mass_matrix
 from hydro.core.vehicle import Buoyancy, RigidBody
 from hydro.sim import mjcf, native, states
 from hydro.sim.water import Water
+from tests.sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
 ETA = np.array([1.0, -2.0, 5.0, 0.4, -0.3, 2.0])
 NU = np.array([0.8, -0.5, 0.3, 0.7, -0.4, 0.9])
@@ -63,7 +63,7 @@ def test_torque_free_tumbling_follows_eulers_equations():
 
 
 def test_pendulum_swings_at_the_frequency_of_its_restoring_moment():
-    # A neutral vehicle hung from its centre of buoyancy: small angles follow I angle'' = -B h (phi, theta, 0).
+    # A neutral vehicle hung from its centre of buoyancy: for small angles I angle'' = -B h (phi, theta, 0).
     height = 0.1
     craft = vehicle(center_of_buoyancy=(0.0, 0.0, -height))
     stiffness = np.diag([1.0, 1.0, 0.0]) * MASS * GRAVITY * height
@@ -214,7 +214,9 @@ def test_a_model_without_vehicles_is_untouched():
     xml = """
     <mujoco>
       <custom><numeric name="numbers" data="{numbers}"/></custom>
-      <worldbody><body><freejoint/><geom type="ellipsoid" size="0.3 0.2 0.1"/><site name="s"/></body></worldbody>
+      <worldbody>
+        <body><freejoint/><geom type="ellipsoid" size="0.3 0.2 0.1"/><site name="s"/></body>
+      </worldbody>
       <actuator>
         <general site="s" gear="1 2 3 0.1 0.2 0.3" dyntype="user" biastype="user" actdim="1"/>
         <motor site="s" gear="0 0 5 0 0 0"/>
@@ -252,7 +254,7 @@ def test_two_vehicles_in_one_scene_do_not_disturb_each_other():
     mjcf.add_vehicle(spec, heavy, heavy_water, name="other")
     both = native.prepare(spec.compile())
     data = mujoco.MjData(both)
-    far = ETA + [50.0, 0, 0, 0, 0, 0]
+    far = ETA + np.array([50.0, 0, 0, 0, 0, 0])
     (data.qpos[:7], data.qvel[:6]), (data.qpos[7:], data.qvel[6:]) = (
         states.to_mujoco(ETA, NU),
         states.to_mujoco(far, -NU),

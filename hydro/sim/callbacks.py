@@ -1,28 +1,27 @@
-"""MuJoCo's callbacks for vehicles in water, in machine code: no Python, no GIL, nothing remembered between calls.
+"""MuJoCo's callbacks for vehicles in water, in machine code: no Python, no GIL, no memory between calls.
 
-With nu the FRD velocity of CO, T the map from MuJoCo's velocity to it (`T qvel = nu`) and nu_r the velocity through the
-water, `passive` adds for each vehicle::
+With nu the FRD velocity of CO, T the map from MuJoCo's velocity to it (`T qvel = nu`) and nu_r the velocity
+through the water, `passive` adds for each vehicle::
 
     M            += T^T I T                                          added mass is inertia, not feedback
     qfrc_passive += T^T (I [omega x v_r; 0] - C(nu_r) nu_r + C_cancelled(nu) nu + effects - tau_held)
 
-[omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a current that is steady in the
-world turns in the body (`core.dynamics`).  `sensor` runs once per step, on the state that the step begins with: it begins control steps
-and sets internal states at the start.  `rate` and `thrust` are the thrusters' lag and thrust.
+[omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a
+current that is steady in the world turns in the body (`core.dynamics`).  `sensor` runs once per step, on the
+state that the step begins with: it begins control steps and sets internal states at the start.  `rate` and
+`thrust` are the thrusters' lag and thrust.
 
-The kernels are those of `core`, the same that `core.simulate` runs; parameters lie in numeric fields (`sim.water`) and states in
-activations.
+The kernels are those of `core`, the same that `core.simulate` runs; parameters lie in numeric fields
+(`sim.water`) and states in activations.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import llvmlite.ir
 import numpy as np
 from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from hydro.core.allocation import (
     COLUMNS,
@@ -37,12 +36,15 @@ from hydro.core.allocation import (
     state_to_thrust,
 )
 from hydro.core.compiled import cfunc, jit
-from hydro.core.dynamics import relative_to_water
 from hydro.core.effects import layout
-from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, start, wrench
+from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, relative_to_water, start, wrench
 from hydro.core.rigid_body import coriolis_kernel
 from hydro.sim import control, water
 from hydro.sim.fields import offset
+from hydro.sim.pointers import ROOM, as_doubles, field, integers, number, numbers, pointer, stack
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int32]
 
 MODEL_FIELDS = (
     "opt.timestep",
@@ -90,88 +92,32 @@ _mj_readCtrl = types.ExternalFunction(
 )
 FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
-_ROOM = 160  # doubles of scratch
 _WHOLE = 1 << 30  # length of a view whose end is known from within
 
 
-@intrinsic
-def _pointer(_context: Any, address: Any) -> Any:
-    """An address as a pointer."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.intp), generate
-
-
-@intrinsic
-def _stack(_context: Any) -> Any:
-    """Room for `_ROOM` doubles on the stack of the calling function: no allocator in the callback."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        room = cgutils.alloca_once(builder, llvmlite.ir.ArrayType(llvmlite.ir.DoubleType(), _ROOM))
-        return builder.bitcast(room, cgutils.voidptr_t)
-
-    return types.voidptr(), generate
-
-
-@intrinsic
-def _as_doubles(_context: Any, pointer: Any) -> Any:
-    """A void pointer as a pointer to doubles."""
-
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], llvmlite.ir.DoubleType().as_pointer())
-
-    return types.CPointer(types.float64)(types.voidptr), generate
-
-
 @jit
-def _field(struct, at):  # type: ignore[no-untyped-def]
-    """The 64-bit integer or pointer at a byte offset of a struct."""
-    return carray(_pointer(struct + at), (1,), np.int64)[0]
-
-
-@jit
-def _number(struct, at):  # type: ignore[no-untyped-def]
-    """The double at a byte offset of a struct."""
-    return carray(_pointer(struct + at), (1,), np.float64)[0]
-
-
-@jit
-def _numbers(struct, at, start, length):  # type: ignore[no-untyped-def]
-    """A view of `length` doubles from entry `start` on of an array field."""
-    return carray(_pointer(_field(struct, at) + 8 * start), (length,), np.float64)
-
-
-@jit
-def _integers(struct, at, start, length):  # type: ignore[no-untyped-def]
-    """A view of `length` ints from entry `start` on of an array field."""
-    return carray(_pointer(_field(struct, at) + 4 * start), (length,), np.int32)
-
-
-@jit
-def _vehicle_at(model, index):  # type: ignore[no-untyped-def]
+def _vehicle_at(model: int, index: int) -> Array:
     """Parameters in the numeric field `index`; none (length 0) where it is not of hydro."""
-    adr = _integers(model, _NUMERIC_ADR, index, 1)[0]
-    length = _integers(model, _NUMERIC_SIZE, index, 1)[0]
-    field = _numbers(model, _NUMERIC_DATA, adr, length)
-    return field if length >= water.HEADER and field[water.AT_MAGIC] == water.MAGIC else field[:0]
+    adr = integers(model, _NUMERIC_ADR, index, 1)[0]
+    length = integers(model, _NUMERIC_SIZE, index, 1)[0]
+    found = numbers(model, _NUMERIC_DATA, adr, length)
+    return found if length >= water.HEADER and found[water.AT_MAGIC] == water.MAGIC else found[:0]
 
 
 @jit
-def _program(vehicle):  # type: ignore[no-untyped-def]
+def _program(vehicle: Array) -> Array:
     """The compiled effects and thrusters of a vehicle."""
     return vehicle[int(vehicle[water.AT_PROGRAM]) :]
 
 
 @jit
-def _observe(data, vehicle, P, s):  # type: ignore[no-untyped-def]
+def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
     """The state of motion `s` of `core.effects.layout`, and P (3, 3): z-up world components to body FRD."""
     body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
     xmat, xpos, qvel = (
-        _numbers(data, _XMAT, 9 * body, 9),
-        _numbers(data, _XPOS, 3 * body, 3),
-        _numbers(data, _QVEL, dof, 6),
+        numbers(data, _XMAT, 9 * body, 9),
+        numbers(data, _XPOS, 3 * body, 3),
+        numbers(data, _QVEL, dof, 6),
     )
     for i in range(3):
         here = 1.0 if i == 0 else -1.0
@@ -187,8 +133,8 @@ def _observe(data, vehicle, P, s):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _exert(P, tau, force):  # type: ignore[no-untyped-def]
-    """force (6,) += T^T tau: a body wrench (FRD, about CO) as MuJoCo's generalised force."""
+def _exert(P: Array, tau: Array, force: Array) -> None:
+    """Add T^T tau to `force` (6,): a body wrench (FRD, about CO) as MuJoCo's generalised force."""
     for j in range(3):
         force[j] += P[0, j] * tau[0] + P[1, j] * tau[1] + P[2, j] * tau[2]
     force[3] += tau[3]
@@ -197,8 +143,8 @@ def _exert(P, tau, force):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _add_transport(A, nu, tau):  # type: ignore[no-untyped-def]
-    """tau (6,) += A [omega x v; 0] for an inertia A (36,)."""
+def _add_transport(A: Array, nu: Array, tau: Array) -> None:
+    """Add A [omega x v; 0] to `tau` (6,), for an inertia A (36,)."""
     x = nu[4] * nu[2] - nu[5] * nu[1]
     y = nu[5] * nu[0] - nu[3] * nu[2]
     z = nu[3] * nu[1] - nu[4] * nu[0]
@@ -207,8 +153,8 @@ def _add_transport(A, nu, tau):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _add_coriolis(A, factor, nu, part, tau):  # type: ignore[no-untyped-def]
-    """tau (6,) += factor C(nu) nu for an inertia A (36,); `part` (6,) is scratch."""
+def _add_coriolis(A: Array, factor: float, nu: Array, part: Array, tau: Array) -> None:
+    """Add factor C(nu) nu to `tau` (6,), for an inertia A (36,); `part` (6,) is scratch."""
     part[:] = 0.0
     coriolis_kernel(A, nu, part)
     for i in range(6):
@@ -216,7 +162,7 @@ def _add_coriolis(A, factor, nu, part, tau):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _add_inertia(A, P, half, rows, addresses, M):  # type: ignore[no-untyped-def]
+def _add_inertia(A: Array, P: Array, half: Array, rows: Integers, addresses: Integers, M: Array) -> None:
     """Add T^T A T (A of 36) to six rows of MuJoCo's lower triangle; where a row is not full, make it NaN.
 
     T = diag(P, F); `half` (6, 6) is scratch for A T.
@@ -239,9 +185,9 @@ def _add_inertia(A, P, half, rows, addresses, M):  # type: ignore[no-untyped-def
 
 
 @jit
-def _add_forces(model, data, vehicle):  # type: ignore[no-untyped-def]
+def _add_forces(model: int, data: int, vehicle: Array) -> None:
     """Add one vehicle's inertia and forces."""
-    room = carray(_stack(), (_ROOM,), np.float64)
+    room = carray(stack(), (ROOM,), np.float64)
     P, s, tau, part, half = (
         room[0:9].reshape(3, 3),
         room[9:33],
@@ -261,7 +207,7 @@ def _add_forces(model, data, vehicle):  # type: ignore[no-untyped-def]
         program, at = _program(vehicle), int(vehicle[water.AT_STATES])
         count = int(program[STATE_COUNT])
         if count:  # MuJoCo clears `act_dot` after this stage: rates written here only need somewhere to go
-            wrench(program, s, _numbers(data, _ACT, at, count), _numbers(data, _ACT_DOT, at, count), tau)
+            wrench(program, s, numbers(data, _ACT, at, count), numbers(data, _ACT_DOT, at, count), tau)
         else:
             wrench(program, s, part[:0], part[:0], tau)
     at = int(vehicle[water.AT_CORIOLIS])
@@ -272,57 +218,57 @@ def _add_forces(model, data, vehicle):  # type: ignore[no-untyped-def]
         _add_coriolis(vehicle[at : at + 36], 1.0, nu, part, tau)
     at = int(vehicle[water.AT_HELD])
     if at >= 0:
-        _take(_numbers(data, _USERDATA, at, 6), tau)
+        _take(numbers(data, _USERDATA, at, 6), tau)
     if vehicle[water.AT_CONTROL] > 0.0:
-        _take(_numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]) + control.HELD, 6), tau)
+        _take(numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]) + control.HELD, 6), tau)
     at = int(vehicle[water.AT_INERTIA])
     if at:
         A = vehicle[at : at + 36]
         _add_transport(A, nu_r, tau)
-        addresses = _integers(model, _M_ROWADR, dof, 6)
+        addresses = integers(model, _M_ROWADR, dof, 6)
         _add_inertia(
             A,
             P,
             half,
-            _integers(model, _M_ROWNNZ, dof, 6),
+            integers(model, _M_ROWNNZ, dof, 6),
             addresses,
-            _numbers(data, _M, 0, addresses[5] + 6),
+            numbers(data, _M, 0, addresses[5] + 6),
         )
-    _exert(P, tau, _numbers(data, _QFRC_PASSIVE, dof, 6))
+    _exert(P, tau, numbers(data, _QFRC_PASSIVE, dof, 6))
 
 
 @jit
-def _take(held, tau):  # type: ignore[no-untyped-def]
+def _take(held: Array, tau: Array) -> None:
     """A held wrench stands on the left-hand side of the balance."""
     for i in range(6):
         tau[i] -= held[i]
 
 
 @jit
-def _stale(model, data, vehicle):  # type: ignore[no-untyped-def]
-    """Whether MuJoCo's M may hold a vehicle's added inertia already: a caller repeats the velocity stage alone.
+def _stale(model: int, data: int, vehicle: Array) -> bool:
+    """Whether MuJoCo's M may hold a vehicle's added inertia already, as where the velocity stage is repeated.
 
-    The translational part of M is the body's mass times the identity, and the trace of the added part is the same at
-    any attitude.
+    The translational part of M is the body's mass times the identity, and the trace of the added part is the
+    same at any attitude.
     """
-    at, addresses = int(vehicle[water.AT_INERTIA]), _integers(model, _M_ROWADR, int(vehicle[water.AT_DOF]), 3)
+    at, addresses = int(vehicle[water.AT_INERTIA]), integers(model, _M_ROWADR, int(vehicle[water.AT_DOF]), 3)
     added = vehicle[at] + vehicle[at + 7] + vehicle[at + 14]
-    mass = _numbers(model, _SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
-    M = _numbers(data, _M, 0, addresses[2] + 3)
+    mass = numbers(model, _SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
+    M = numbers(data, _M, 0, addresses[2] + 3)
     found = M[addresses[0]] + M[addresses[1] + 1] + M[addresses[2] + 2] - 3.0 * mass
-    return added < 1e-6 * mass or found > 0.5 * added
+    return bool(added < 1e-6 * mass or found > 0.5 * added)
 
 
 @jit
-def _passive(model, data):  # type: ignore[no-untyped-def]
+def _passive(model: int, data: int) -> None:
     """`mjcb_passive`: all vehicles of a model."""
-    count = _field(model, _NNUMERIC)
+    count = field(model, _NNUMERIC)
     heavier = stale = False
     for index in range(count):
         vehicle = _vehicle_at(model, index)
         if vehicle.size and vehicle[water.AT_DOF] < 0.0:
             # Never prepared: let MuJoCo stop with its warning, not fly on without water.
-            _numbers(data, _QFRC_PASSIVE, 0, 1)[0] = np.nan
+            numbers(data, _QFRC_PASSIVE, 0, 1)[0] = np.nan
             return
         if vehicle.size and vehicle[water.AT_INERTIA] > 0.0:
             heavier = True
@@ -338,103 +284,103 @@ def _passive(model, data):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _delay_commands(model, data, vehicle):  # type: ignore[no-untyped-def]
+def _delay_commands(model: int, data: int, vehicle: Array) -> None:
     """Fix the delayed commands of this step.
 
-    Under RK4 the last stage of a step has the time of the next one's first, so a delay by time alone would let it see the
-    next command.  Delays are rounded to whole steps.
+    Under RK4 the last stage of a step has the time of the next one's first, so a delay by time alone would
+    let it see the next command.  Delays are rounded to whole steps.
     """
     program, first = _program(vehicle), int(vehicle[water.AT_ACTUATOR])
-    read = _number(data, _TIME) + 0.5 * _number(model, _TIMESTEP)
-    room = _stack()
+    read = number(data, _TIME) + 0.5 * number(model, _TIMESTEP)
+    room = stack()
     for actuator in range(first, first + int(program[THRUSTER_COUNT])):
-        if _numbers(model, _DELAY, actuator, 1)[0] > 0.0:
-            found = _mj_readCtrl(model, data, np.int32(actuator), read, _as_doubles(room), np.int32(0))
-            command = carray(_pointer(found), (1,), np.float64) if found else carray(room, (1,), np.float64)
-            _numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0] = command[0]
+        if numbers(model, _DELAY, actuator, 1)[0] > 0.0:
+            found = _mj_readCtrl(model, data, np.int32(actuator), read, as_doubles(room), np.int32(0))
+            command = carray(pointer(found), (1,), np.float64) if found else carray(room, (1,), np.float64)
+            numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0] = command[0]
 
 
 @jit
-def _begin(model, data, vehicle):  # type: ignore[no-untyped-def]
+def _begin(model: int, data: int, vehicle: Array) -> None:
     """Fix delayed commands, set internal states at the start, and begin a control step where one is due."""
     if vehicle[water.AT_DELAYED] > 0.0:
         _delay_commands(model, data, vehicle)
     started = int(vehicle[water.AT_STARTED])
     if started < 0:
         return
-    flag = _numbers(data, _ACT, started, 1)
+    flag = numbers(data, _ACT, started, 1)
     block = vehicle[int(vehicle[water.AT_CONTROL]) :]
-    time = _number(data, _TIME)
-    states = _numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), control.STATES)
+    time = number(data, _TIME)
+    states = numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), control.STATES)
     renew = vehicle[water.AT_CONTROL] > 0.0 and control.due(block, states, time)
     if flag[0] != 0.0 and not renew:
         return
-    room = carray(_stack(), (_ROOM,), np.float64)
+    room = carray(stack(), (ROOM,), np.float64)
     P, s = room[0:9].reshape(3, 3), room[9:33]
     _observe(data, vehicle, P, s)
     program = _program(vehicle)
     if flag[0] == 0.0:
         flag[0] = 1.0
         if vehicle[water.AT_EFFECTS] > 0.0 and program[STATE_COUNT] > 0.0:
-            start(program, s, _numbers(data, _ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])))
+            start(program, s, numbers(data, _ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])))
     if renew:
         packed = block[int(block[control.AT_WEIGHTS]) :]
-        weights = carray(_pointer(packed.ctypes.data), (int(block[control.AT_WEIGHT_COUNT]),), np.float32)
+        weights = carray(pointer(packed.ctypes.data), (int(block[control.AT_WEIGHT_COUNT]),), np.float32)
         control.control_kernel(block, weights, states, time, s[layout.VELOCITY : layout.VELOCITY + 6])
 
 
 @jit
-def _sensor(model, data):  # type: ignore[no-untyped-def]
+def _sensor(model: int, data: int) -> None:
     """`mjcb_sensor`: what happens once per step."""
-    for index in range(_field(model, _NNUMERIC)):
+    for index in range(field(model, _NNUMERIC)):
         vehicle = _vehicle_at(model, index)
         if vehicle.size and vehicle[water.AT_DOF] >= 0.0:
             _begin(model, data, vehicle)
 
 
 @jit
-def _thruster(model, actuator):  # type: ignore[no-untyped-def]
+def _thruster(model: int, actuator: int) -> Array:
     """Row of the thruster table of an actuator; none (length 0) where it is not one of hydro's."""
-    prm = _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
+    prm = numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
     if prm[PRM_MAGIC] != water.MAGIC or prm[PRM_THRUSTER] < 0.0:
         return prm[:0]
-    return _numbers(model, _NUMERIC_DATA, int(prm[PRM_THRUSTER]), COLUMNS)
+    return numbers(model, _NUMERIC_DATA, int(prm[PRM_THRUSTER]), COLUMNS)
 
 
 @jit
-def _last_activation(model, actuator):  # type: ignore[no-untyped-def]
+def _last_activation(model: int, actuator: int) -> int:
     """Address of a thruster's lag state; a delayed command stands before it."""
-    return _integers(model, _ACTADR, actuator, 1)[0] + _integers(model, _ACTNUM, actuator, 1)[0] - 1
+    return int(integers(model, _ACTADR, actuator, 1)[0] + integers(model, _ACTNUM, actuator, 1)[0] - 1)
 
 
 @jit
-def _command(model, data, actuator):  # type: ignore[no-untyped-def]
+def _command(model: int, data: int, actuator: int) -> float:
     """The command that a thruster obeys during this step."""
-    if _numbers(model, _DELAY, actuator, 1)[0] > 0.0:
-        return _numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0]
-    return _numbers(data, _CTRL, _integers(model, _CTRLADR, actuator, 1)[0], 1)[0]
+    if numbers(model, _DELAY, actuator, 1)[0] > 0.0:
+        return float(numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0])
+    return float(numbers(data, _CTRL, integers(model, _CTRLADR, actuator, 1)[0], 1)[0])
 
 
 @jit
-def _internal_rates(model, data, actuator):  # type: ignore[no-untyped-def]
+def _internal_rates(model: int, data: int, actuator: int) -> None:
     """Write the rates of the internal states of a vehicle, which this actuator carries."""
-    vehicle = _numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
+    vehicle = numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
     program, at = _program(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
-    room = carray(_stack(), (_ROOM,), np.float64)
+    room = carray(stack(), (ROOM,), np.float64)
     s, tau = room[9:33], room[33:39]
     _observe(data, vehicle, room[0:9].reshape(3, 3), s)
-    wrench(program, s, _numbers(data, _ACT, at, count), _numbers(data, _ACT_DOT, at, count), tau)
+    wrench(program, s, numbers(data, _ACT, at, count), numbers(data, _ACT_DOT, at, count), tau)
 
 
 @jit
-def _rate(model, data, actuator):  # type: ignore[no-untyped-def]
+def _rate(model: int, data: int, actuator: int) -> float:
     """`mjcb_act_dyn`: rate of a thruster's lag state.
 
-    Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the step, which
-    makes the lag exact for a held command.
+    Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the
+    step, which makes the lag exact for a held command.
     """
-    prm = _numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
+    prm = numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
     if prm[PRM_MAGIC] != water.MAGIC:
         return 0.0
     if prm[PRM_CARRIES] > 0.0:
@@ -443,59 +389,59 @@ def _rate(model, data, actuator):  # type: ignore[no-untyped-def]
     if row.size == 0 or row[TIME_CONSTANT] <= row[LAG_STEP]:
         return 0.0
     last = _last_activation(model, actuator)
-    state, command = _numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
-    if carray(_pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
+    state, command = numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
+    if carray(pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
         rate = state_derivative(row, state, command)
     else:
-        step = _number(model, _TIMESTEP)
+        step = number(model, _TIMESTEP)
         decay = prm[PRM_DECAY] if step == prm[PRM_STEP] else lag_decay(row, step)
         rate = (settled_state(row, command) - state) * (1.0 - decay) / step
-    _numbers(data, _ACT_DOT, last, 1)[0] = rate
+    numbers(data, _ACT_DOT, last, 1)[0] = rate
     return rate
 
 
 @jit
-def _thrust(model, data, actuator):  # type: ignore[no-untyped-def]
+def _thrust(model: int, data: int, actuator: int) -> float:
     """`mjcb_act_bias`: thrust [N] of a thruster."""
     row = _thruster(model, actuator)
     if row.size == 0:
         return 0.0
     if row[TIME_CONSTANT] > row[LAG_STEP]:
-        state = _numbers(data, _ACT, _last_activation(model, actuator), 1)[0]
+        state = numbers(data, _ACT, _last_activation(model, actuator), 1)[0]
     else:
         state = advance_state(row, 0.0, _command(model, data, actuator), 0.0)
     inflow = 0.0
     if row[INFLOW] != 0.0:
-        room = carray(_stack(), (_ROOM,), np.float64)
-        vehicle = _numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
+        room = carray(stack(), (ROOM,), np.float64)
+        vehicle = numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
         _observe(data, vehicle, room[0:9].reshape(3, 3), room[9:33])
         inflow = inflow_speed(row, room[9 + layout.RELATIVE_VELOCITY : 15 + layout.RELATIVE_VELOCITY])
     return state_to_thrust(row, state, inflow)
 
 
 @jit
-def _vehicle_address(model, actuator):  # type: ignore[no-untyped-def]
+def _vehicle_address(model: int, actuator: int) -> int:
     """Where in the numeric data a thruster's vehicle begins."""
-    return int(_numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_VEHICLE])
+    return int(numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_VEHICLE])
 
 
 def compile_callbacks() -> dict[str, Any]:
-    """The callbacks by the names of MuJoCo's pointers to them; the functions of `FUNCTIONS` must be known to LLVM."""
+    """The callbacks by the names of MuJoCo's pointers to them; LLVM must know all `FUNCTIONS`."""
 
     @cfunc(types.void(types.intp, types.intp))
-    def passive(model, data):  # type: ignore[no-untyped-def]
+    def passive(model: int, data: int) -> None:
         _passive(model, data)
 
     @cfunc(types.void(types.intp, types.intp, types.int32))
-    def sensor(model, data, _stage):  # type: ignore[no-untyped-def]
+    def sensor(model: int, data: int, _stage: int) -> None:
         _sensor(model, data)
 
     @cfunc(types.float64(types.intp, types.intp, types.int32))
-    def rate(model, data, actuator):  # type: ignore[no-untyped-def]
+    def rate(model: int, data: int, actuator: int) -> float:
         return _rate(model, data, actuator)
 
     @cfunc(types.float64(types.intp, types.intp, types.int32))
-    def thrust(model, data, actuator):  # type: ignore[no-untyped-def]
+    def thrust(model: int, data: int, actuator: int) -> float:
         return _thrust(model, data, actuator)
 
     return {"mjcb_passive": passive, "mjcb_sensor": sensor, "mjcb_act_dyn": rate, "mjcb_act_bias": thrust}

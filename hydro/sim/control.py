@@ -1,8 +1,9 @@
 """A residual network inside the simulation, evaluated at the control step and held in between (paper III-B).
 
-At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench stands on the
-left-hand side of the balance, as the label does.  All that is remembered from one control step to the next lies in
-MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of the state.
+At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench
+stands on the left-hand side of the balance, as the label does.  All that is remembered from one control step
+to the next lies in MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of
+the state.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hydro.core.smoothing import Design, filter_step, gains
 from hydro.sim.network import Network, network_kernel
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
@@ -77,13 +79,13 @@ class Control:
 
 
 @jit
-def due(block, states, time):  # type: ignore[no-untyped-def]
+def due(block: Array, states: Array, time: float) -> bool:
     """Whether a control step has begun that is not yet counted."""
-    return np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0 > states[TICK]
+    return bool(np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0 > states[TICK])
 
 
 @jit
-def control_kernel(block, weights, states, time, nu):  # type: ignore[no-untyped-def]
+def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
     """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step."""
     first = states[TICK] == 0.0
     filters = states[FILTER : FILTER + 12].reshape(6, 2)

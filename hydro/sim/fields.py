@@ -1,8 +1,8 @@
 """Where the fields of MuJoCo's C structs lie, so that compiled code can read them through bare pointers.
 
-The byte offsets follow from the declarations that MuJoCo ships in `mujoco.introspect` and the C layout rules of
-the platform.  They are checked once per process against the addresses the Python bindings themselves use: with a MuJoCo
-whose structs differ, hydro refuses to start rather than read a wrong number.
+The byte offsets follow from the declarations that MuJoCo ships in `mujoco.introspect` and the C layout rules
+of the platform.  They are checked once per process against the addresses the Python bindings themselves use:
+with a MuJoCo whose structs differ, hydro refuses to start rather than read a wrong number.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import functools
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -97,7 +97,7 @@ def offset(struct: str, field: str) -> int:
 
 def _find(struct: str, field: str) -> tuple[int, Any]:
     """Byte offset and ctypes type of a field."""
-    found, kind = 0, _c_struct(struct)
+    found, kind = 0, cast(Any, _c_struct(struct))
     for name in field.split("."):
         descriptor = getattr(kind, name, None)
         if descriptor is None:
@@ -108,7 +108,7 @@ def _find(struct: str, field: str) -> tuple[int, Any]:
 
 
 def _mismatch(struct: str, field: str, owner: Any) -> str | None:
-    """The field's name where reading through its offset differs from what the bindings show, None where it agrees."""
+    """The field's name where its offset leads to something else than what the bindings show, else None."""
     at, kind = _find(struct, field)
     value = functools.reduce(getattr, field.split("."), owner)
     if isinstance(value, np.ndarray):

@@ -1,8 +1,9 @@
 """A vehicle file as a MuJoCo model: rigid body, restoring forces, hull and thrusters, all native.
 
-MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The body's
-origin is the vehicle file's origin CO.  What MuJoCo has no notion of (thruster chain, added mass, effects, a residual model) travels in
-`<custom><numeric>` (`sim.water`) and is done by compiled callbacks (`sim.callbacks`).
+MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The
+body's origin is the vehicle file's origin CO.  What MuJoCo has no notion of (thruster chain, added mass,
+effects, a residual model) travels in `<custom><numeric>` (`sim.water`) and is done by compiled callbacks
+(`sim.callbacks`).
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ _INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,
 }
 
-# The share of the vehicle's mass lent to the welded body that carries buoyancy.  MuJoCo's gravity compensation is
-# a multiple of a body's own weight, so the body must have some; the parent gives up exactly as much.
+# The share of the vehicle's mass lent to the welded body that carries buoyancy.  MuJoCo's gravity
+# compensation is a multiple of a body's own weight, so the body must have some; the parent gives it up.
 _LENT_MASS = 1e-6
 # Radius of gyration of that body, only so that its inertia is not zero [m].
 _LENT_RADIUS = 1e-2
@@ -55,7 +56,8 @@ def scene(
         water: What of the water it feels; everything the file says by default.
         timestep: Physics step [s].
         integrator: MuJoCo integrator.
-        folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an ellipsoid.
+        folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an
+            ellipsoid.
 
     Returns:
         A specification to which pillars, cameras or more vehicles may be added before `compile()`;
@@ -86,8 +88,8 @@ def add_vehicle(
 ) -> mujoco.MjsBody:
     """Add a floating vehicle to a scene.
 
-    The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is that thruster's
-    command in [-1, 1], its force the thrust [N].
+    The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is
+    that thruster's command in [-1, 1], its force the thrust [N].
 
     Args:
         spec: The scene, with gravity along -z.
@@ -159,17 +161,18 @@ def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
 
 
 def _refuse_impossible(inertia: Array, vehicle: str) -> None:
-    """MuJoCo takes only the inertia of a real body: principal moments where none exceeds the sum of the others."""
+    """MuJoCo takes only the inertia of a real body: no principal moment exceeds the sum of the others."""
     moments = np.linalg.eigvalsh(inertia)
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
         raise DataError(
-            f"vehicle {vehicle}: rigid_body.inertia has principal moments {np.array2string(moments, precision=4)} "
-            "kg m^2, which no rigid body has: the largest may not exceed the sum of the other two; correct the file"
+            f"vehicle {vehicle}: rigid_body.inertia has principal moments "
+            f"{np.array2string(moments, precision=4)} kg m^2, which no rigid body has: the largest may not "
+            "exceed the sum of the other two; correct the file"
         )
 
 
 def _add_hull(spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None) -> None:
-    """A hull to see and to touch, without mass: the mesh where the file names one and it is there, else an ellipsoid."""
+    """A hull to see and to touch, without mass: the file's mesh if its folder is known, else an ellipsoid."""
     style = {"name": f"{name}/hull", "mass": 0.0, "rgba": [0.95, 0.75, 0.1, 1.0]}
     mesh = folder / hull.mesh if folder is not None and hull.mesh else None
     if mesh is None:
@@ -188,9 +191,10 @@ def _add_hull(spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, 
 def _add_thruster(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, row: Array, carried: int, name: str
 ) -> None:
-    """A site where the thrust acts and an actuator whose control is the command and whose force the thrust [N].
+    """A site where the thrust acts; an actuator whose control is the command and whose force the thrust [N].
 
-    Its activations are `carried` numbers of the vehicle's, then its delayed command where it has a delay, then its lag state.
+    Its activations are `carried` numbers of the vehicle's, then its delayed command where it has a delay,
+    then its lag state.
     """
     if thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
@@ -217,7 +221,7 @@ def _add_thruster(
 
 
 def _add_clock(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, carries: int) -> None:
-    """A sensor that makes MuJoCo call hydro once per step; and where no thruster can, an actuator that carries states."""
+    """A sensor that makes MuJoCo call hydro once per step; an actuator for states no thruster can carry."""
     spec.add_sensor(
         name=name, type=mujoco.mjtSensor.mjSENS_USER, dim=1, needstage=mujoco.mjtStage.mjSTAGE_POS
     )

@@ -1,7 +1,7 @@
 """Install hydro's compiled callbacks in MuJoCo, and make models that carry vehicles ready for them.
 
-The callbacks (`sim.callbacks`) are found by every `mj_step`, `mujoco.batch.Batch` and `mujoco.rollout` of the process, run without
-the GIL, and pass over models that carry no vehicle of hydro.
+The callbacks (`sim.callbacks`) are found by every `mj_step`, `mujoco.batch.Batch` and `mujoco.rollout` of the
+process, run without the GIL, and pass over models that carry no vehicle of hydro.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ Array = NDArray[np.float64]
 
 
 def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Make a compiled model ready to step: install the callback and tell it where each vehicle's velocity lies.
+    """Make a compiled model ready to step: install the callbacks and tell them where each vehicle lies.
 
-    The constants by which MuJoCo judges contacts (`body_invweight0`, `dof_invweight0`) are recomputed with the added mass in.
-    Call it again after `mj_setConst`, which knows nothing of added mass.
+    The constants by which MuJoCo judges contacts (`body_invweight0`, `dof_invweight0`) are recomputed with
+    the added mass in. Call it again after `mj_setConst`, which knows nothing of added mass.
 
     Args:
         model: A compiled model, changed in place.  Without numeric fields of hydro it stays as it is.
@@ -38,7 +38,8 @@ def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
         The model.
 
     Raises:
-        DataError: A setting of the model would make MuJoCo ignore the callback or solve contacts without added mass.
+        DataError: A setting of the model would make MuJoCo ignore the callback or solve contacts without
+            added mass.
         HydroError: The installed MuJoCo differs from the one hydro knows.
     """
     names = [model.numeric(i).name for i in range(model.nnumeric)]
@@ -73,7 +74,7 @@ def _refuse_settings(model: mujoco.MjModel) -> None:
 
 
 def _locate(model: mujoco.MjModel, name: str) -> None:
-    """Write into a vehicle's field where its body, velocity and states lie, and into its actuators where the field lies."""
+    """Tell a vehicle's field where its body, velocity and states lie, and its actuators where it lies."""
     field = model.numeric(PREFIX + name)
     data = np.array(field.data)
     if data[water.AT_MAGIC] != water.MAGIC or data[water.AT_VERSION] != water.VERSION:
@@ -113,7 +114,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
 
 
 def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[int, int]:
-    """A vehicle's body and first degree of freedom; MuJoCo must have room for a full inertia where M_A is to be added."""
+    """A vehicle's body and first degree of freedom; `needs_room`: MuJoCo must store its full inertia."""
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if body < 0:
         raise DataError(f"model: numeric field {PREFIX}{name} names no body of the model")
@@ -127,7 +128,7 @@ def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[i
 
 
 def _weigh(model: mujoco.MjModel) -> None:
-    """Recompute the inverse weights at the reference pose (MuJoCo's `mj_setConst`) from the augmented mass matrix."""
+    """Recompute the inverse weights at the reference pose, as `mj_setConst` does, with the added mass in."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))

@@ -1,14 +1,15 @@
 """The forward pass of a trained residual network in compiled code, for use inside the simulation.
 
-Weights are float32 as torch trained them, transposed so that the inner loop runs along a row, and laid end to end.
-Every sum has a fixed order, so a wrench does not depend on how many vehicles are computed together or on which thread;
-it agrees with torch to a few float32 roundings.
+Weights are float32 as torch trained them, transposed so that the inner loop runs along a row, and laid end to
+end. Every sum has a fixed order, so a wrench does not depend on how many vehicles are computed together or on
+which thread; it agrees with torch to a few float32 roundings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -78,7 +79,7 @@ class Network:
                 f"model {model.name}: layers {widths} do not lead from features {features} to 6 axes"
             )
         parts = []
-        for i, (wide, next_wide) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
+        for i, (wide, next_wide) in enumerate(pairwise(widths)):
             weight = _tensor(model, f"layers.{i}.weight", (next_wide, wide))
             parts += [weight.T.ravel(), _tensor(model, f"layers.{i}.bias", (next_wide,))]
         scalers = [
@@ -99,7 +100,7 @@ class Network:
         )
 
     def wrench(self, states: ArrayLike) -> Array:
-        """tau_res (N, 6) [N, N m], body FRD, for states (nu, nu_dot) (N, 12); on the left-hand side of the balance."""
+        """The wrench tau_res (N, 6) [N, N m], FRD, on the left-hand side, of states (nu, nu_dot) (N, 12)."""
         x = np.ascontiguousarray(states, dtype=np.float64).reshape(-1, _STATES)
         out = np.empty((len(x), _AXES))
         _network_columns(self.widths, self.weights, self.activation, self.physfeat, self.scalers, x, out)
@@ -119,8 +120,8 @@ def _tensor(model: TrainedModel, name: str, shape: tuple[int, ...]) -> Array32:
 
 
 @jit
-def _affine(weights, start, wide, x, out):  # type: ignore[no-untyped-def]
-    """out = W^T x + b, four inputs per pass over `out`."""
+def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -> None:
+    """Write W^T x + b to `out`, four inputs per pass over it."""
     length = out.size
     bias = weights[start + wide * length : start + (wide + 1) * length]
     for j in range(length):
@@ -140,7 +141,7 @@ def _affine(weights, start, wide, x, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _activate(activation, x):  # type: ignore[no-untyped-def]
+def _activate(activation: int, x: Array32) -> None:
     """Apply the activation in place."""
     one = np.float32(1.0)
     if activation == 1:
@@ -152,7 +153,17 @@ def _activate(activation, x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def network_kernel(widths, weights, activation, physfeat, scalers, state, features, work, out):  # type: ignore[no-untyped-def]
+def network_kernel(
+    widths: NDArray[np.int64],
+    weights: Array32,
+    activation: int,
+    physfeat: bool,
+    scalers: Array,
+    state: Array,
+    features: Array,
+    work: Array32,
+    out: Array,
+) -> None:
     """Write tau_res (6,) of one state (12,) to `out`.
 
     `features` (widths[0],) float64 and `work` (2, max(widths)) float32 are scratch.
@@ -177,7 +188,15 @@ def network_kernel(widths, weights, activation, physfeat, scalers, state, featur
 
 
 @jit
-def _network_columns(widths, weights, activation, physfeat, scalers, states, out):  # type: ignore[no-untyped-def]
+def _network_columns(
+    widths: NDArray[np.int64],
+    weights: Array32,
+    activation: int,
+    physfeat: bool,
+    scalers: Array,
+    states: Array,
+    out: Array,
+) -> None:
     features, work = np.empty(widths[0]), np.empty((2, widths.max()), np.float32)
     for k in range(states.shape[0]):
         network_kernel(widths, weights, activation, physfeat, scalers, states[k], features, work, out[k])

@@ -1,4 +1,4 @@
-"""Fly recorded commands again in MuJoCo, open loop, and measure how far every variant strays from the recording."""
+"""Fly recorded commands again in MuJoCo, open loop, and measure how far each variant strays."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
-        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix, or all `effects`
-            of the vehicle file.
+        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix, or
+            all `effects` of the vehicle file.
     """
 
     name: str
@@ -64,7 +64,7 @@ EFFECTS = Variant("effects", water="effects")
 
 
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
-    """The two baselines and one variant per model, under the paper's name where it has one; `effects` where named.
+    """The two baselines, one variant per model under the paper's name where it has one, and `effects`.
 
     Args:
         models: Trained models.
@@ -115,9 +115,9 @@ def replay(
         progress: Called with a variant's name, rows of the longest segment flown, and its rows in all.
 
     Returns:
-        Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight ends where it
-        does) and metrics (those of `core.metrics.measure`; how often the conditioning acted; and `diverged`, the
-        time in the first segment that did, where one did).
+        Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight
+        ends where it does) and metrics (those of `core.metrics.measure`; how often the conditioning acted;
+        and `diverged`, the time in the first segment that did, where one did).
 
     Raises:
         DataError: The table does not fit the vehicle.
@@ -138,7 +138,7 @@ def replay(
         student.start(measured[first, :6], measured[first, 6:], settled=settled)
         report = partial(progress, variant.name) if progress is not None else None
         motion = _fly(student, measured, commands, bounds, steps, report)
-        valid = np.isfinite(motion).all(axis=1)
+        valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
         if variant.network is not None:
@@ -165,7 +165,8 @@ def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
     if missing or extra:
         raise DataError(
             f"vehicle {vehicle.name} has {len(names)} thrusters, and the table "
-            f"{'lacks ' + missing[0] if missing else 'also has ' + extra[0]}; give the vehicle file of this recording"
+            f"{'lacks ' + missing[0] if missing else 'also has ' + extra[0]}; "
+            "give the vehicle file of this recording"
         )
     return np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())
 
@@ -219,8 +220,8 @@ def _metrics(
 ) -> pl.DataFrame:
     """Errors of every velocity over the rows flown, and when a flight diverged if one did.
 
-    Where one diverged the errors are called `rmse_before_divergence` and so on: nobody should compare them with those
-    of a whole flight.
+    Where one diverged the errors are called `rmse_before_divergence` and so on: nobody should compare them
+    with those of a whole flight.
     """
     block = max(1, round(BLOCK / sample_time(raw)))
     errors = measure(
@@ -240,7 +241,7 @@ def _metrics(
 
 
 def _conditioning_metrics(variant: Variant, dataset: str, student: Student) -> pl.DataFrame:
-    """Shares of the control steps in which the conditioning clipped an axis, and in which the dead band acted."""
+    """Shares of the control steps in which the conditioning clipped an axis or its dead band acted."""
     counts = student.conditioning_counts()
     steps = max(1, sum(count.steps for count in counts))
     clipped = np.sum([count.clipped for count in counts], axis=0) / steps

@@ -1,8 +1,9 @@
-"""The vehicle's state in its own terms (eta in NED, nu in FRD) and in MuJoCo's (`qpos`, `qvel` of a free joint).
+"""The state in the vehicle's terms (eta in NED, nu in FRD) and in MuJoCo's (`qpos`, `qvel`).
 
-MuJoCo's free joint has the position and the linear velocity of the body's origin in the z-up world, a unit quaternion (w, x, y, z)
-from FLU to that world, and the angular velocity in FLU.  With F = diag(1, -1, -1) turning NED into the z-up world and FRD into FLU
-alike, the orientation is F R F and the linear velocity F R v.
+MuJoCo's free joint has the position and the linear velocity of the body's origin in the z-up world, a unit
+quaternion (w, x, y, z) from FLU to that world, and the angular velocity in FLU.  With F = diag(1, -1, -1)
+turning NED into the z-up world and FRD into FLU alike, the orientation is F R F and the linear velocity F R
+v.
 """
 
 from __future__ import annotations
@@ -49,4 +50,5 @@ def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
 
 def _turn(quaternion: Array) -> Array:
     """The same rotation seen from axes turned half about x: F R F as a quaternion."""
-    return quaternion * np.array([1.0, 1.0, -1.0, -1.0])
+    turned: Array = quaternion * np.array([1.0, 1.0, -1.0, -1.0])
+    return turned

@@ -100,8 +100,8 @@ class Student:
         Args:
             eta: Pose (count, 6), NED.
             nu: Velocity of CO over ground (count, 6), FRD.
-            settled: Commands (count, n) on which the thrusters have settled; NaN, and all by default, where they
-                are at rest.
+            settled: Commands (count, n) on which the thrusters have settled; NaN, and all by default, where
+                they are at rest.
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.batch.qpos[:], self.batch.qvel[:] = states.to_mujoco(eta, nu)
@@ -122,7 +122,7 @@ class Student:
             self.batch.history[vehicle] = data.history
 
     def state(self) -> tuple[Array, Array]:
-        """eta (count, 6), NED, and nu (count, 6), FRD over ground, of CO."""
+        """Pose eta (count, 6), NED, and velocity nu (count, 6) of CO over ground, FRD."""
         return states.from_mujoco(self.batch.qpos, self.batch.qvel)
 
     def diverged(self) -> NDArray[np.bool_]:
@@ -138,7 +138,8 @@ class Student:
             ids: Which vehicles fly; all by default.  The others stay where they are.
 
         Returns:
-            eta and nu at the end of every row, (vehicles, rows, 12).  NaN from the row on in which a flight diverged.
+            eta and nu at the end of every row, (vehicles, rows, 12).  NaN from the row on in which a flight
+            diverged.
 
         Raises:
             DataError: Not as many commands as the vehicle has thrusters.

@@ -1,9 +1,9 @@
-"""What of the water a vehicle in MuJoCo feels, and how it travels in the model: one numeric field per vehicle.
+"""What of the water a vehicle in MuJoCo feels, and how it travels in the model: as one numeric field.
 
-The field begins with a header of counts and positions, exact as doubles, followed by blocks: two or three 6x6 matrices,
-the vehicle's compiled effects and thrusters (`core.effects.program`), and a residual network with its filter and conditioning
-(`sim.control`).  A block at position 0 is absent.  What only the compiled model knows (addresses of body, velocity
-and activations) is -1 until `sim.native.prepare` writes it.
+The field begins with a header of counts and positions, exact as doubles, followed by blocks: two or three 6x6
+matrices, the vehicle's compiled effects and thrusters (`core.effects.program`), and a residual network with
+its filter and conditioning (`sim.control`).  A block at position 0 is absent.  What only the compiled model
+knows (addresses of body, velocity and activations) is -1 until `sim.native.prepare` writes it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class Water:
         coriolis: Whose C(nu_r) nu_r is exerted, (6, 6); the inertia itself where the whole effect is wanted.
         cancelled: Whose C(nu) nu is taken away, (6, 6): M_RB where a residual model brings all of C.
         control: Residual network that runs inside the simulation.
-        held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries, FRD.
+        held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries,
+            FRD.
     """
 
     program: Program
@@ -102,7 +103,7 @@ def wet(vehicle: Vehicle) -> Water:
 
 
 def dry(vehicle: Vehicle, *, added_mass: bool = False) -> Water:
-    """Thrusters alone, as the file and its actuator effects say; with `added_mass` M_A in the mass matrix besides.
+    """Thrusters alone, as the file and its actuator effects say; `added_mass` puts M_A in the mass matrix.
 
     MuJoCo's own C_RB stays and there is no C_A, which belongs to what a residual model brings (paper eq. 6).
     """
@@ -111,7 +112,7 @@ def dry(vehicle: Vehicle, *, added_mass: bool = False) -> Water:
 
 
 def residual(vehicle: Vehicle, control: Control | None = None) -> Water:
-    """What a residual model's label left out, and the model: M_A in the mass matrix and no C_RB (paper eq. 5).
+    """A residual model and what its label left out: M_A in the mass matrix and no C_RB (paper eq. 5).
 
     Without a `control` the model runs on the host, which holds its wrench in `userdata`.
     """

@@ -55,9 +55,9 @@ def model(
 
 
 def exact(craft: Vehicle, eta, nu, seconds, *, inertia=None, coriolis=None, wrench=None):
-    """qpos-like pose (NED position, quaternion FRD to NED) and nu after `seconds`, by scipy on the equations of motion.
+    """Position (NED), quaternion (FRD to NED) and nu after `seconds`, by scipy on the equations of motion.
 
-    (M_RB + M_A) nu_dot + C_RB nu + C(coriolis) nu = restoring + wrench, written here once more and independently.
+    (M_RB + M_A) nu_dot + C_RB nu + C(coriolis) nu = restoring + wrench, written here independently.
     """
     rigid = mass_matrix(craft)
     total = np.linalg.inv(rigid + (0 if inertia is None else inertia))

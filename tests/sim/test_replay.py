@@ -32,10 +32,9 @@ def recording(craft, rows=120, sessions=("a", "b"), effects=None):
         t = np.where(np.arange(rows) >= 50, t + 3.0 * k, t)
         values = 0.5 * np.sin(t[:, None] * np.linspace(1, 3, 8) + k)
         commands = pl.DataFrame(values, schema=[f"cmd_{i + 1}" for i in range(8)])
-        start = {
-            name: 0.1 * (k + 1)
-            for name in ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
-        }
+        start = dict.fromkeys(
+            ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r"), 0.1 * (k + 1)
+        )
         frames.append(
             pl.DataFrame({"session": [session] * rows, "t": t})
             .hstack(commands)
@@ -90,7 +89,7 @@ def test_the_baselines_are_what_they_say(craft):
 
 
 def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
-    # The network's output does not depend on its input: a constant wrench, and so a constant force on the left-hand side.
+    # Its output does not depend on its input: a constant wrench on the left-hand side.
     _, model = trained("mlp")
     model.tensors = {name: np.zeros_like(value) for name, value in model.tensors.items()}
     push = np.array([4.0, -3.0, 2.0, 0.5, -0.4, 0.3])
