@@ -1,16 +1,15 @@
 """Parameters of named effects, and their covariance, from a recording.
 
-Two methods.  Equation error balances accelerations over windows of the smoothed motion (`core.weakform`): fast,
-and close, but noise in the measured motion biases it.  Output error predicts short shots and compares them with
-what was logged (`core.shooting`): it begins where equation error ended and is unbiased where the model is true.
+Two methods.  Equation error balances accelerations over windows of the smoothed motion (`core.weakform`):
+fast, and close, but noise in the measured motion biases it.  Output error predicts short shots and compares
+them with what was logged (`core.shooting`): it begins where equation error ended and is unbiased where the
+model is true.
 Both are weighted least squares, solved by a Levenberg-Marquardt iteration within bounds.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
@@ -19,12 +18,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core import shooting, weakform
-from hydro.core.candidate import Candidate, candidate
+from hydro.core.candidate import candidate
 from hydro.core.effects import CATALOGUE, sensor, validate, velocity_log
 from hydro.core.errors import DataError
 from hydro.core.normal import Normal, bounded_step, covariance
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, Entry, Free, effect_table, free
-from hydro.core.recording import Recording, recording
+from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -99,7 +98,7 @@ class Problem(Protocol):
         """The least-squares problem about a vehicle."""
 
     def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, Problem]:
-        """Sum of squares after a step of the parameters, and the problem with its own unknowns moved along."""
+        """Sum of squares after a step, and the problem with its own unknowns moved along."""
 
     def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
         """The problem with weights that fit its residuals, and whether they differ."""
@@ -226,27 +225,28 @@ def _descend(
             step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
             promise = float(2.0 * score @ step - step @ matrix @ step)
             if promise < worth or damping > 1e8:
-                return x * scales, normal, problem
-            cost, moved = problem.cost(unknown.at((x + step) * scales), step, normal)
+                return unknown.within(x * scales), normal, problem
+            trial = unknown.within((x + step) * scales)
+            cost, moved = problem.cost(unknown.at(trial), step, normal)
             if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
                 break
             damping = max(damping * 10.0, 1e-4)
         x, problem, damping = x + step, moved, max(damping * 0.1, 1e-9)
         normal = _linearised(unknown, x, problem)
-    return x * scales, normal, problem
+    return unknown.within(x * scales), normal, problem
 
 
 def _linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
     """The problem about x (P,), with one-sided differences that keep within the bounds."""
     scales, (_, high) = unknown.scales, unknown.bounds
-    moved, steps = [], []
+    here, moved, steps = unknown.within(x * scales), [], []
     for i, entry in enumerate(unknown.entries):
-        values = x * scales
+        values = here.copy()
         step = entry.step if values[i] + entry.step <= high[i] else -entry.step
         values[i] += step
         moved.append(unknown.at(values))
         steps.append(step / scales[i])
-    return problem.linearise(unknown.at(x * scales), moved, steps)
+    return problem.linearise(unknown.at(here), moved, steps)
 
 
 def _judged(unknown: Free, values: Array, normal: Normal, method: str) -> Fit:

@@ -30,8 +30,8 @@ class Normal:
             left all bounds.
         freedom: Independent residuals in one piece.
         channels: Sum of squares of each measured channel's residual, (S, C).
-        follow: What the eliminated unknowns of a piece take of each column and of the residual, (S, Q, P + 1);
-            Q may be 0.
+        follow: What the eliminated unknowns of a piece take of each column and of the residual,
+            (S, Q, P + 1); Q may be 0.
     """
 
     gram: Array
@@ -63,6 +63,24 @@ class Normal:
     def chi2(self) -> float:
         """Mean square of the residuals: 1 where the model is true and the noise is known."""
         return self.cost / self.residuals
+
+
+def eliminate(gram: Array, first: int) -> tuple[Array, Array]:
+    """Take the first unknowns out of pieces [Z, X, e]^T [Z, X, e] by their own best values.
+
+    Args:
+        gram: (S, first + P + 1, first + P + 1).
+        first: Number of unknowns Z that each piece has of its own.
+
+    Returns:
+        What is left, (S, P + 1, P + 1), and what the unknowns take of [X, e], (S, first, P + 1).
+    """
+    own, mixed = gram[:, :first, :first], gram[:, :first, first:]
+    size = np.sqrt(np.einsum("sii->si", own))
+    size[size == 0.0] = 1.0
+    unit = own / (size[:, :, None] * size[:, None, :]) + 1e-13 * np.eye(first)
+    follow = np.linalg.solve(unit, mixed / size[:, :, None]) / size[:, :, None]
+    return gram[:, first:, first:] - mixed.transpose(0, 2, 1) @ follow, follow
 
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:

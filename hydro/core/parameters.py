@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.effects import CATALOGUE, Effect, Parameter
+from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.effects.validate import damping_in_sum
-from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.errors import DataError
 from hydro.core.vehicle import Vehicle
 
@@ -100,6 +100,10 @@ class Free:
         changed = tuple({**e, **tables.get(e["name"], {})} for e in self.vehicle.effect)
         return msgspec.structs.replace(self.vehicle, effect=changed)
 
+    def within(self, values: Array) -> Array:
+        """Values (P,) moved to the nearest within the bounds."""
+        return np.clip(values, *self.bounds)
+
     @property
     def scales(self) -> Array:
         """Scale of each entry, (P,)."""
@@ -165,7 +169,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
 
 
 def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
-    """The `[[effect]]` table of one fitted effect with other numbers in place of its own (standard errors)."""
+    """The `[[effect]]` table of one fitted effect, with other numbers (standard errors) or its own."""
     shaped = next(iter(free_.at(values).effects(name)))
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
@@ -218,7 +222,7 @@ def _beginnings(
 
 
 def _tethers(vehicle: Vehicle, reach: Array | None) -> list[dict[str, Any]]:
-    """Anchors in the middle of the recorded track and on its edges; cables that pull always or far out only."""
+    """Anchors amid the recorded track and on its edges, cables that pull always or far out only."""
     track = np.zeros((1, 3)) if reach is None else reach
     middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
     anchors = [middle, track[0]]
@@ -244,16 +248,13 @@ def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[s
         if value is None:
             value = np.maximum(np.zeros(_shape(parameter, vehicle, table)), parameter.low).tolist()
         full[parameter.name] = value
-    record.pack(full | table_rest(table, record), thrusters=len(vehicle.thruster), where=f"effect {record.name}")
+    unknown = {key: value for key, value in table.items() if key not in full}
+    record.pack(full | unknown, thrusters=len(vehicle.thruster), where=f"effect {record.name}")
     return full
 
 
-def table_rest(table: Mapping[str, Any], record: Effect) -> dict[str, Any]:
-    """Keys of a table that are no parameters of the effect, for the check that names them."""
-    return {k: v for k, v in table.items() if k not in {p.name for p in record.parameters} and k != "name"}
-
-
 def _shape(parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
+    """Lengths of a parameter, numbers of thrusters and rates put in."""
     rates = len(table.get("rates") or [1.0])
     sizes = {"thrusters": len(vehicle.thruster), "rates": rates}
     return [sizes[n] if isinstance(n, str) else n for n in parameter.shape]
@@ -356,11 +357,13 @@ def _limits(
         low = -float(added_mass_matrix(rest)[axis, axis])
     elif name == "fluid_memory" and parameter.name == "rates":
         high = 25.0
+    elif name == "surface_suction" and parameter.name == "decay":
+        low, high = 0.1, 30.0
     elif name == "sensor_delay":
         high = LONGEST_SENSOR_DELAY
     elif name == "thruster_lag":
-        low = max(-min((t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster), default=0.0), -3.0)
-        high = 3.0
+        shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster]
+        low, high = -max(min(shortest, default=0.0), 0.0), 3.0
     elif name == "command_delay":
         low, high = -min((t.delay for t in vehicle.thruster), default=0.0), 2.0
     elif name == "thruster_deadband":

@@ -27,7 +27,7 @@ from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
 from hydro.core.integrate import BODY, NO_HULL, obey, spin, step
-from hydro.core.normal import Normal
+from hydro.core.normal import Normal, eliminate
 from hydro.core.recording import Array, Recording, noise, smoothed
 
 Rows = NDArray[np.int64]
@@ -35,7 +35,7 @@ Rows = NDArray[np.int64]
 SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""
 CHANNELS = 12  # position, attitude, velocity, rates: three each
-NUDGE = np.repeat([1e-3, 1e-3, 1e-3, 1e-3], 3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
+NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 TOGETHER = 64  # shots of one piece of work: their derivatives stay within some tens of MB
 
@@ -220,26 +220,22 @@ def linearise(
     def work(begin: int) -> None:
         part = slice(begin, begin + TOGETHER)
         error = residuals(base, shots, None, part)
-        rows = (error.shape[0], shots.residuals)
-        columns = np.empty((*rows, count + 1))
-        columns[..., count] = error.reshape(rows)
-        for i, other in enumerate(moved):
-            columns[..., i] = (error - residuals(other, shots, None, part)).reshape(rows) / shares[i]
-        initial = np.empty((*rows, CHANNELS))
-        for i in range(CHANNELS):
+        pieces, flat = len(error), (len(error), shots.residuals)
+        columns = np.empty((*flat, CHANNELS + count + 1))
+        columns[..., -1] = error.reshape(flat)
+        for i, size in enumerate(NUDGE):
             shift = np.zeros((1, CHANNELS))
-            shift[:, i] = NUDGE[i]
+            shift[:, i] = size
             changed = residuals(base, shots, displaced(shots.first, shift), part)
-            initial[..., i] = (error - changed).reshape(rows) / NUDGE[i]
-        finite = np.isfinite(columns).all(axis=(1, 2)) & np.isfinite(initial).all(axis=(1, 2))
-        columns[~finite], initial[~finite] = 0.0, 0.0
-        columns[~finite, 0, count] = np.inf
-        orthonormal, triangle = np.linalg.qr(initial)
-        share = orthonormal.transpose(0, 2, 1) @ columns
-        columns -= orthonormal @ share
-        gram[part] = columns.transpose(0, 2, 1) @ columns
-        channels[part] = (columns[..., count].reshape(*error.shape) ** 2).sum(axis=1)
-        follow[part] = _solve_triangular(triangle, share)
+            columns[..., i] = (error - changed).reshape(flat) / size
+        for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
+            columns[..., i] = (error - residuals(other, shots, None, part)).reshape(flat) / share
+        lost = ~np.isfinite(columns).all(axis=(1, 2))
+        columns[lost] = 0.0
+        gram[part], follow[part] = eliminate(columns.transpose(0, 2, 1) @ columns, CHANNELS)
+        gram[part][lost, -1, -1] = np.inf
+        left = columns[..., -1:] - columns[..., :CHANNELS] @ follow[part][..., -1:]
+        channels[part] = (left.reshape(pieces, -1, CHANNELS) ** 2).sum(axis=1)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(work, range(0, len(shots.starts), TOGETHER)))
@@ -272,14 +268,6 @@ def displaced(first: Array, shift: Array) -> Array:
     out[:, 6] = q0 * c + q1 * b - q2 * a + q3 * w
     out[:, 7:] = first[:, 7:] + shift[:, 6:]
     return out
-
-
-def _solve_triangular(triangle: Array, share: Array) -> Array:
-    """R^-1 share for each shot; a beginning that nothing depends on stays (a shot without bounds)."""
-    scale = np.abs(triangle).max(axis=(1, 2), initial=1e-30)[:, None, None]
-    lifted = triangle + 1e-12 * scale * np.eye(CHANNELS)
-    solved: Array = np.linalg.solve(lifted, share)
-    return solved
 
 
 @jit

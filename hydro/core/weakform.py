@@ -2,9 +2,9 @@
 
     int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3
 
-a is the acceleration that the vehicle's program gives along the smoothed motion, so no measured acceleration is
-needed (weak form, Messenger and Bortz 2021).  The kinematics stand beside it, d(x, y, z)/dt = R v, where the
-errors of a velocity log show and no force can.
+a is the acceleration that the vehicle's program gives along the smoothed motion, so no measured acceleration
+is needed (weak form, Messenger and Bortz 2021).  The kinematics stand beside it, d(x, y, z)/dt = R v, where
+the errors of a velocity log show and no force can.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Windows:
         )
         if not starts.size:
             raise DataError(
-                f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer sessions"
+                f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer ones"
             )
         s = np.linspace(-1.0, 1.0, length)
         test = (1.0 - s**2) ** 3 * record.dt

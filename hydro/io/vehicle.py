@@ -137,7 +137,7 @@ def append_effect(text: str, effect: Mapping[str, Any]) -> str:
 def set_effect(text: str, effect: Mapping[str, Any]) -> str:
     """The text with the values of `effect` in the table of that name, or appended where there is none.
 
-    Other keys of the table, and comments, stay.
+    Other keys of the table, and comments, stay; a key whose value is None goes.
 
     Raises:
         DataError: there are several effects of that name, so that it is not clear which is meant.
@@ -150,6 +150,8 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
         return append_effect(text, effect)
     if len(present) > 1:
         raise DataError(f"effect: {len(present)} are named {effect['name']}: merge them first")
+    for key in [key for key, value in effect.items() if value is None and key in present[0]]:
+        present[0].remove(key)
     for key, value in _table(effect).items():
         present[0][key] = value
     return tomlkit.dumps(document)
@@ -258,6 +260,8 @@ def _table(effect: Mapping[str, Any]) -> Table:
 
     table = tomlkit.table()
     for key, value in effect.items():
+        if value is None:
+            continue
         if isinstance(value, Mapping):
             table.add(key, _table(value))
             continue

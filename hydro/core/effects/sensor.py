@@ -54,16 +54,16 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
     Args:
         log: Row of the velocity log, shape (13,), of `core.effects.velocity_log`.
         t: Time of one unbroken segment [s], shape (N,), rising.
-        nu: Velocity of CO over ground, body frame, shape (N, 6).
+        nu: Velocity of CO over ground, body frame, shape (..., N, 6).
 
     Returns:
-        Logged velocity, shape (N, 6); p, q, r as they were.  What happened before the first row is taken to
+        Logged velocity, shape (..., N, 6); p, q, r as they were.  What happened before the first row is taken to
         be like it.
     """
     motion = np.array(nu, dtype=np.float64)
-    local = motion[:, :3] + np.cross(motion[:, 3:], log[LEVER])
+    local = motion[..., :3] + np.cross(motion[..., 3:], log[LEVER])
     local = _at(np.asarray(t, float) - log[DELAY], np.asarray(t, float), local)
-    motion[:, :3] = (1.0 + log[SCALE]) * (local @ rotation(*log[ANGLES])) + log[BIAS]
+    motion[..., :3] = (1.0 + log[SCALE]) * (local @ rotation(*log[ANGLES])) + log[BIAS]
     return motion
 
 
@@ -86,10 +86,10 @@ def corrected(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
 
 
 def _at(moments: Array, t: Array, values: Array) -> Array:
-    """Values (N, 3) known at t, at other moments within: a cubic spline, constant beyond both ends."""
+    """Values (..., N, 3) known at t, at other moments: a cubic spline, constant beyond both ends."""
     if len(t) < 2 or np.array_equal(moments, t):
         return values
-    return np.asarray(CubicSpline(t, values)(np.clip(moments, t[0], t[-1])))
+    return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
 
 
 EFFECTS = (

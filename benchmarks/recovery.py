@@ -1,0 +1,238 @@
+"""Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue.
+
+Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not have,
+adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with the
+damping.  A trial succeeds when every number of the effect lies within three standard errors of the truth.
+
+    python benchmarks/recovery.py --trials 20 --out recovery.parquet
+
+The file grows by one row per trial; the same command goes on where an earlier one stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+from scipy.stats import beta
+
+from hydro.core.allocation import configuration_matrix
+from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
+from hydro.core.excitation import Session, demands
+from hydro.core.fit import fit
+from hydro.core.noise import PROFILES, disturb
+from hydro.core.recording import POSE, VELOCITY
+from hydro.core.simulate import simulate
+from hydro.core.vehicle import Vehicle
+from hydro.io import vehicle as files
+
+VEHICLES = Path(__file__).resolve().parents[1] / "datasets" / "vehicles"
+DT = 0.02
+SESSIONS = ("walk", "coupled", "walk")
+DAMPING = ("linear_damping", "quadratic_damping")
+Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
+
+
+def within(low: float, high: float, *, signs: bool = True) -> Callable[[np.random.Generator], float]:
+    """A size between two bounds, of either sign."""
+    return lambda rng: float(rng.uniform(low, high) * (rng.choice([-1.0, 1.0]) if signs else 1.0))
+
+
+def mass(vehicle: Vehicle) -> float:
+    return vehicle.rigid_body.mass
+
+
+def moment(vehicle: Vehicle) -> float:
+    return float(np.trace(np.array(vehicle.rigid_body.inertia)) / 3)
+
+
+def axes(vehicle: Vehicle, share: float, rng: np.random.Generator) -> list[float]:
+    """Six positive numbers, about `share` of mass and of moment of inertia."""
+    sizes = np.repeat([mass(vehicle), moment(vehicle)], 3) * share
+    return [float(x) for x in sizes * rng.uniform(0.3, 1.0, 6)]
+
+
+def several(names: tuple[str, ...], sizes: list[float], rng: np.random.Generator) -> dict[str, Any]:
+    return {name: float(size * rng.uniform(-1.0, 1.0)) for name, size in zip(names, sizes, strict=True)}
+
+
+def vector(rng: np.random.Generator, size: float, count: int = 3) -> list[float]:
+    return [float(x) for x in rng.uniform(-size, size, count)]
+
+
+def cross(vehicle: Vehicle) -> float:
+    return float(np.sqrt(mass(vehicle) * moment(vehicle)))
+
+
+TRUTHS: dict[str, Draw] = {
+    "added_mass": lambda rng, v: {"diagonal": axes(v, 0.3, rng)},
+    "added_mass_coupling": lambda rng, v: several(
+        ("M15", "M24", "M04", "M13", "M02"), [0.1 * cross(v)] * 2 + [0.05 * cross(v)] * 2 + [0.1 * mass(v)], rng
+    ),
+    "added_mass_coriolis": lambda rng, v: {"kappa": within(0.1, 0.5)(rng)},
+    "linear_damping": lambda rng, v: {"diagonal": axes(v, 0.3, rng)},
+    "quadratic_damping": lambda rng, v: {"diagonal": axes(v, 0.5, rng)},
+    "coupled_damping": lambda rng, v: several(
+        ("D15", "D51", "D24", "D42", "D13", "D31"), [0.1 * cross(v)] * 6, rng
+    ),
+    "crossflow_drag": lambda rng, v: {"Cd_y": within(0.3, 1.0, signs=False)(rng), "Cd_z": 0.5},
+    "body_lift": lambda rng, v: several(
+        ("L11", "L15", "L51", "L55", "L22", "L24", "L42", "L44"),
+        [0.3 * mass(v), 0.1 * cross(v), 0.1 * cross(v), 0.1 * moment(v)] * 2,
+        rng,
+    ),
+    "net_buoyancy": lambda rng, v: {"dB": 0.004 * 9.81 * mass(v) * within(0.3, 1.0)(rng)},
+    "buoyancy_offset": lambda rng, v: several(("dx", "dy", "dz"), [0.01] * 3, rng),
+    "payload": lambda rng, v: {
+        "w": 0.006 * 9.81 * mass(v) * within(0.5, 1.0)(rng),
+        "mass": 0.05 * mass(v),
+        **several(("x", "y", "z"), [0.3 * v.hull.length, 0.3 * v.hull.width, 0.3 * v.hull.height], rng),
+    },
+    "ocean_current": lambda rng, v: several(("v_N", "v_E", "v_D"), [0.4, 0.4, 0.05], rng),
+    "tether": lambda rng, v: {
+        "k": 0.01 * mass(v) * within(0.5, 1.5, signs=False)(rng),
+        "slack": within(1.0, 3.0, signs=False)(rng),
+        "attachment": vector(rng, 0.2),
+        "anchor": [float(x) for x in rng.uniform(-3, 3, 2)] + [4.0],
+    },
+    "surface_suction": lambda rng, v: {
+        "A": 0.01 * 9.81 * mass(v) * within(0.5, 1.5)(rng),
+        "decay": within(0.7, 2.0, signs=False)(rng),
+    },
+    "fluid_memory": lambda rng, v: {"K": [axes(v, 0.3, rng)], "rates": [float(rng.uniform(0.5, 3.0))]},
+    "thruster_gain": lambda rng, v: {"g": vector(rng, 0.3, len(v.thruster))},
+    "thruster_asymmetry": lambda rng, v: {"a": within(0.05, 0.3)(rng)},
+    "thruster_lag": lambda rng, v: {"dT": within(0.03, 0.15, signs=False)(rng)},
+    "command_delay": lambda rng, v: {"d": within(0.03, 0.2, signs=False)(rng)},
+    "thruster_deadband": lambda rng, v: {"d": within(0.02, 0.08, signs=False)(rng)},
+    "thruster_inflow": lambda rng, v: {"c": within(0.03, 0.15, signs=False)(rng)},
+    "sensor_scale": lambda rng, v: {"axes": vector(rng, 0.05)},
+    "sensor_misalignment": lambda rng, v: {"alpha": vector(rng, 0.05)},
+    "sensor_delay": lambda rng, v: {"d": within(0.05, 0.3, signs=False)(rng)},
+    "sensor_lever_arm": lambda rng, v: {"r": vector(rng, 0.3)},
+    "sensor_bias": lambda rng, v: {"b": vector(rng, 0.05)},
+}
+
+
+def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
+    """Three sessions of walks and coupled manoeuvres, driven without feedback."""
+    rng = np.random.default_rng([seed, 7])
+    share = np.linalg.pinv(configuration_matrix(vehicle))
+    limits = np.array([thruster.max_thrust for thruster in vehicle.thruster])
+    authority = np.abs(configuration_matrix(vehicle)) @ limits
+    quadratic = np.array([thruster.curve == "quadratic" for thruster in vehicle.thruster])
+    sessions = []
+    for number, kind in enumerate(SESSIONS):
+        rows = round(seconds / DT / len(SESSIONS))
+        demand = 0.5 * demands(Session(str(number), kind, rows, number), seed, DT) * authority
+        level = np.clip(demand @ share.T / limits, -1.0, 1.0)
+        level = np.where(quadratic, np.sign(level) * np.sqrt(np.abs(level)), level)
+        columns: dict[str, Any] = {"session": [f"s{number}"] * rows, "t": np.arange(rows) * DT}
+        columns |= {name: np.zeros(rows) for name in (*POSE, *VELOCITY)}
+        columns |= {"z": np.full(rows, depth), "psi": np.full(rows, rng.uniform(-np.pi, np.pi))}
+        sessions.append(pl.DataFrame(columns | {f"cmd_{i + 1}": c for i, c in enumerate(level.T)}))
+    return pl.concat(sessions)
+
+
+def wrong(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """The vehicle with damping up to 25 % off."""
+    tables = []
+    for table in vehicle.effect:
+        if table["name"] in DAMPING:
+            table = {**table, "diagonal": [x * rng.uniform(0.75, 1.25) for x in table["diagonal"]]}
+        tables.append(table)
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+
+
+def trial(name: str, seed: int, preset: str, seconds: float) -> dict[str, Any]:
+    """One study: simulate, disturb, fit, compare."""
+    vehicle, _ = files.read(VEHICLES / f"{preset}.toml")
+    rng = np.random.default_rng([seed, list(CATALOGUE).index(name)])
+    hidden = {"name": name, **TRUTHS[name](rng, vehicle)}
+    record = CATALOGUE[name]
+    present = vehicle.effects(name)
+    if present and "diagonal" in hidden:  # already in the file: what is fitted is the sum
+        hidden["diagonal"] = [a + b for a, b in zip(hidden["diagonal"], present[0]["diagonal"], strict=True)]
+    rest = tuple(table for table in vehicle.effect if table["name"] != name)
+    truth = msgspec.structs.replace(vehicle, effect=(*rest, hidden))
+    depth = 1.5 if name == "surface_suction" else 5.0
+    motion = simulate(commands(vehicle, seconds, seed, depth), truth)
+    logged = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    raw = motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+    wanted = f"{name}.axes" if name == "sensor_scale" else name
+    clock = time.perf_counter()
+    found = fit(wrong(vehicle, rng), raw, [wanted, *[d for d in DAMPING if d != name]])
+    entries = found.free.entries
+    packed = record.pack(hidden, thrusters=len(vehicle.thruster))
+    mine = np.array([entry.effect == name for entry in entries])
+    z = (found.values[mine] - packed) / found.standard_errors[mine]
+    return {
+        "effect": name,
+        "vehicle": preset,
+        "seed": seed,
+        "entries": len(z),
+        "within": int((np.abs(z) <= 3.0).sum()),
+        "determined": int(found.determined[mine].sum()),
+        "worst": float(np.abs(z).max()),
+        "z": z.tolist(),
+        "chi2": found.chi2,
+        "seconds": time.perf_counter() - clock,
+        "failure": "",
+    }
+
+
+def interval(hits: int, count: int) -> str:
+    """Share with its 95 % Clopper-Pearson interval."""
+    low = beta.ppf(0.025, hits, count - hits + 1) if hits else 0.0
+    high = beta.ppf(0.975, hits + 1, count - hits) if hits < count else 1.0
+    return f"{100 * hits / count:5.1f} % [{100 * low:5.1f}, {100 * high:5.1f}]"
+
+
+def summary(rows: pl.DataFrame) -> None:
+    """The table: trials in which all numbers, and the numbers of all trials, lie within three standard errors."""
+    print(f"{'effect':22} trials  all within 3 s.e.          numbers within 3 s.e.      determined  s/trial")
+    for (name,), group in rows.group_by("effect", maintain_order=True):
+        count, hits = group.height, int((group["within"] == group["entries"]).sum())
+        numbers, inside = int(group["entries"].sum()), int(group["within"].sum())
+        print(
+            f"{name:22} {count:6d}  {interval(hits, count)}  {interval(inside, max(numbers, 1))}  "
+            f"{100 * group['determined'].sum() / max(numbers, 1):8.1f} %  {group['seconds'].mean():6.1f}"
+        )
+    hits = int((rows["within"] == rows["entries"]).sum())
+    print(f"{'all':22} {rows.height:6d}  {interval(hits, rows.height)}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--trials", type=int, default=20, help="trials per effect")
+    parser.add_argument("--seconds", type=float, default=180.0, help="length of a recording")
+    parser.add_argument("--vehicle", action="append", help="preset; repeat for several")
+    parser.add_argument("--effect", action="append", help="only these effects")
+    parser.add_argument("--out", type=Path, default=Path("recovery.parquet"))
+    chosen = parser.parse_args()
+    presets = chosen.vehicle or ["auv151", "bluerov2_heavy"]
+    rows = pl.read_parquet(chosen.out).to_dicts() if chosen.out.exists() else []
+    done = {(row["effect"], row["seed"]) for row in rows}
+    for seed in range(chosen.trials):
+        for name in chosen.effect or TRUTHS:
+            if (name, seed) in done:
+                continue
+            try:
+                rows.append(trial(name, seed, presets[seed % len(presets)], chosen.seconds))
+            except DataError as error:
+                empty = {"entries": 1, "within": 0, "determined": 0, "worst": np.inf, "z": [], "chi2": np.inf}
+                which = {"effect": name, "vehicle": presets[seed % len(presets)], "seed": seed}
+                rows.append(which | empty | {"seconds": 0.0, "failure": str(error)})
+            pl.DataFrame(rows, infer_schema_length=None).write_parquet(chosen.out)
+    summary(pl.DataFrame(rows, infer_schema_length=None))
+
+
+if __name__ == "__main__":
+    main()

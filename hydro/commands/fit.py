@@ -1,0 +1,119 @@
+"""`fit`: the parameters of named effects from a recording, written into a vehicle file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from hydro.commands.shell import STREAM, Output, about, progress, read
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from hydro.core.fit import Fit
+
+
+def fit(
+    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to begin from.")],
+    measured: Annotated[
+        str,
+        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
+    ] = STREAM,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT",
+            help="An effect to fit, by its name in `hydro effects`; with .matrix or the like where it has "
+            "several forms; as 'tether={anchor=[0, 0, 5]}' with values to begin from. Repeat for several.",
+        ),
+    ] = None,
+    method: Annotated[
+        Literal["output", "equation"],
+        typer.Option(
+            help="Predict two-second shots and compare (output), or balance forces along the smoothed motion "
+            "(equation): quicker, biased by noise."
+        ),
+    ] = "output",
+    output: Output = STREAM,
+) -> None:
+    """Fit effects to a recording and write the vehicle file with them.
+
+    An effect that the file has is fitted anew from its values; another is added. Everything else in the file
+    stays, comments too. Beside the values stand their standard errors and the hash of the data they came from.
+    A parameter that the data do not determine stays near where it began, and a warning says which motion would
+    determine it.
+    """
+    from hydro.core.fit import fit as compute
+    from hydro.io import vehicle as vehicles
+
+    if not effect:
+        raise UsageError("fit: name what to fit, such as --effect linear_damping; see hydro effects")
+    wanted = [_wanted(text) for text in effect]
+    known, text = vehicles.read(vehicle)
+    source = read(measured, "raw")
+    with about(measured), progress("fit") as update:
+        found = compute(
+            known,
+            source.frame,
+            wanted,
+            method=method,
+            report=lambda words, share: update(round(100 * share), 100, words),
+        )
+    origin = {"data": source.provenance.content, "method": method, "chi2": round(found.chi2, 4)}
+    for table in found.tables():
+        text = vehicles.set_effect(text, table | {"fit": origin})
+    if sys.stderr.isatty():
+        _show(found)
+    for warning in found.warnings:
+        typer.echo(f"hydro: {warning}", err=True)
+    if output == STREAM:
+        vehicles.parse(text)
+        sys.stdout.write(text)
+    else:
+        vehicles.write(text, output)
+
+
+def _wanted(text: str) -> str | dict[str, Any]:
+    """An effect's name, or its table of `NAME={...}` in inline TOML.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    import tomllib
+
+    if "=" not in text:
+        return text
+    name, _, values = text.partition("=")
+    try:
+        table = tomllib.loads(f"table = {values}")["table"]
+    except tomllib.TOMLDecodeError:
+        table = None
+    if not isinstance(table, dict):
+        raise UsageError(f"--effect {text!r}: not a name, nor a table like 'tether={{anchor=[0, 0, 5]}}'")
+    return {**table, "name": name.strip()}
+
+
+def _show(found: Fit) -> None:
+    """The parameters with their standard errors, for a person."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: nothing but noise)"
+    shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for name, justify in (("parameter", "left"), ("value", "right"), ("±", "right"), ("", "left")):
+        shown.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for name, value, error, unit, determined in found.frame().iter_rows():
+        remark = unit if unit != "1" else ""
+        shown.add_row(
+            name, f"{value:.4g}", f"{error:.2g}", remark if determined else f"{remark}  not determined"
+        )
+    Console(stderr=True).print(shown)
+
+
+COMMANDS = {
+    fit: "hydro fit datasets/stonefish/vehicle.toml datasets/stonefish/sample.parquet "
+    "--effect quadratic_damping -o vehicle2.toml",
+}
