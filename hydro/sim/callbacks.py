@@ -155,7 +155,8 @@ def _add_transport(A: Array, nu: Array, tau: Array) -> None:
 @jit
 def _add_coriolis(A: Array, factor: float, nu: Array, part: Array, tau: Array) -> None:
     """Add factor C(nu) nu to `tau` (6,), for an inertia A (36,); `part` (6,) is scratch."""
-    part[:] = 0.0
+    for i in range(6):
+        part[i] = 0.0
     coriolis_kernel(A, nu, part)
     for i in range(6):
         tau[i] += factor * part[i]
@@ -195,7 +196,8 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
         room[39:45],
         room[45:81].reshape(6, 6),
     )
-    tau[:] = 0.0
+    for i in range(6):
+        tau[i] = 0.0
     _observe(data, vehicle, P, s)
     nu, nu_r = (
         s[layout.VELOCITY : layout.VELOCITY + 6],

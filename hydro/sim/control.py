@@ -90,8 +90,9 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     first = states[TICK] == 0.0
     filters = states[FILTER : FILTER + 12].reshape(6, 2)
     if first:
-        filters[:, 0] = nu
-        filters[:, 1] = 0.0
+        for i in range(6):
+            filters[i, 0] = nu[i]
+            filters[i, 1] = 0.0
     else:
         row = min(int(states[TICK]), int(block[AT_GAIN_ROWS]) - 1)
         begin = int(block[AT_GAINS]) + 12 * row
@@ -99,10 +100,15 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
 
     count, begin = int(block[AT_WIDTH_COUNT]), int(block[AT_WIDTHS])
-    widths = block[begin : begin + count].astype(np.int64)
+    widths = np.empty(count, np.int64)
+    widest = 0
+    for i in range(count):
+        widths[i] = int(block[begin + i])
+        widest = max(widest, widths[i])
     state, wrench = np.empty(12), np.empty(6)
-    state[:6] = nu
-    state[6:] = filters[:, 1]
+    for i in range(6):
+        state[i] = nu[i]
+        state[6 + i] = filters[i, 1]
     begin = int(block[AT_SCALERS])
     network_kernel(
         widths,
@@ -112,7 +118,7 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
         block[begin : begin + 2 * widths[0] + 12],
         state,
         np.empty(widths[0]),
-        np.empty((2, widths.max()), np.float32),
+        np.empty((2, widest), np.float32),
         wrench,
     )
     begin = int(block[AT_CONDITIONING])

@@ -172,7 +172,8 @@ def network_kernel(
     if physfeat:
         physfeat_kernel(state, features)
     else:
-        features[:] = state
+        for j in range(inputs):
+            features[j] = state[j]
     for j in range(inputs):
         work[0, j] = np.float32((features[j] - scalers[j]) / scalers[inputs + j])
     start = 0
