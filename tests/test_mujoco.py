@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import batch, rollout
+from sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
 from hydro.core.allocation import configuration_matrix
 from hydro.core.effects import assemble
@@ -19,7 +20,6 @@ from hydro.core.rigid_body import mass_matrix
 from hydro.core.vehicle import Buoyancy, RigidBody
 from hydro.sim import mjcf, native, states
 from hydro.sim.water import Water
-from tests.sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
 ETA = np.array([1.0, -2.0, 5.0, 0.4, -0.3, 2.0])
 NU = np.array([0.8, -0.5, 0.3, 0.7, -0.4, 0.9])

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import batch, rollout
+from sim.trained import trained
 
 from hydro.core.conditioning import COUNTS, Conditioning, condition
 from hydro.core.smoothing import Design, smooth
@@ -15,7 +16,6 @@ from hydro.sim.control import Control
 from hydro.sim.network import Network
 from hydro.sim.student import control_states
 from hydro.sim.water import residual
-from tests.sim.trained import trained
 
 ETA = np.array([0.0, 0.0, 5.0, 0.1, -0.2, 1.0])
 NU = np.array([0.5, -0.2, 0.1, 0.1, -0.1, 0.2])

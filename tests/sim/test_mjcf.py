@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sim.models import thruster, vehicle
 
 from hydro.core.errors import DataError
 from hydro.core.frames import FRD_FLU
@@ -15,7 +16,6 @@ from hydro.core.rigid_body import mass_matrix, restoring
 from hydro.core.vehicle import RigidBody
 from hydro.io import vehicle as vehicle_file
 from hydro.sim import mjcf, native, states, water
-from tests.sim.models import thruster, vehicle
 
 CRAFT = vehicle(
     center_of_gravity=(0.03, -0.02, 0.05),

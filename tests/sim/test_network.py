@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from sim.trained import trained
 
 from hydro.core.errors import DataError
 from hydro.core.features import features
 from hydro.sim.network import Network
-from tests.sim.trained import trained
 
 
 @pytest.mark.parametrize("activation", ["silu", "relu"])

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import polars as pl
 import pytest
+from sim.trained import trained
 
 from hydro.core.conditioning import Conditioning
 from hydro.core.errors import DataError, UsageError
@@ -14,7 +15,6 @@ from hydro.io import schema
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.replay import BASELINES, EFFECTS, Variant, replay, variants
 from hydro.sim.student import Physics
-from tests.sim.trained import trained
 
 RK4 = Physics(integrator="rk4")
 
