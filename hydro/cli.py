@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from hydro.commands import collect, data, demo, files, models, replay
+from hydro.commands import collect, data, demo, files, fit, models, physics, replay
 
 HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
 
@@ -23,7 +23,7 @@ and so commands compose in a pipe:
   hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 """
 
-GROUPS = (collect, files, data, models, replay, demo)
+GROUPS = (collect, physics, fit, files, data, models, replay, demo)
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
 app = typer.Typer(

@@ -240,6 +240,7 @@ CONSUMES = {
     "train": ("split", ["--epochs", "1"]),
     "evaluate": ("split", ["{work}/model.parquet", "--labels"]),
     "replay": ("raw", ["--variant", "MJ0"]),
+    "simulate": ("raw", [str(ROOT / "datasets" / "stonefish" / "vehicle.toml")]),
 }
 """For each command the kind of its main input and what stands before it."""
 

@@ -162,14 +162,18 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
 
 
 def print_table(frame: pl.DataFrame, title: str = "") -> None:
-    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes."""
+    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes.
+
+    Where the terminal is narrow, sentences wrap first: numbers and names stay whole.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for name, dtype in frame.schema.items():
-        table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=dtype.is_numeric())
+        words = not any(" " in _cell(value) for value in frame[name])
+        table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=words)
     for row in frame.iter_rows():
         table.add_row(*[_cell(value) for value in row])
     console = Console(highlight=False, markup=False)

@@ -49,6 +49,12 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         DataError: Missing columns, a gap in time without a state after it, or a motion without bounds.
     """
     names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
+    extra = [name for name in commands.columns if name.startswith("cmd_") and name not in names]
+    if extra:
+        raise DataError(
+            f"commands: column {extra[0]} is one too many: {vehicle.name} has {len(names)} thrusters; "
+            "use the vehicle file that the commands are for"
+        )
     missing = [name for name in ("session", "t", *names) if name not in commands.columns]
     if missing:
         raise DataError(

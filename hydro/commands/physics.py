@@ -1,0 +1,137 @@
+"""`simulate` and `effects`: a vehicle file's own physics, and the catalogue that it is written in."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hydro.commands.shell import STREAM, Output, about, print_table, read, refuse_terminal, write
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from hydro.core.effects import Effect
+
+
+def simulate(
+    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")],
+    commands: Annotated[
+        str,
+        typer.Argument(
+            metavar="COMMANDS", show_default=False, help="Commands or raw table; nothing or - is stdin."
+        ),
+    ] = STREAM,
+    output: Output = STREAM,
+) -> None:
+    """Move a vehicle by commands, with every effect of its file, and record what it would have logged.
+
+    By Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a raw table
+    starts each session, and goes on after each gap, from its own row. The recording is free of noise and
+    carries the vehicle file, so that every later stage knows it.
+    """
+    from hydro.core.simulate import simulate as move
+    from hydro.io import table
+    from hydro.io import vehicle as vehicles
+
+    refuse_terminal(output)
+    known, text = vehicles.read(vehicle)
+    source = read(commands, "commands", "raw")
+    with about(commands):
+        frame = move(source.frame, known)
+    write(table.make("raw", frame, stage="simulate", inputs=[source], vehicle_text=text), output)
+
+
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", show_default=False, help="One effect; all by default.")
+    ] = None,
+) -> None:
+    """List the physical effects that a vehicle file can hold.
+
+    With a name, everything about that effect: what it means, its parameters with units and bounds, the
+    motion that determines them, what it is easily taken for, its source, and a table for a vehicle file. On a
+    terminal as tables, into a pipe as JSON.
+    """
+    from hydro.core.effects import CATALOGUE
+    from hydro.core.effects.describe import describe
+
+    chosen = _effect(name) if name is not None else None
+    if not sys.stdout.isatty():
+        import msgspec
+
+        shown = describe(chosen) if chosen else [describe(effect) for effect in CATALOGUE.values()]
+        typer.echo(msgspec.json.format(msgspec.json.encode(shown), indent=2).decode())
+    elif chosen is None:
+        _print_catalogue()
+    else:
+        _print_effect(chosen)
+
+
+def _effect(name: str) -> Effect:
+    """The effect of that name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    import difflib
+
+    from hydro.core.effects import CATALOGUE
+
+    if name not in CATALOGUE:
+        near = difflib.get_close_matches(name, CATALOGUE, 1)
+        hint = f"did you mean {near[0]}?" if near else "`hydro effects` lists all"
+        raise UsageError(f"no effect is called {name!r}: {hint}")
+    return CATALOGUE[name]
+
+
+def _print_catalogue() -> None:
+    """One line per effect."""
+    import polars as pl
+
+    from hydro.core.effects import CATALOGUE
+
+    rows = [
+        (
+            effect.name,
+            effect.kind,
+            effect.family,
+            effect.definition,
+            " ".join(parameter.name for parameter in effect.parameters),
+        )
+        for effect in CATALOGUE.values()
+    ]
+    print_table(pl.DataFrame(rows, ["name", "kind", "family", "definition", "parameters"], orient="row"), "")
+
+
+def _print_effect(effect: Effect) -> None:
+    """One effect in full."""
+    import polars as pl
+
+    from hydro.core.effects import describe
+
+    typer.echo(f"{effect.name} ({effect.kind}, {effect.family}): {effect.definition}\n\n{effect.description}")
+    parameters: list[dict[str, Any]] = [
+        {
+            "parameter": parameter.name,
+            "unit": describe.unit(parameter),
+            "numbers": describe.size(parameter),
+            "bounds": describe.bounds(parameter),
+            "when left out": describe.when_left_out(effect, parameter),
+            "meaning": parameter.meaning,
+        }
+        for parameter in effect.parameters
+    ]
+    print_table(pl.DataFrame(parameters), "")
+    typer.echo(f"\nneeds: {effect.excitation}")
+    typer.echo(f"easily taken for: {', '.join(effect.lookalikes)}")
+    typer.echo(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
+    typer.echo(describe.toml(effect), nl=False)
+
+
+COMMANDS = {
+    simulate: "hydro simulate datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
+    "-o simulated.parquet",
+    effects: "hydro effects ocean_current",
+}

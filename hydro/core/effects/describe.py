@@ -1,0 +1,101 @@
+"""An effect of the catalogue in words: for the command line, the documentation and a vehicle file."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from hydro.core.effects.record import Effect, Parameter
+
+AXES = ("X Y Z", "K M N")
+
+
+def describe(effect: Effect) -> dict[str, Any]:
+    """Everything that the record says, as plain text and numbers; bounds that are not there are None."""
+    return {
+        "name": effect.name,
+        "kind": effect.kind,
+        "family": effect.family,
+        "definition": effect.definition,
+        "description": effect.description,
+        "parameters": [
+            {
+                "name": parameter.name,
+                "unit": unit(parameter),
+                "size": size(parameter),
+                "low": parameter.low if math.isfinite(parameter.low) else None,
+                "high": parameter.high if math.isfinite(parameter.high) else None,
+                "when_left_out": when_left_out(effect, parameter),
+                "meaning": parameter.meaning,
+            }
+            for parameter in effect.parameters
+        ],
+        "internal_states": effect.states is not None,
+        "excitation": effect.excitation,
+        "lookalikes": list(effect.lookalikes),
+        "source": effect.source,
+        "toml": toml(effect),
+    }
+
+
+def unit(parameter: Parameter) -> str:
+    """Unit of a parameter, with the axes each holds for where there are several."""
+    units = parameter.unit
+    if len(units) == 1:
+        return units[0]
+    axes = AXES if len(units) == 2 else (AXES[0], "mixed", AXES[1])
+    return ", ".join(f"{one} ({axis})" for one, axis in zip(units, axes, strict=True))
+
+
+def size(parameter: Parameter) -> str:
+    """How many numbers a parameter is: `1`, `6 x 6`, `one per thruster`, `6 per rate`."""
+    counts = [str(n) for n in parameter.shape if isinstance(n, int)]
+    each = [f"per {n.removesuffix('s')}" for n in parameter.shape if isinstance(n, str)]
+    return " ".join([" x ".join(counts) or ("one" if each else "1"), *each])
+
+
+def bounds(parameter: Parameter) -> str:
+    """Admissible values: `any`, `>= 0`, `<= 1` or `-1 to 1`."""
+    low, high = parameter.low, parameter.high
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{low:g} to {high:g}"
+    if math.isfinite(low):
+        return f">= {low:g}"
+    return f"<= {high:g}" if math.isfinite(high) else "any"
+
+
+def when_left_out(effect: Effect, parameter: Parameter) -> str:
+    """What a vehicle file without the parameter means."""
+    if parameter.name in effect.one_of:
+        others = [name for name in effect.one_of if name != parameter.name]
+        return f"{' or '.join(others)} must be given"
+    return "an error" if parameter.required else "0"
+
+
+def toml(effect: Effect, thrusters: int = 2) -> str:
+    """An `[[effect]]` table for a vehicle file, without effect: every value is 0, or 1 where 0 is no value.
+
+    Args:
+        effect: The effect.
+        thrusters: Number of thrusters of the vehicle it is for.
+    """
+    lines = ["[[effect]]", f'name = "{effect.name}"']
+    for parameter in effect.parameters:
+        said = f"{parameter.meaning} [{unit(parameter)}]"
+        if parameter.shape and not isinstance(parameter.shape[0], int):
+            said += f", {size(parameter)}"
+        if parameter.name in effect.one_of[1:]:
+            lines.append(f"# or {parameter.name}: {said}, {size(parameter)} numbers")
+        else:
+            value = _value(parameter, {"thrusters": thrusters, "rates": 1})
+            lines.append(f"{parameter.name} = {json.dumps(value)}  # {said}")
+    return "\n".join(lines) + "\n"
+
+
+def _value(parameter: Parameter, counts: dict[str, int]) -> Any:
+    """The neutral value of a parameter, nested as in a vehicle file."""
+    value: Any = 1.0 if parameter.low > 0.0 else 0.0
+    for n in reversed(parameter.shape):
+        value = [value] * (counts[n] if isinstance(n, str) else n)
+    return value
