@@ -44,6 +44,7 @@ def demo(
             *("--metrics", out["errors"], "-o", out["replay"]),
         ],
     ]
+    typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     for step in steps:
         _run(context.find_root().command, step)
     pictures = _draw(out, folder)
@@ -57,9 +58,10 @@ _ARTEFACTS = ("labels", "blocks", "split", "mlp", "physfeat", "evaluation", "rep
 
 
 def _bundled() -> Path:
-    """The bundled recordings: inside an installed package, or beside it in a checkout."""
+    """The bundled recordings, inside an installed package or beside it in a checkout."""
     packaged = PACKAGE / "_datasets"
-    return (packaged if packaged.is_dir() else PACKAGE.parent / "datasets") / "stonefish"
+    data = (packaged if packaged.is_dir() else PACKAGE.parent / "datasets") / "stonefish"
+    return data.relative_to(Path.cwd()) if data.is_relative_to(Path.cwd()) else data
 
 
 def _run(root: Any, step: list[str]) -> None:

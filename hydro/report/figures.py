@@ -27,7 +27,7 @@ MOST_POINTS = 3000
 
 _INK = "#222222"
 _COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 10.5,
