@@ -40,6 +40,12 @@ def labels(
         typer.Option(help="Two-sided smoother, filter, or the paper's differences of filtered velocity."),
     ] = "rts",
     noise: NoiseSpec = None,
+    subtract: Annotated[
+        Literal["inertia", "effects"],
+        typer.Option(
+            help="Effects taken away: added mass alone, or all, so that a network learns what they leave."
+        ),
+    ] = "inertia",
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
@@ -47,13 +53,14 @@ def labels(
 
     Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
-    -tau_res.
+    -tau_res. With --subtract effects a vehicle file that says everything leaves C_RB(nu) nu.
     """
     from hydro.core.labels import labels as compute
+    from hydro.core.labels import subtracted
     from hydro.io import table
 
     refuse_terminal(output)
-    parameters: dict[str, Any] = {"acceleration": acceleration}
+    parameters: dict[str, Any] = {"acceleration": acceleration, "subtract": subtract}
     deviations = None
     if noise is not None:
         given = noise_for(noise)
@@ -61,7 +68,8 @@ def labels(
     source = read(raw, "raw")
     known, text = vehicle_for(source, vehicle)
     with about(raw):
-        frame = compute(source.frame, known, acceleration=acceleration, noise=deviations)
+        parameters["subtracted"] = subtracted(known, subtract)
+        frame = compute(source.frame, known, acceleration=acceleration, noise=deviations, subtract=subtract)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )

@@ -3,7 +3,16 @@
     tau_res = tau_prop - M nu_dot - g(eta)  ~  C(nu) nu + D(nu) nu,      M = M_RB + M_A
 
 tau_res stands on the left-hand side of the balance and opposes motion: the wrench it exerts ON the vehicle is
--tau_res.  All terms of a row belong to its time t_k: pose and velocity as logged, the smoothed acceleration,
+-tau_res.
+
+With `subtract="effects"` all that the vehicle's effects exert is taken away besides: damping and other
+wrenches, the Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  Of a vehicle
+whose effects are the whole truth C_RB(nu) nu remains: the rigid body is no effect, and a simulation with a
+residual model gives up its own C_RB in either case (paper 5).
+
+Effects of the thrusters always enter tau_prop, and those of the velocity log are always undone first.
+
+All terms of a row belong to its time t_k: pose and velocity as logged, the smoothed acceleration,
 and the thrust that the commands before t_k have built up (a command without lag is felt from the next row).
 A simulator that computes fluid forces at t_k and holds them until t_k+1 lags half a step behind such labels.
 """
@@ -14,6 +23,7 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -21,8 +31,8 @@ from numpy.typing import NDArray
 
 from hydro.core.allocation import INFLOW, UNIT_WRENCH, thrusts
 from hydro.core.compiled import jit
-from hydro.core.effects import inertia_matrix
-from hydro.core.effects.catalogue import current, thruster_table
+from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
+from hydro.core.effects.catalogue import entries
 from hydro.core.errors import DataError
 from hydro.core.frames import rotation
 from hydro.core.rigid_body import balance, mass_matrix, restoring_kernel
@@ -34,6 +44,9 @@ Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Bounds = NDArray[np.int64]
 
+Subtract = Literal["inertia", "effects"]
+
+POSE = ("x", "y", "z", "phi", "theta", "psi")
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 WRENCH = ("X", "Y", "Z", "K", "M", "N")
 BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
@@ -46,17 +59,18 @@ def labels(
     acceleration: str = "rts",
     noise: Sequence[float] | None = None,
     design: Design | None = None,
+    subtract: Subtract = "inertia",
 ) -> pl.DataFrame:
     """Smoothed motion, thrusts and residual wrench of every row of a recording.
 
     Args:
         raw: Raw table: `session`, `t` [s], pose (NED), velocity of CO in body axes (FRD), `cmd_1` ...
             `cmd_n`.
-        vehicle: Its rigid body, buoyancy, thrusters and effects.  Inertia effects enter M and actuator
-            effects the thrusters; no other effect is subtracted.
+        vehicle: Its rigid body, buoyancy, thrusters and effects.
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: The filter, where it is at hand; by default `filter_design(raw, noise)`.
+        subtract: Which of the effects are taken from tau_res: `inertia`, through M alone, or all `effects`.
 
     Returns:
         The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
@@ -72,23 +86,26 @@ def labels(
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)
     designed = gains(chosen)
-    table, known = thruster_table(vehicle), _constants(vehicle)
+    table, log, known = thruster_table(vehicle), velocity_log(vehicle), _constants(vehicle)
     configuration = np.ascontiguousarray(table[:, UNIT_WRENCH])
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
-    after_gap = resumes(raw, bounds)
+    after_gap, dt = resumes(raw, bounds), sample_time(raw)
     count = len(commands)
     out: Float32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
 
     def work(first: int, last: int) -> None:
         start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
         part, within = raw[start:stop], bounds[first:last] - start
-        motion = smooth(_columns(part, VELOCITIES), within, chosen, acceleration, designed)
+        motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
         attitude = _columns(part, ("phi", "theta", "psi"))
         nu_r = None if water is None else _through_water(motion, attitude, water)
         thrust = thrusts(
             table, _columns(part, commands), part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )
-        _label_kernel(motion, attitude, thrust, configuration, *known, out[:, start:stop])
+        forces = np.empty((0, 6))
+        if subtract == "effects":
+            forces = effect_forces(vehicle, _columns(part, POSE), motion[:, :, 0], within, dt)
+        _label_kernel(motion, attitude, thrust, configuration, *known, forces, out[:, start:stop])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
@@ -101,6 +118,16 @@ def labels(
         *(f"{name}_res" for name in WRENCH),
     )
     return raw.with_columns(pl.Series(name, column) for name, column in zip(names, out, strict=True))
+
+
+def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
+    """Names of the effects that labels take from tau_res, in the order of the vehicle file."""
+    kinds = ("wrench", "inertia", "flow")
+    return [
+        effect.name
+        for effect, _, _ in entries(vehicle)
+        if effect.inertia is not None or (subtract == "effects" and effect.kind in kinds)
+    ]
 
 
 def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> Design:
@@ -166,6 +193,16 @@ def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
     return out
 
 
+def _velocities(frame: pl.DataFrame, bounds: Bounds, log: Array) -> Array:
+    """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
+    nu = _columns(frame, VELOCITIES)
+    if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
+        t = frame["t"].to_numpy()
+        for begin, end in bounds:
+            nu[begin:end] = sensor.corrected(log, t[begin:end], nu[begin:end])
+    return nu
+
+
 def _constants(vehicle: Vehicle) -> tuple[Array, Array]:
     """M, shape (6, 6), and the four numbers of weight and buoyancy."""
     return mass_matrix(vehicle) + inertia_matrix(vehicle), balance(vehicle)
@@ -186,9 +223,13 @@ def _label_kernel(
     configuration: Array,
     mass: Array,
     weight: Array,
+    forces: Array,
     out: Float32,
 ) -> None:
-    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
+    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res.
+
+    `forces` (N, 6) of the effects are accounted for in tau_res; or (0, 6), none.
+    """
     count = thrust.shape[1]
     down, tau, restoring = np.empty(3), np.empty(6), np.empty(6)
     for k in range(motion.shape[0]):
@@ -210,4 +251,5 @@ def _label_kernel(
             out[i, k] = motion[k, i, 0]
             out[6 + i, k] = motion[k, i, 1]
             out[12 + count + i, k] = tau[i]
-            out[18 + count + i, k] = tau[i] - inertia + restoring[i]
+            known = forces[k, i] if forces.shape[0] else 0.0
+            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + known

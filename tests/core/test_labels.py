@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hydro.core.errors import DataError
-from hydro.core.labels import filter_design, labels
+from hydro.core.labels import filter_design, labels, subtracted
+from hydro.core.simulate import simulate
 from hydro.core.smoothing import Design
 from hydro.core.vehicle import Vehicle
 from hydro.io import vehicle as vehicle_file
@@ -175,6 +176,85 @@ def test_inflow_is_of_the_water(raw, vehicle):
         expected = f[:, i] - c * np.sqrt(np.abs(f[:, i]) * synthetic.MAX_THRUST) * speed
         found = labels(raw, carried)[f"f_{i + 1}"].to_numpy()
         np.testing.assert_allclose(found[level], expected[level], atol=0.1)
+
+
+# -- All effects subtracted ---------------------------------------------------------------------------------
+
+DAMPING = (
+    {"name": "linear_damping", "diagonal": list(synthetic.LINEAR)},
+    {"name": "quadratic_damping", "diagonal": list(synthetic.QUADRATIC)},
+)
+EVERYTHING = (
+    *DAMPING,
+    {"name": "added_mass_coupling", "M15": 4.0, "M24": -3.0},
+    {"name": "added_mass_coriolis", "kappa": -0.3},
+    {"name": "crossflow_drag", "Cd_y": 0.4, "Cd_z": 0.3},
+    {"name": "body_lift", "L11": 20.0, "L15": -5.0, "L22": 15.0},
+    {"name": "payload", "w": 4.0, "x": 0.3, "y": -0.1, "z": 0.2, "mass": 6.0},
+    {"name": "net_buoyancy", "dB": 3.0},
+    {"name": "tether", "k": 6.0, "slack": 0.5, "anchor": [2.0, 1.0, 0.0], "attachment": [0.5, 0.0, 0.1]},
+    {"name": "fluid_memory", "K": [[30.0, 40.0, 40.0, 2.0, 3.0, 3.0]], "rates": [2.0]},
+    {"name": "ocean_current", "v_N": 0.3, "v_E": -0.2, "v_D": 0.05},
+    {"name": "thruster_gain", "g": [-0.2] + [0.0] * 7},
+    {"name": "thruster_inflow", "c": 0.02},
+)
+
+
+def rigid_coriolis(nu: np.ndarray) -> np.ndarray:
+    """C_RB(nu) nu from Newton and Euler about CO, (N, 6); Fossen (2011), eq. 3.42."""
+    v, omega, lever = nu[:, :3], nu[:, 3:], np.array(synthetic.WEIGHT_ARM)
+    S = synthetic.cross(lever)
+    about = np.array(synthetic.INERTIA) - synthetic.MASS * S @ S
+    force = synthetic.MASS * np.cross(omega, v + np.cross(omega, lever))
+    moment = np.cross(omega, omega @ about.T) + synthetic.MASS * np.cross(lever, np.cross(omega, v))
+    return np.hstack([force, moment])
+
+
+def test_effects_that_are_the_whole_truth_leave_the_rigid_bodys_coriolis(raw, vehicle):
+    """Against scipy: added mass with its C_A, and damping."""
+    left = residual(labels(raw, with_effects(vehicle, *DAMPING), subtract="effects"))
+    expected = rigid_coriolis(raw.select(VELOCITY).to_numpy())
+    assert np.abs(left - expected)[5:-5].max() < 0.1
+    assert np.abs(expected).max() > 20.0
+
+
+def test_all_effects_at_once_in_a_current_leave_the_same(raw, vehicle):
+    full = with_effects(vehicle, *EVERYTHING)
+    moved = simulate(raw, full)
+    left = residual(labels(moved, full, design=SPLINE, subtract="effects"))
+    expected = rigid_coriolis(moved.select(VELOCITY).to_numpy())
+    assert np.abs(left - expected)[10:-10].max() < 0.15
+    for effect in ("tether", "fluid_memory", "ocean_current", "payload", "added_mass"):
+        less = msgspec.structs.replace(full, effect=tuple(e for e in full.effect if e["name"] != effect))
+        wrong = residual(labels(moved, less, design=SPLINE, subtract="effects"))
+        assert np.abs(wrong - expected)[10:-10].max() > 1.0, effect
+
+
+def test_a_vehicle_without_effects_has_the_same_labels_either_way(raw, vehicle):
+    bare = msgspec.structs.replace(vehicle, effect=())
+    assert labels(raw, bare, subtract="effects").equals(labels(raw, bare))
+
+
+def test_what_is_subtracted_is_named(vehicle):
+    full = with_effects(vehicle, *EVERYTHING)
+    assert subtracted(full, "inertia") == ["added_mass", "added_mass_coupling", "payload"]
+    thrusters = ("thruster_gain", "thruster_inflow")
+    assert subtracted(full, "effects") == [e["name"] for e in full.effect if e["name"] not in thrusters]
+
+
+def test_errors_of_the_velocity_log_are_undone_first(raw, vehicle):
+    log = (
+        {"name": "sensor_scale", "s": 0.05},
+        {"name": "sensor_lever_arm", "r": [0.4, -0.2, 0.3]},
+        {"name": "sensor_delay", "d": 0.03},
+    )
+    flawed = with_effects(vehicle, *DAMPING, *log)
+    logged, true = simulate(raw, flawed), simulate(raw, with_effects(vehicle, *DAMPING))
+    assert np.abs(logged["u"].to_numpy() - true["u"].to_numpy()).max() > 0.01
+    known, ignored = (residual(labels(logged, v, design=SPLINE)) for v in (flawed, vehicle))
+    expected = residual(labels(true, vehicle, design=SPLINE))
+    assert np.abs(known - expected)[20:-20].max() < 0.2
+    assert np.abs(ignored - expected)[20:-20].max() > 2.0
 
 
 def test_wrong_vehicle(raw, vehicle):

@@ -10,7 +10,7 @@ from hydro.core.effects.catalogue import (
     thruster_table,
     velocity_log,
 )
-from hydro.core.effects.columns import effect_wrenches
+from hydro.core.effects.columns import effect_forces, effect_wrenches
 from hydro.core.effects.program import Program, assemble
 from hydro.core.effects.record import Effect, Parameter
 from hydro.core.effects.validate import validate
@@ -23,6 +23,7 @@ __all__ = [
     "added_mass_matrix",
     "assemble",
     "current",
+    "effect_forces",
     "effect_wrenches",
     "inertia_matrix",
     "thruster_table",

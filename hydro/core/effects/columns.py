@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
-from hydro.core.effects.program import assemble, relative_to_water, start, wrench
+from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
+from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
 from hydro.core.effects.record import Array
 from hydro.core.frames import rotation_kernel
+from hydro.core.rigid_body import coriolis_kernel
 from hydro.core.vehicle import Vehicle
 
 
@@ -44,6 +45,46 @@ def effect_wrenches(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: A
         out,
     )
     return out
+
+
+def effect_forces(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, dt: float) -> Array:
+    """Wrench ON the vehicle of all its effects but for -I nu_dot, I what they add to the mass matrix.
+
+    With `effect_wrenches` tau_e these are tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms
+    that an inertia brings (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot that a current brings.
+    Nothing of M_RB is among them, nor the thrust.
+
+    Arguments, result and errors are those of `effect_wrenches`.
+    """
+    out = effect_wrenches(vehicle, eta, nu, segments, dt)
+    _inertia_along(
+        assemble(vehicle).flat,
+        np.ascontiguousarray(eta, np.float64),
+        np.ascontiguousarray(nu, np.float64),
+        np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
+        out,
+    )
+    return out
+
+
+@jit
+def _inertia_along(flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], out: Array) -> None:
+    """Take C_I(nu_r) nu_r + I [omega x R^T v_c; 0] from every row."""
+    inertia = constants_of(flat)[INERTIA : INERTIA + 36]
+    s, taken, carried = np.zeros(MOTION), np.zeros(6), np.zeros(3)
+    nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
+    for begin, end in segments:
+        for k in range(begin, end):
+            _motion(flat, eta[k], nu[k], s)
+            taken[:] = 0.0
+            coriolis_kernel(inertia, nu_r, taken)
+            p, q, r = nu[k, 3], nu[k, 4], nu[k, 5]
+            x, y, z = nu[k, 0] - nu_r[0], nu[k, 1] - nu_r[1], nu[k, 2] - nu_r[2]  # R^T v_c
+            carried[0], carried[1], carried[2] = q * z - r * y, r * x - p * z, p * y - q * x
+            for i in range(6):
+                for j in range(3):
+                    taken[i] += inertia[6 * i + j] * carried[j]
+                out[k, i] -= taken[i]
 
 
 @jit
