@@ -27,12 +27,23 @@ _STATES, _AXES = 12, 6
 
 
 class TrainedModel(Protocol):
-    """What of a model artefact the forward pass needs (see `hydro.io.model.Model`)."""
+    """What of a model artefact a simulation needs (see `hydro.io.model.Model`)."""
 
-    name: str
-    architecture: Mapping[str, Any]
-    tensors: Mapping[str, NDArray[Any]]
-    scalers: Mapping[str, NDArray[Any]]
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def architecture(self) -> Mapping[str, Any]:
+        """Description of its layers."""
+
+    @property
+    def tensors(self) -> Mapping[str, NDArray[Any]]:
+        """Weights by name."""
+
+    @property
+    def scalers(self) -> Mapping[str, NDArray[Any]]:
+        """Means and scales of features and outputs."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -151,7 +153,10 @@ class Student:
             )
         carrier = self.model.nu - given.shape[2]  # a vehicle without thrusters may have an idle control
         held = np.pad(np.repeat(given, steps, axis=1), ((0, 0), (0, 0), (0, carrier)))
-        flown = self.batch.rollout(nstep=held.shape[1], control=held, record=(_TIME, "qpos", "qvel"), ids=ids)
+        with _warnings_only_counted():
+            flown = self.batch.rollout(
+                nstep=held.shape[1], control=held, record=(_TIME, "qpos", "qvel"), ids=ids
+            )
         times, qpos, qvel = (flown[name][:, steps - 1 :: steps] for name in (_TIME, "qpos", "qvel"))
         motion = np.concatenate(states.from_mujoco(qpos, qvel), axis=-1)
         # MuJoCo stops a diverged vehicle, and its clock with it.
@@ -171,6 +176,17 @@ class Student:
             raise UsageError("no residual network runs in this student, so no conditioning acts")
         first = self._control + control.COUNTED
         return [counts_of(row) for row in self.batch.act[:, first : first + COUNTS]]
+
+
+@contextmanager
+def _warnings_only_counted() -> Iterator[None]:
+    """Keep MuJoCo from printing warnings and logging them into the working folder; it counts them anyway."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def control_states(model: mujoco.MjModel, name: str) -> int | None:
