@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from hydro.io.model import Model
 
 Acceleration = Literal["rts", "kalman", "kalman-difference"]
+Subtract = Literal["inertia", "effects"]
 Conditioning = Literal["off", "paper", "paper-old", "paper-new"]
 
 
@@ -22,7 +23,8 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
 
     Args:
         source: path of a Parquet file, or a binary stream.
-        kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics` or `replay`; any by default.
+        kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics`, `replay` or `commands`; any
+            by default.
 
     Returns:
         The table. `hydro.io.table.read` gives its provenance beside it.
@@ -74,12 +76,32 @@ def vehicle(path: str | Path) -> Vehicle:
     return known
 
 
+def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+    """Move a vehicle by commands, with every effect of its file.
+
+    Args:
+        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
+            session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
+        vehicle: the vehicle.
+
+    Returns:
+        The raw table of what it would have logged, without noise.
+
+    Raises:
+        hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion grows without bounds.
+    """
+    from hydro.core.simulate import simulate as move
+
+    return move(commands, vehicle)
+
+
 def labels(
     raw: pl.DataFrame,
     vehicle: Vehicle,
     *,
     acceleration: Acceleration = "rts",
     noise: Sequence[float] | None = None,
+    subtract: Subtract = "inertia",
 ) -> pl.DataFrame:
     """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row.
 
@@ -88,6 +110,7 @@ def labels(
         vehicle: the vehicle that it was recorded with.
         acceleration: two-sided smoother, filter, or the paper's differences of filtered velocity.
         noise: standard deviation of u, v, w [m/s] and p, q, r [rad/s]; by default found from the data.
+        subtract: effects taken away: `inertia`, the vehicle's added mass, or all `effects`.
 
     Returns:
         The raw columns, and smoothed velocity, acceleration, thrusts [N], tau_prop and tau_res [N, N m] about
@@ -98,7 +121,7 @@ def labels(
     """
     from hydro.core.labels import labels as compute
 
-    return compute(raw, vehicle, acceleration=acceleration, noise=noise)
+    return compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
 
 
 def split(
@@ -145,6 +168,7 @@ def train(
     seed: int = 0,
     epochs: int = 60,
     device: Literal["cpu", "cuda"] = "cpu",
+    subtract: Subtract = "inertia",
     progress: Callable[[Any], None] | None = None,
 ) -> Model:
     """Train a residual network on the training part of a split table, after the paper's protocol.
@@ -155,6 +179,7 @@ def train(
         seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
         epochs: passes over the data at most.
         device: where to train.
+        subtract: what `labels` subtracted: a replay must bring it.
         progress: called after every epoch with a `hydro.learn.train.Epoch`.
 
     Returns:
@@ -164,9 +189,12 @@ def train(
         hydro.core.errors.DataError: the table has not been split, or has too few rows.
         hydro.core.errors.UsageError: there is no such model or device.
     """
+    from dataclasses import replace
+
     from hydro.learn.train import train as fit
 
-    return fit(split, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+    trained = fit(split, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+    return replace(trained, subtract=subtract)
 
 
 def read_model(source: str | Path | BinaryIO) -> Model:

@@ -21,6 +21,7 @@ from hydro.core.simulate import POSE, VELOCITY
 from hydro.core.simulate import simulate as move
 from hydro.io import table
 from hydro.io import vehicle as vehicles
+from hydro.io.model import from_artefact
 
 ROOT = Path(__file__).resolve().parents[1]
 VEHICLE = ROOT / "datasets" / "vehicles" / "auv151.toml"
@@ -132,6 +133,43 @@ def test_a_vehicle_at_fault_is_told_in_one_line(folder, tmp_path):
         assert (code, out) == (1, "")
         assert re.fullmatch(rf"hydro: .*odd\.toml: {message}.+\n", error), error
     assert run("simulate", tmp_path / "absent.toml", folder / "raw.parquet", "-o", "x")[0] == 1
+
+
+# labels --subtract effects, and what follows from it
+
+
+def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
+    t = np.arange(1500) * 0.02
+    held = {f"cmd_{i + 1}": 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(8)}
+    files = {
+        name: tmp_path / f"{name}.parquet" for name in ("cmd", "raw", "labels", "model", "errors", "flown")
+    }
+    pl.DataFrame({"session": ["weave"] * 1500, "t": t, **held}).write_parquet(files["cmd"])
+    for line in (
+        ["simulate", VEHICLE, files["cmd"], "-o", files["raw"]],
+        ["labels", files["raw"], "--subtract", "effects", "-o", files["labels"]],
+        ["train", files["labels"], "--model", "mlp", "--epochs", 1, "-o", files["model"]],
+        [
+            "replay",
+            files["raw"],
+            "--model",
+            files["model"],
+            "--metrics",
+            files["errors"],
+            "-o",
+            files["flown"],
+        ],
+    ):
+        assert run(*line) == (0, "", "")
+    made = table.read(files["labels"]).provenance.parameters
+    assert made["subtract"] == "effects"
+    assert made["subtracted"] == ["added_mass", "linear_damping", "quadratic_damping"]
+    assert from_artefact(table.read(files["model"])).subtract == "effects"
+    flown = table.read(files["flown"]).provenance.parameters["variants"]
+    assert flown == ["MJ0", "MJ0+M_A", "effects", "effects+MJ1"]
+    errors = table.read(files["errors"]).frame.filter(metric="rmse", axis="u")
+    rmse = dict(errors.select("variant", "value").iter_rows())
+    assert rmse["effects"] < 0.01 < rmse["MJ0"]
 
 
 # effects

@@ -42,7 +42,10 @@ def train(
     of the training blocks. Labels without a split get the default one. The same data and seed give the same
     bytes on one machine.
     """
+    from dataclasses import replace
+
     from hydro.io.model import to_artefact
+    from hydro.io.provenance import parameters_of
     from hydro.learn.train import train as fit
 
     refuse_terminal(output)
@@ -63,6 +66,8 @@ def train(
                 epoch.number, epoch.limit, f"epoch {epoch.number}, validation {epoch.validation_rmse:.3g}"
             ),
         )
+    subtract = parameters_of(source.provenance, "labels").get("subtract", "inertia")
+    trained = replace(trained, subtract=subtract)
     parameters = {"model": model, "epochs": epochs, "device": device}
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)
 

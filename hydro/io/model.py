@@ -38,6 +38,7 @@ class Model:
         outputs: names of the outputs in order, (n_out,).
         units: unit of every input and output by name.
         training: summary of the training; JSON values.
+        subtract: which effects its labels left out and a simulation must bring: `inertia`, or all `effects`.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Model:
     outputs: tuple[str, ...]
     units: Mapping[str, str]
     training: Mapping[str, Any] = field(default_factory=dict)
+    subtract: str = "inertia"
 
     @property
     def parameters(self) -> int:
@@ -92,6 +94,7 @@ def to_artefact(
         "units": dict(model.units),
         "scalers": {name: np.asarray(model.scalers[name]).tolist() for name in SCALERS},
         "training": dict(model.training),
+        "subtract": model.subtract,
     }
     return table.make(
         "model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs, model=described
@@ -123,4 +126,5 @@ def from_artefact(artefact: Artefact) -> Model:
         outputs=tuple(described["outputs"]),
         units=described["units"],
         training=described["training"],
+        subtract=described.get("subtract", "inertia"),
     )

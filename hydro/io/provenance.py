@@ -110,6 +110,12 @@ def lineage(provenance: Provenance) -> Iterator[tuple[int, Input]]:
     return walk(0, provenance.as_input())
 
 
+def parameters_of(provenance: Provenance, stage: str) -> dict[str, Any]:
+    """The parameters of a stage in a table's lineage, of the nearest one; empty where there is none."""
+    found = [(depth, node.parameters) for depth, node in lineage(provenance) if node.stage == stage]
+    return min(found, key=lambda one: one[0])[1] if found else {}
+
+
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of the record, made from the structs above."""
     schema = {

@@ -45,6 +45,10 @@ class TrainedModel(Protocol):
     def scalers(self) -> Mapping[str, NDArray[Any]]:
         """Means and scales of features and outputs."""
 
+    @property
+    def subtract(self) -> str:
+        """Which effects its labels left out: `inertia`, or all `effects`."""
+
 
 @dataclass(frozen=True)
 class Network:

@@ -66,14 +66,17 @@ EFFECTS = Variant("effects", water="effects")
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
     """The two baselines, one variant per model under the paper's name where it has one, and `effects`.
 
+    A model whose labels left out all effects flies with them, as `effects+` and its name.
+
     Args:
         models: Trained models.
-        names: Which variants, in this order; all but `effects` by default.
+        names: Which variants, in this order; by default all, but `effects` only beside a model that flies
+            with them.
 
     Raises:
         UsageError: Two models would have one name, or a name has no variant.
     """
-    flying = [Variant(PAPER_NAMES.get(model.name, model.name), model.name, model) for model in models]
+    flying = [Variant(_name(model), model.name, model) for model in models]
     known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
     if len(known) < len(BASELINES) + len(flying) + 1:
         raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
@@ -82,7 +85,20 @@ def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = 
         raise UsageError(
             f"no variant is called {unknown[0]!r}: there are {', '.join(known)}; MJ1 to MJ4 need a model"
         )
-    return [known[name] for name in names] if names else [*BASELINES, *flying]
+    if names:
+        return [known[name] for name in names]
+    return [*BASELINES, *([EFFECTS] if any(map(_needs_effects, models)) else []), *flying]
+
+
+def _name(model: TrainedModel) -> str:
+    """Name of the variant that a model flies."""
+    name = PAPER_NAMES.get(model.name, model.name)
+    return f"effects+{name}" if _needs_effects(model) else name
+
+
+def _needs_effects(model: TrainedModel) -> bool:
+    """Whether the model learnt what all effects leave, not what added mass alone leaves."""
+    return model.subtract == "effects"
 
 
 def replay(
@@ -151,7 +167,8 @@ def _water(
 ) -> Water:
     """What of the water a variant feels."""
     if variant.network is not None:
-        return residual(vehicle, Control(Network.of(variant.network), period, design, conditioning))
+        controlled = Control(Network.of(variant.network), period, design, conditioning)
+        return residual(vehicle, controlled, effects=_needs_effects(variant.network))
     if variant.water == "effects":
         return wet(vehicle)
     return dry(vehicle, added_mass=variant.water == "added_mass")

@@ -111,14 +111,18 @@ def dry(vehicle: Vehicle, *, added_mass: bool = False) -> Water:
     return Water(assemble(_thrusters_only(vehicle)), inertia=inertia)
 
 
-def residual(vehicle: Vehicle, control: Control | None = None) -> Water:
+def residual(vehicle: Vehicle, control: Control | None = None, *, effects: bool = False) -> Water:
     """A residual model and what its label left out: M_A in the mass matrix and no C_RB (paper eq. 5).
 
-    Without a `control` the model runs on the host, which holds its wrench in `userdata`.
+    With `effects` the label left out all effects (`labels --subtract effects`): they act, C_A among them.
+    C_RB is no effect, and so in the label and in the model either way.  Without a `control` the model runs on
+    the host, which holds its wrench in `userdata`.
     """
+    inertia = _some(inertia_matrix(vehicle))
     return Water(
-        assemble(_thrusters_only(vehicle)),
-        inertia=_some(inertia_matrix(vehicle)),
+        assemble(vehicle if effects else _thrusters_only(vehicle)),
+        inertia=inertia,
+        coriolis=inertia if effects else None,
         cancelled=mass_matrix(vehicle),
         control=control,
         held=control is None,

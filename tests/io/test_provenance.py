@@ -17,7 +17,7 @@ from tables import raw, tables
 from hydro.core.errors import DataError
 from hydro.io import schema
 from hydro.io.__main__ import generated
-from hydro.io.provenance import Input, Provenance, content_hash, from_json, lineage
+from hydro.io.provenance import Input, Provenance, content_hash, from_json, lineage, parameters_of
 
 MIXED = pl.DataFrame(
     {
@@ -170,3 +170,15 @@ def test_the_record_has_no_place_for_a_clock_or_a_host() -> None:
         "model",
     }
     assert set(described) == words | {"format"}
+
+
+def test_parameters_of_a_stage_are_found_in_the_lineage() -> None:
+    old = Input("labels", "sha256:1", "labels", {"subtract": "inertia"})
+    split = Input("split", "sha256:2", "split", {"block": 150}, (old,))
+    record = Provenance("model", "s", "sha256:3", "train", {"epochs": 2}, inputs=(split,))
+    assert parameters_of(record, "labels") == {"subtract": "inertia"}
+    assert parameters_of(record, "train") == {"epochs": 2}
+    assert parameters_of(record, "collect") == {}
+    newer = Input("labels", "sha256:4", "labels", {"subtract": "effects"})
+    both = msgspec.structs.replace(record, inputs=(split, newer))
+    assert parameters_of(both, "labels") == {"subtract": "effects"}

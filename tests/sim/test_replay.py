@@ -10,6 +10,7 @@ from sim.trained import trained
 
 from hydro.core.conditioning import Conditioning
 from hydro.core.errors import DataError, UsageError
+from hydro.core.features import names
 from hydro.core.simulate import simulate
 from hydro.io import schema
 from hydro.io import vehicle as vehicle_file
@@ -106,6 +107,48 @@ def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
     expected = np.linalg.solve(mass_matrix(craft) + inertia_matrix(craft), balance)
     np.testing.assert_allclose((second - first) / 0.02, expected, atol=0.06)
     assert abs(expected).max() > 0.2
+
+
+def test_a_network_of_what_all_effects_leave_flies_the_recording(craft):
+    """The effects act; C_RB(nu) nu, which they leave in the label, comes from the network (here exactly)."""
+    body = msgspec.structs.replace(craft.rigid_body, center_of_gravity=(0.0, 0.0, 0.0))
+    current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1}
+    memory = {"name": "fluid_memory", "K": [[20.0, 20.0, 20.0, 1.0, 1.0, 1.0]], "rates": [2.0]}
+    level = msgspec.structs.replace(craft, rigid_body=body, effect=(*craft.effect, current, memory))
+    _, model = trained("physfeat", layers=[45, 6])
+    model.tensors = {
+        "layers.0.weight": np.zeros((6, 45), np.float32),
+        "layers.0.bias": np.zeros(6, np.float32),
+    }
+    model.scalers = {f"{side}_mean": np.zeros(n) for side, n in (("input", 45), ("output", 6))}
+    model.scalers |= {f"{side}_scale": np.ones(n) for side, n in (("input", 45), ("output", 6))}
+    mass, (a, b, c) = body.mass, np.diag(body.inertia)
+    for axis, product, weight in (
+        *(
+            (0, "wq", mass),
+            (0, "vr", -mass),
+            (1, "ur", mass),
+            (1, "wp", -mass),
+            (2, "vp", mass),
+            (2, "uq", -mass),
+        ),
+        *((3, "qr", c - b), (4, "pr", a - c), (5, "pq", b - a)),
+    ):
+        model.tensors["layers.0.weight"][axis, names("physfeat").index(product)] = weight
+    raw = recording(level, sessions=("a",))
+    flown = {}
+    for subtract in ("effects", "inertia"):
+        model.subtract = subtract
+        flying = variants([model])
+        assert [one.name for one in flying][2:] == {
+            "effects": ["effects", "effects+MJ4"],
+            "inertia": ["MJ4"],
+        }[subtract]
+        series, _ = replay(raw, level, flying[-1:], control_step=0.002, physics=RK4)
+        flown[subtract] = of(series, flying[-1].name).drop("session").to_numpy()
+    expected = of(series, "measured").drop("session").to_numpy()
+    assert abs(flown["effects"] - expected).max() < 3e-3
+    assert abs(flown["inertia"] - expected).max() > 0.1
 
 
 def test_conditioning_is_applied_and_counted(craft):

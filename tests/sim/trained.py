@@ -25,4 +25,6 @@ def trained(name, seed=0, **changes):
     }
     network.standardise(scalers)
     tensors = {name: value.numpy() for name, value in network.state_dict().items()}
-    return network, SimpleNamespace(name=name, architecture=architecture, tensors=tensors, scalers=scalers)
+    return network, SimpleNamespace(
+        name=name, architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
+    )
