@@ -23,7 +23,7 @@ and so commands compose in a pipe:
   hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 """
 
-GROUPS = (collect, physics, fit, files, data, models, replay, demo)
+GROUPS = (demo, files, collect, data, models, replay, physics, fit)
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
 app = typer.Typer(

@@ -112,9 +112,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
         capture_output=True,
         timeout=300,
     )
-    error = done.stderr.decode()
-    assert done.returncode == 0, error
-    assert "hydro: " not in error
+    assert done.returncode == 0, done.stderr.decode()
     if target := re.search(r"-o (\S+)", COMMANDS[name]):
         table.read(tmp_path / target[1])
 
