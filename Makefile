@@ -32,8 +32,9 @@ lint: $(STAMP)        ## style and import rules
 types: $(STAMP)       ## static types: strict in hydro/core and hydro/io
 	$(BIN)/mypy
 
-docs: $(STAMP)        ## regenerate docs/cli.md from the command line itself
+docs: $(STAMP)        ## regenerate docs/cli.md and docs/theory.md from the code itself
 	$(BIN)/python docs/generate_cli.py
+	$(BIN)/python docs/generate_theory.py
 
 wheel: $(STAMP)       ## build dist/*.whl
 	$(BIN)/python -m build --wheel

@@ -118,7 +118,7 @@ def _print_effect(effect: Effect) -> None:
             "unit": describe.unit(parameter),
             "numbers": describe.size(parameter),
             "bounds": describe.bounds(parameter),
-            "when left out": describe.when_left_out(effect, parameter),
+            "if left out": describe.when_left_out(effect, parameter),
             "meaning": parameter.meaning,
         }
         for parameter in effect.parameters

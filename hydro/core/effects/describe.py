@@ -69,8 +69,8 @@ def when_left_out(effect: Effect, parameter: Parameter) -> str:
     """What a vehicle file without the parameter means."""
     if parameter.name in effect.one_of:
         others = [name for name in effect.one_of if name != parameter.name]
-        return f"{' or '.join(others)} must be given"
-    return "an error" if parameter.required else "0"
+        return f"give {' or '.join(others)} instead"
+    return "must be given" if parameter.required else "0"
 
 
 def toml(effect: Effect, thrusters: int = 2) -> str:

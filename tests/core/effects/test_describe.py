@@ -67,6 +67,6 @@ def test_what_leaving_a_parameter_out_means():
         for name, effect in CATALOGUE.items()
         for parameter in effect.parameters
     }
-    assert said["added_mass", "matrix"] == "diagonal must be given"
-    assert said["surface_suction", "decay"] == "an error"
+    assert said["added_mass", "matrix"] == "give diagonal instead"
+    assert said["surface_suction", "decay"] == "must be given"
     assert said["payload", "mass"] == "0"

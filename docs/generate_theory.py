@@ -1,0 +1,173 @@
+"""Write docs/theory.md from the catalogue of effects; `make docs` runs it and a test compares."""
+
+# ruff: noqa: E501 - a table of the page has one line per row
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from types import ModuleType
+
+from hydro.core.effects import Effect, Parameter, describe
+from hydro.core.effects.catalogue import FAMILIES
+
+PAGE = Path(__file__).with_name("theory.md")
+INTRODUCTION = r"""# Theory
+
+Written by `make docs` from the catalogue itself: do not edit it by hand.
+
+What `hydro` takes a vehicle in water to be, and every physical effect that a vehicle file can hold. Symbols and signs are those of
+Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control* (2011), and SNAME (1950); all units are SI.
+
+## Frames and symbols
+
+| symbol | meaning |
+|---|---|
+| $`\eta = (x, y, z, \phi, \theta, \psi)`$ | position of the body origin CO in the world (north, east, down) and ZYX Euler angles |
+| $`\nu = (u, v, w, p, q, r) = (v, \omega)`$ | velocity of CO over ground and angular velocity, in the body frame (forward, right, down) |
+| $`\tau = (X, Y, Z, K, M, N)`$ | force and moment about CO, in the body frame, **on** the vehicle unless said otherwise |
+| $`R`$ | rotation from body to world |
+| $`v_c`$ | velocity of the water in the world |
+| $`\nu_r = \nu - [R^T v_c;\ 0]`$ | velocity through the water, in equations below written `nu_r = (u_r, v_r, w_r, p, q, r)` |
+| $`M_{RB},\ M_A`$ | mass matrix of the dry vehicle and added mass, both about CO |
+| $`C(\nu)`$ | Coriolis matrix made from a mass matrix by the skew parametrisation (theorem 3.2): $`\nu^T C(\nu)\,\nu = 0`$ |
+
+CO is where the vehicle file puts its coordinates, not the centre of gravity.
+
+## The balance
+
+```math
+M_{RB}\,\dot\nu + C_{RB}(\nu)\,\nu = \tau_{prop} + \tau_{restoring}(\eta) + \sum \tau_{effect}
+```
+
+Every effect below adds a wrench to the right-hand side, or changes what stands there already. Added mass is solved with the rigid body and not fed
+back as a force, so that the balance that is integrated reads
+
+```math
+M\,\dot\nu_r + C(\nu_r)\,\nu_r = \tau_{prop} + \tau_{restoring} + \sum \tau_{wrench}, \qquad M = M_{RB} + M_A,
+\qquad \dot\nu_r = \dot\nu + [\omega \times R^T v_c;\ 0]
+```
+
+The dry body may stand in it with $`\nu_r`$ because a steady, uniform current is an inertial frame (property 8.1). The last term is there because the
+current is at rest in the world and so turns in the body.
+
+Restoring: weight $`W`$ down at the centre of gravity, buoyancy $`B`$ up at the centre of buoyancy (equation 4.6).
+
+Thrusters: a command $`u_i \in [-1, 1]`$ is clipped, delayed, and passes dead band, curve and first-order lag in the order that the
+vehicle file says; then gain, asymmetry and inflow act, and $`\tau_{prop} = B f`$ with one column of $`B`$ per thruster. The command of a row acts until
+the next row.
+
+## The residual
+
+What the known physics leaves of a recording is
+
+```math
+\tau_{res} = \tau_{prop} - M\,\dot\nu + \tau_{restoring} \ \approx\ C(\nu)\,\nu + D(\nu)\,\nu
+```
+
+It stands on the left-hand side and opposes motion: the vehicle feels $`-\tau_{res}`$. `hydro labels` takes away the added mass of the vehicle file through
+$`M`$, and no other wrench. `hydro labels --subtract effects` takes away the rest of the effects too: damping and all other wrenches, $`C_A(\nu_r)\,\nu_r`$,
+and the current's part in $`\dot\nu_r`$. A file that says everything then leaves $`C_{RB}(\nu)\,\nu`$, for the rigid body is no effect.
+
+A simulation with a learned residual brings exactly what the label left out. Either way it has $`M_A`$ in the mass matrix and gives up its own
+$`C_{RB}`$, which the residual holds; with `--subtract effects` all effects act besides, $`C_A`$ among them. A simulation without one
+gives up nothing.
+
+## What an effect is
+
+Parameters are increments on what the vehicle file says already, so that 0 is absence, and effects of one name add up. Those of inertia and damping
+are entries of $`M_A`$ and $`D`$, the negatives of the SNAME derivatives, with rows and columns counted from 0: `M_A[1,5]` $`= -Y_{\dot r}`$,
+`D[1,5]` $`= -Y_r`$. The sum of all added mass must be symmetric and positive semi-definite, and so must the symmetric part of the sum of all linear
+damping; `hydro check` holds a file to it.
+
+| kind | acts on |
+|---|---|
+| wrench | the force and moment on the vehicle |
+| inertia | the mass matrix, and the Coriolis terms that come with it |
+| flow | the velocity of the water |
+| actuator | the thruster chain |
+| sensor | what the velocity log writes down, never the motion |
+
+For each effect, *needs* is the motion that a recording must contain to determine its parameters, and *easily taken for* names the effects that explain
+similar data. `hydro effects NAME` prints an entry with a table for a vehicle file.
+"""
+
+REFERENCES = """## References
+
+- Cummins, W. E. (1962). The impulse response function and ship motions. *Schiffstechnik* 9, 101-109.
+- Fossen, T. I. (1994). *Guidance and Control of Ocean Vehicles*. Wiley.
+- Fossen, T. I. (2011). *Handbook of Marine Craft Hydrodynamics and Motion Control*. Wiley.
+- Hoerner, S. F. (1965). *Fluid-Dynamic Drag*. Published by the author.
+- Kinsey, J. C. and Whitcomb, L. L. (2007). In situ alignment calibration of attitude and Doppler sensors for precision underwater vehicle navigation: theory and experiment. *IEEE Journal of Oceanic Engineering* 32(2), 286-299.
+- Morison, J. R., O'Brien, M. P., Johnson, J. W. and Schaaf, S. A. (1950). The force exerted by surface waves on piles. *Petroleum Transactions, AIME* 189, 149-154.
+- Newman, J. N. (1977). *Marine Hydrodynamics*. MIT Press.
+- Prestero, T. (2001). *Verification of a six-degree of freedom simulation model for the REMUS autonomous underwater vehicle*. Master's thesis, MIT and WHOI.
+- SNAME (1950). *Nomenclature for treating the motion of a submerged body through a fluid*. Technical and Research Bulletin 1-5.
+- Yoerger, D. R., Cooke, J. G. and Slotine, J.-J. E. (1990). The influence of thruster dynamics on underwater vehicle behavior and their incorporation into control system design. *IEEE Journal of Oceanic Engineering* 15(3), 167-178.
+"""
+
+
+def page() -> str:
+    """The whole page: conventions, balance, then one section per family and one entry per effect."""
+    contents = "\n".join(
+        f"- [{_title(family)}](#{_title(family).lower().replace(' ', '-')}): "
+        + ", ".join(f"[`{effect.name}`](#{effect.name})" for effect in family.EFFECTS)
+        for family in FAMILIES
+    )
+    sections = [_section(family) for family in FAMILIES]
+    return "\n".join([INTRODUCTION, contents, "", *sections, REFERENCES])
+
+
+def _section(family: ModuleType) -> str:
+    """A family of effects."""
+    entries = "\n".join(_entry(effect) for effect in family.EFFECTS)
+    return f"## {_title(family)}\n\n{_paragraphs(inspect.getdoc(family) or '')}\n\n{entries}"
+
+
+def _entry(effect: Effect) -> str:
+    """One effect: what it is, its equation, its parameters, and how to tell it from others."""
+    rows = "\n".join(_row(effect, parameter) for parameter in effect.parameters)
+    alike = ", ".join(f"[`{name}`](#{name})" for name in effect.lookalikes)
+    return f"""### `{effect.name}`
+
+    {effect.definition}
+
+{_paragraphs(effect.description)}
+
+| parameter | unit | numbers | bounds | if left out | meaning |
+|---|---|---|---|---|---|
+{rows}
+
+- *Kind*: {effect.kind}
+- *Needs*: {effect.excitation}
+- *Easily taken for*: {alike}
+- *Source*: {effect.source}
+"""
+
+
+def _row(effect: Effect, parameter: Parameter) -> str:
+    """One parameter."""
+    cells = (
+        f"`{parameter.name}`",
+        describe.unit(parameter),
+        describe.size(parameter),
+        describe.bounds(parameter),
+        describe.when_left_out(effect, parameter),
+        parameter.meaning,
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _title(family: ModuleType) -> str:
+    """Heading of a family: the name of its file, as a word."""
+    return family.__name__.rpartition(".")[2].capitalize()
+
+
+def _paragraphs(text: str) -> str:
+    """A docstring's paragraphs, each on one line; what is indented in it stays an equation."""
+    parts = [part if part.startswith("    ") else " ".join(part.split()) for part in text.split("\n\n")]
+    return "\n\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())
