@@ -40,10 +40,10 @@ def fit(
 ) -> None:
     """Fit effects to a recording and write the vehicle file with them.
 
-    An effect that the file has is fitted anew from its values; another is added. Everything else in the file
-    stays, comments too. Beside the values stand their standard errors and the hash of the data they came from.
-    A parameter that the data do not determine stays near where it began, and a warning says which motion would
-    determine it.
+    An effect that the file has is fitted anew from its values; another is added. Everything else in the
+    file stays, comments too. Beside the values stand their standard errors and the hash of the data they
+    came from. A parameter that the data do not determine stays near where it began, and a warning says
+    which motion would determine it.
     """
     from hydro.core.fit import fit as compute
     from hydro.io import vehicle as vehicles

@@ -80,9 +80,7 @@ def true_velocity(model: Candidate, record: Recording, logged: Array) -> Array:
     """Velocity of CO behind what the candidate's velocity log wrote down, (N, 6)."""
     if not model.log.any():
         return logged
-    return np.vstack(
-        [sensor.corrected(model.log, record.t[a:b], logged[a:b]) for a, b in record.segments]
-    )
+    return np.vstack([sensor.corrected(model.log, record.t[a:b], logged[a:b]) for a, b in record.segments])
 
 
 def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:

@@ -37,8 +37,10 @@ ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' w
 ITERATIONS = 25
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN = 3.0
-ALIKE = 0.98  # correlation of two estimates that the data tell apart no more
-WORSE = 1.15  # ratio of a channel's residual to its noise from which the weights are made anew
+ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
+OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
+LEAST_SIGMA = 1e-6
+GIVEN_UP = 1e8  # damping at which no step lowers the cost
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,21 @@ class Fit:
     warnings: tuple[str, ...]
 
     def tables(self) -> tuple[dict[str, Any], ...]:
-        """The `[[effect]]` tables of the fitted effects, with their standard errors."""
-        names = dict.fromkeys(entry.effect for entry in self.free.entries)
-        return tuple(
-            {"name": name}
-            | effect_table(self.free, name, self.values)
-            | {"standard_error": effect_table(self.free, name, self.standard_errors)}
-            for name in names
-        )
+        """The `[[effect]]` tables of the fitted effects, with their standard errors.
+
+        Values are rounded to a hundredth of their standard errors; a form that another one has replaced
+        (a diagonal by a matrix) is there as None.
+        """
+        places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
+        values = np.array([round(v, n) for v, n in zip(self.values.tolist(), places.tolist(), strict=True)])
+        errors = np.array([float(f"{error:.3g}") for error in self.standard_errors])
+        tables = []
+        for name in dict.fromkeys(entry.effect for entry in self.free.entries):
+            table = effect_table(self.free, name, self.free.within(values))
+            replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
+            spread = effect_table(self.free, name, errors)
+            tables.append({"name": name} | replaced | table | {"standard_error": spread})
+        return tuple(tables)
 
     def frame(self) -> pl.DataFrame:
         """One row per entry: parameter, value, standard_error, unit, determined."""
@@ -97,7 +106,7 @@ class Problem(Protocol):
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """The least-squares problem about a vehicle."""
 
-    def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, Problem]:
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Problem]:
         """Sum of squares after a step, and the problem with its own unknowns moved along."""
 
     def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
@@ -136,18 +145,17 @@ def fit(
     record = recording(raw, vehicle)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     told("equation error", 0.0)
-    values, normal, problem = _begin(unknown, weakform.Windows.of(record, noise))
+    values, problem = _begin(unknown, weakform.Windows.of(record, noise))
     if method == "output":
         told("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == "sensor_delay" for entry in unknown.entries
         )
         shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise)
-        values, normal = _settle(unknown, values, OutputError.of(shots, unknown.at(values)), told)
-    else:
-        values, normal = _settle(unknown, values, problem, told)
+        values, problem = _aimed(unknown, values, shots)
+    values, normal, chi2 = _settle(unknown, values, problem, told)
     told("done", 1.0)
-    return _judged(unknown, values, normal, method)
+    return _judged(unknown, values + 0.0, normal, chi2, method)
 
 
 @dataclass(frozen=True)
@@ -167,71 +175,85 @@ class OutputError:
         others = [shooting.load(candidate(other), self.shots, loaded) for other in moved]
         return shooting.linearise(loaded, others, steps, self.shots)
 
-    def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, OutputError]:
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
         """Predict anew, from beginnings moved as the linearised problem would have them."""
-        shift = normal.follow[..., -1].copy()
-        if step is not None:
-            shift -= normal.follow[..., :-1] @ step
+        shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         moved = replace(self.shots, first=shooting.displaced(self.shots.first, shift))
         return shooting.cost(shooting.load(candidate(vehicle), moved), moved), OutputError(moved)
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
-        """Noise of each channel raised to what is left in it, where the model does not explain it."""
+        """Noise of each channel as what is left in it: what the model does not explain weighs less."""
         rms = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / shooting.CHANNELS))
-        if (rms < WORSE).all():
+        sigma = np.maximum(self.shots.sigma * rms, LEAST_SIGMA)
+        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE).all():
             return self, False
-        return OutputError(replace(self.shots, sigma=self.shots.sigma * np.maximum(rms, 1.0))), True
+        return OutputError(replace(self.shots, sigma=sigma)), True
 
 
-def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Normal, Problem]:
-    """The best of all beginnings after an iteration of equation error from each."""
+def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem]:
+    """The best of all beginnings after a few iterations of equation error from each."""
     quick = 3 if len(unknown.starts) > 1 else ITERATIONS
     tried = [_descend(unknown, start, windows, quick) for start in unknown.starts]
-    best = min(tried, key=lambda result: result[1].cost)
-    return best if len(tried) == 1 else _descend(unknown, best[0], best[2], ITERATIONS)
+    values, normal, problem = min(tried, key=lambda result: result[1].cost)
+    problem, _ = problem.reweighted(normal)
+    values, _, problem = _descend(unknown, values, problem, ITERATIONS)
+    return values, problem
 
 
-def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal]:
-    """Iterate, weigh anew by what is left, and iterate again."""
+def _aimed(unknown: Free, values: Array, shots: shooting.Shots) -> tuple[Array, OutputError]:
+    """Where output error begins: as equation error says, unless its motion knows no bounds."""
+    for begin in (values, *unknown.starts):
+        problem = OutputError.of(shots, unknown.at(begin))
+        if np.isfinite(shooting.cost(shooting.load(candidate(unknown.at(begin)), shots), problem.shots)):
+            return begin, problem
+    raise DataError(
+        "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
+        "linear_damping too"
+    )
+
+
+def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, float]:
+    """Iterate, weigh anew by what is left, and iterate again; chi2 is in units of the noise at first."""
+    chi2 = 0.0
     for attempt in range(4):
         values, normal, problem = _descend(unknown, values, problem, ITERATIONS)
+        chi2 = chi2 or normal.chi2
         told("weights", 0.5 + 0.1 * attempt)
         problem, changed = problem.reweighted(normal)
         if not changed:
             break
-    return values, normal
+    return values, normal, chi2
 
 
-def _descend(
-    unknown: Free, start: Array, problem: Problem, iterations: int
-) -> tuple[Array, Normal, Problem]:
+def _descend(unknown: Free, start: Array, problem: Problem, iterations: int) -> tuple[Array, Normal, Problem]:
     """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`."""
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
     begin = x = start / scales
     damping, prior = 1e-6, np.full(len(x), PRIOR**-2)
     normal = _linearised(unknown, x, problem)
-    if not np.isfinite(normal.cost):
-        raise DataError(
-            "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
-            "linear_damping first"
-        )
     for _ in range(iterations):
         matrix = normal.matrix.sum(axis=0) + np.diag(prior)
         score = normal.score.sum(axis=0) - prior * (x - begin)
         worth = ENOUGH * max(1.0, normal.chi2)
-        before = normal.cost + float((prior * (x - begin) ** 2).sum())
-        while True:
+        # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
+        here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
+        before = here + float((prior * (x - begin) ** 2).sum())
+        after, stride = stayed, np.zeros(len(x))
+        while damping < GIVEN_UP:
             step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
             promise = float(2.0 * score @ step - step @ matrix @ step)
-            if promise < worth or damping > 1e8:
-                return unknown.within(x * scales), normal, problem
+            if promise < worth:
+                break
             trial = unknown.within((x + step) * scales)
             cost, moved = problem.cost(unknown.at(trial), step, normal)
             if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
+                after, stride = moved, step
                 break
             damping = max(damping * 10.0, 1e-4)
-        x, problem, damping = x + step, moved, max(damping * 0.1, 1e-9)
+        if not stride.any() and here - normal.cost < max(worth, 1e-9 * here):
+            break
+        x, problem, damping = x + stride, after, max(damping * 0.1, 1e-9)
         normal = _linearised(unknown, x, problem)
     return unknown.within(x * scales), normal, problem
 
@@ -249,20 +271,21 @@ def _linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
     return problem.linearise(unknown.at(here), moved, steps)
 
 
-def _judged(unknown: Free, values: Array, normal: Normal, method: str) -> Fit:
+def _judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
     """Covariance, warnings and a vehicle that is physically possible."""
     warnings: list[str] = []
     within = _possible(unknown, values)
-    if within is not values:
+    if not np.array_equal(within, values):
         warnings.append(
-            "the best values would let damping or added mass drive the vehicle; they are reduced to what a "
-            "passive hull can have"
+            "the best couplings would let damping or added mass drive the vehicle; they are reduced to what "
+            "a passive hull can have"
         )
         values = within
     scales = unknown.scales
     spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
     errors = np.sqrt(np.diag(spread))
-    determined = (errors <= UNDETERMINED * scales) | (np.abs(values) > PLAIN * errors)
+    plain = (np.abs(values) > PLAIN * errors) & (errors < 0.3 * PRIOR * scales)
+    determined = (errors <= UNDETERMINED * scales) | plain
     for entry, known in zip(unknown.entries, determined, strict=True):
         if not known:
             warnings.append(_advice(entry))
@@ -278,16 +301,14 @@ def _judged(unknown: Free, values: Array, normal: Normal, method: str) -> Fit:
         standard_errors=errors,
         covariance=spread,
         determined=determined,
-        chi2=normal.chi2,
+        chi2=chi2,
         method=method,
         warnings=tuple(warnings),
     )
 
 
 def _advice(entry: Entry) -> str:
-    return (
-        f"{entry.name} is not determined by these data; it would need {CATALOGUE[entry.effect].excitation}"
-    )
+    return f"{entry.name} is not determined by these data; it would need {CATALOGUE[entry.effect].excitation}"
 
 
 def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
@@ -303,7 +324,7 @@ def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray
 
 
 def _possible(unknown: Free, values: Array) -> Array:
-    """Values that `validate` accepts: the fitted ones, or as near to them on the way from the start."""
+    """Values that `validate` accepts: the fitted ones, or couplings, or all, drawn back toward the start."""
 
     def accepted(trial: Array) -> bool:
         try:
@@ -312,11 +333,20 @@ def _possible(unknown: Free, values: Array) -> Array:
             return False
         return True
 
-    if accepted(values):
-        return values
-    start = unknown.starts[0]
-    low, high = 0.0, 1.0
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if accepted(start + middle * (values - start)) else (low, middle)
-    return start + low * (values - start)
+    couplings = np.array([_couples(entry) for entry in unknown.entries])
+    for moving in (couplings, np.ones(len(values), bool)):
+        if accepted(values):
+            break
+        way = np.where(moving, values - unknown.starts[0], 0.0)
+        low, high = 0.0, 1.0
+        for _ in range(20):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if accepted(values - (1.0 - middle) * way) else (low, middle)
+        values = values - (1.0 - low) * way
+    return values
+
+
+def _couples(entry: Entry) -> bool:
+    """Whether an entry stands off the diagonal of a matrix."""
+    off = len(entry.index) == 2 and entry.index[0] != entry.index[1] and entry.parameter == "matrix"
+    return off or entry.effect in ("coupled_damping", "added_mass_coupling")

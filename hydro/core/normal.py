@@ -145,6 +145,6 @@ def covariance(normal: Normal, prior: Array) -> Array:
     left_out = np.linalg.solve(total - matrices, -scores[..., None])[..., 0]
     left_out -= left_out.mean(axis=0)
     robust = left_out.T @ left_out * (blocks - 1) / blocks
-    stretch = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(robust), 1e-300), 1.0))
-    wide: Array = robust * np.outer(stretch, stretch)
-    return wide
+    share = np.maximum(1.0 - np.diag(robust) / np.diag(plain), 0.0) ** 0.5
+    both: Array = robust + plain * np.outer(share, share)
+    return both

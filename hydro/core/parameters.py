@@ -162,9 +162,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
     full = msgspec.structs.replace(vehicle, effect=(*kept, *first.values()))
     found = tuple(entry for grid in grids for entry in _entries(grid[0], vehicle, rest))
     low, high = np.array([e.low for e in found]), np.array([e.high for e in found])
-    starts = tuple(
-        np.clip(_values(found, choice), low, high) for choice in itertools.product(*grids)
-    )
+    starts = tuple(np.clip(_values(found, choice), low, high) for choice in itertools.product(*grids))
     return Free(full, found, starts, frozenset(known))
 
 

@@ -116,7 +116,7 @@ class Windows:
         gram = columns.transpose(0, 2, 1) @ columns
         return Normal(gram, FREEDOM, error**2, np.zeros((len(error), 0, len(moved) + 1)))
 
-    def cost(self, vehicle: Vehicle, step: Array | None, normal: Normal) -> tuple[float, Windows]:
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
         """Sum of squares."""
         total = float((self.residuals(vehicle) ** 2).sum())
         return (total if np.isfinite(total) else np.inf), self

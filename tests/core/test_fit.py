@@ -1,0 +1,196 @@
+"""Fits against simulated truth, one simulator being scipy's; standard errors, bounds, and what is not there."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+import synthetic
+
+from hydro.core.effects import CATALOGUE, validate
+from hydro.core.errors import DataError
+from hydro.core.fit import fit
+from hydro.core.noise import PROFILES, disturb
+from hydro.core.parameters import free
+from hydro.core.recording import POSE, VELOCITY
+from hydro.core.simulate import simulate
+from hydro.io import vehicle as files
+
+DAMPING = (
+    {"name": "linear_damping", "diagonal": synthetic.LINEAR.tolist()},
+    {"name": "quadratic_damping", "diagonal": synthetic.QUADRATIC.tolist()},
+)
+
+
+def noisy(frame: pl.DataFrame, seed: int) -> pl.DataFrame:
+    logged = disturb(
+        frame.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], np.random.default_rng(seed)
+    )
+    return frame.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+def damped(*effects):
+    known = synthetic.vehicle()
+    return msgspec.structs.replace(known, effect=(*known.effect, *DAMPING, *effects))
+
+
+def moved(vehicle, *, seed=0, rows=2000, thrusters=range(8)) -> pl.DataFrame:
+    """A recording of one session: a different slow sine on each of the thrusters named."""
+    rng, t = np.random.default_rng(seed), np.arange(rows) * 0.02
+    columns = {"session": ["a"] * rows, "t": t}
+    for i in range(len(vehicle.thruster)):
+        wave = 0.6 * np.sin(2 * np.pi * rng.uniform(0.05, 0.4) * t + rng.uniform(0, 6))
+        columns[f"cmd_{i + 1}"] = wave if i in thrusters else np.zeros(rows)
+    return simulate(pl.DataFrame(columns), vehicle)
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("output", 1e-3), ("equation", 0.15)])
+def test_damping_of_a_vehicle_that_scipy_moved(method, tolerance):
+    """The file has no damping at all; the recording is an independent solution of Fossen's equations."""
+    recording = synthetic.recording()
+    found = fit(synthetic.vehicle(), recording, ["linear_damping", "quadratic_damping"], method=method)
+    truth = np.concatenate([synthetic.LINEAR, synthetic.QUADRATIC])
+    total = found.values[:6] + found.values[6:] * 0.3  # what is felt at ordinary speeds
+    expected = truth[:6] + truth[6:] * 0.3
+    np.testing.assert_allclose(total, expected, rtol=tolerance)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1, "v_D": 0.02},
+        {"name": "thruster_gain", "g": [0.0, 0.0, -0.4, 0.0, 0.1, 0.0, 0.0, 0.0]},
+        {"name": "command_delay", "d": 0.073},
+        {"name": "sensor_delay", "d": 0.11},
+        {"name": "sensor_misalignment", "alpha": [0.02, -0.03, 0.05]},
+        {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
+        {"name": "payload", "w": 8.0, "x": 0.3, "y": -0.1, "z": 0.2, "mass": 12.0},
+    ],
+    ids=lambda hidden: hidden["name"],
+)
+def test_one_hidden_effect_of_each_kind(hidden):
+    """Force, thruster, clock, log, memory, inertia: within four standard errors, and those are small."""
+    found = fit(damped(), noisy(moved(damped(hidden), rows=3000), 1), [hidden["name"]])
+    truth = CATALOGUE[hidden["name"]].pack(hidden, thrusters=8)
+    assert found.chi2 == pytest.approx(1.0, abs=0.04)
+    assert (np.abs(found.values - truth) < 4.0 * found.standard_errors).all()
+    assert found.determined.all()
+
+
+def test_standard_errors_are_the_scatter_of_estimates():
+    """Twelve recordings of one motion: (estimate - truth)/s.e. has a mean square near 1."""
+    quiet = moved(damped(), rows=1000)
+    scores = []
+    for seed in range(12):
+        found = fit(damped(), noisy(quiet, seed), ["linear_damping"])
+        scores.append((found.values - synthetic.LINEAR) / found.standard_errors)
+    assert 0.5 < np.mean(np.square(scores)) < 1.7
+
+
+def test_the_same_data_give_the_same_fit():
+    recording = noisy(moved(damped(), rows=600), 0)
+    one, two = (fit(damped(), recording, ["linear_damping"]) for _ in range(2))
+    np.testing.assert_array_equal(one.values, two.values)
+    np.testing.assert_array_equal(one.covariance, two.covariance)
+
+
+def test_what_the_data_do_not_show_stays_and_is_told():
+    """Heave alone: yaw damping stays at the file's value, with the motion that would show it."""
+    recording = noisy(moved(damped(), rows=1000, thrusters=(4, 5, 6, 7)), 0)
+    found = fit(damped(), recording, ["quadratic_damping"])
+    assert not found.determined[5]
+    assert found.determined[2]
+    assert found.values[5] == pytest.approx(synthetic.QUADRATIC[5], rel=0.2)
+    assert any("quadratic_damping.diagonal[5] is not determined" in line for line in found.warnings)
+
+
+def test_a_tether_that_never_pulls():
+    found = fit(
+        damped(),
+        noisy(moved(damped(), rows=1000), 0),
+        [{"name": "tether", "k": 1.0, "slack": 500.0, "anchor": [0.0, 0.0, 0.0]}],
+    )
+    assert not found.determined.any()
+    assert any("tether.k is not determined" in line and "slack" in line for line in found.warnings)
+
+
+def test_values_stay_within_bounds():
+    """A vehicle without quadratic damping: no estimate below 0, and the file stays valid."""
+    known = synthetic.vehicle()
+    truth = msgspec.structs.replace(known, effect=(*known.effect, DAMPING[0]))
+    found = fit(truth, noisy(moved(truth, rows=1000), 3), ["quadratic_damping"])
+    assert (found.values >= 0.0).all()
+    assert (found.values < 5.0 * found.standard_errors).all()
+    validate(found.vehicle)
+
+
+def test_couplings_that_could_drive_the_hull_are_reduced():
+    known = synthetic.vehicle()
+    slippery = {"name": "linear_damping", "diagonal": [15.0, 2.0, 60.0, 5.0, 10.0, 2.0]}
+    driven = {"name": "coupled_damping", "D15": 6.0, "D51": 6.0}
+    drag = DAMPING[1]
+    base = msgspec.structs.replace(known, effect=(*known.effect, slippery, drag))
+    truth = msgspec.structs.replace(base, effect=(*base.effect, driven))
+    found = fit(base, noisy(moved(truth, rows=800), 0), ["coupled_damping"])
+    validate(found.vehicle)
+    assert any("passive" in line for line in found.warnings)
+
+
+def test_a_matrix_in_place_of_a_diagonal():
+    wanted = free(damped(), ["linear_damping.matrix", "added_mass.matrix"])
+    assert len(wanted.entries) == 36 + 21
+    values = wanted.starts[0]
+    there = wanted.at(values)
+    np.testing.assert_allclose(there.effects("linear_damping")[0]["matrix"], np.diag(synthetic.LINEAR))
+    assert "diagonal" not in there.effects("linear_damping")[0]
+    index = next(i for i, e in enumerate(wanted.entries) if e.name == "added_mass.matrix[0][4]")
+    values[index] = 7.0
+    matrix = np.array(wanted.at(values).effects("added_mass")[0]["matrix"])
+    assert matrix[0, 4] == matrix[4, 0] == 7.0
+
+
+def test_tables_go_into_a_file_and_come_back(datasets):
+    text = (datasets / "vehicles" / "auv151.toml").read_text()
+    known = files.parse(text)
+    found = fit(known, noisy(moved(known, rows=800), 0), ["linear_damping.matrix", "net_buoyancy"])
+    for table in found.tables():
+        text = files.set_effect(text, table | {"fit": {"method": "output"}})
+    again = files.parse(text)
+    assert "# kg, kg m^2" in text
+    assert "diagonal" not in again.effects("linear_damping")[0]
+    np.testing.assert_allclose(
+        again.effects("net_buoyancy")[0]["dB"], found.values[-1], atol=0.01 * found.standard_errors[-1]
+    )
+    assert again.effects("net_buoyancy")[0]["standard_error"]["dB"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("effects", "message"),
+    [
+        ([], "name at least one effect"),
+        (["linear_dampin"], "did you mean linear_damping"),
+        (["net_buoyancy", "net_buoyancy"], "named twice"),
+        (["net_buoyancy.matrix"], "nothing to choose"),
+        ([{"name": "tether", "stiffness": 3.0}], "no such parameter"),
+        (["linear_damping.square"], "diagonal, matrix"),
+    ],
+)
+def test_wishes_that_make_no_sense(effects, message):
+    with pytest.raises(DataError, match=message) as caught:
+        fit(damped(), moved(damped(), rows=200), effects)
+    assert "\n" not in str(caught.value)
+
+
+def test_recordings_that_cannot_be_fitted():
+    good = moved(damped(), rows=300)
+    with pytest.raises(DataError, match="7 command columns"):
+        fit(damped(), good.drop("cmd_8"), ["linear_damping"])
+    with pytest.raises(DataError, match="no column w"):
+        fit(damped(), good.drop("w"), ["linear_damping"])
+    with pytest.raises(DataError, match="u is not finite in row 0"):
+        fit(damped(), good.with_columns(u=float("nan")), ["linear_damping"])
+    with pytest.raises(DataError, match="record longer"):
+        fit(damped(), good[:30], ["linear_damping"])
+    with pytest.raises(DataError, match="method 'guess'"):
+        fit(damped(), good, ["linear_damping"], method="guess")
