@@ -46,8 +46,8 @@ PHYSICS = [
 ]
 
 
-def test_the_catalogue_is_the_design_s_table():
-    assert sorted(CATALOGUE) == sorted(PHYSICS)
+def test_the_catalogue_has_the_design_s_table():
+    assert set(CATALOGUE) >= set(PHYSICS)
 
 
 @pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)

@@ -1,0 +1,87 @@
+"""Follow "Add an effect" of CONTRIBUTING.md to the letter, in a copy of the package."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SECTION = (ROOT / "CONTRIBUTING.md").read_text().split("## Add an effect")[1].split("\n## ")[0]
+KERNEL, RECORD, TEST = (block.group(1) for block in re.finditer(r"```python\n(.*?)```", SECTION, re.DOTALL))
+IMPORTS = """
+import numpy as np
+from bench import equipped, neutral
+
+from hydro.core.effects import assemble
+from hydro.core.simulate import trajectory
+
+
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the package with the kernel, the record and the test of the page where the page puts them."""
+    folder = tmp_path_factory.mktemp("contributor")
+    for part in ("hydro", "schemas", "datasets/vehicles"):
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    family = folder / "hydro" / "core" / "effects" / "damping.py"
+    before, records = family.read_text().split("\n\nEFFECTS = (\n")
+    assert records.endswith("\n)\n")
+    record = textwrap.indent(textwrap.dedent(RECORD), "    ")
+    kernel, records = textwrap.dedent(KERNEL), records.removesuffix(")\n")
+    family.write_text(f"{before}\n\n{kernel}\n\nEFFECTS = (\n{records}{record})\n")
+    shutil.copy(ROOT / "tests" / "core" / "effects" / "bench.py", folder)
+    (folder / "test_cubic.py").write_text(IMPORTS + textwrap.dedent(TEST))
+    return folder
+
+
+def run(copy: Path, *line: object) -> str:
+    """What a Python command prints that knows the copy alone."""
+    environment = os.environ | {"PYTHONPATH": str(copy), "HYDRO_CACHE_DIR": str(copy / "cache")}
+    done = subprocess.run(
+        [sys.executable, *map(str, line)],
+        cwd=copy,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_section_fits_a_page() -> None:
+    assert len(SECTION.splitlines()) < 66
+
+
+def test_the_catalogue_lists_the_new_effect(copy: Path) -> None:
+    told = json.loads(run(copy, "-m", "hydro.cli", "effects", "cubic_damping"))
+    assert (told["kind"], told["definition"]) == ("wrench", "-D_C nu_r^3")
+    assert told["description"].startswith("Wrench -D_C nu_r^3")
+    assert str(copy) in run(copy, "-c", "import hydro; print(hydro.__file__)")
+
+
+@pytest.mark.slow
+def test_its_closed_form_holds_and_a_vehicle_file_flies_with_it(copy: Path) -> None:
+    run(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_cubic.py")
+    vehicle = (copy / "datasets" / "vehicles" / "auv151.toml").read_text()
+    cubic = '\n[[effect]]\nname = "cubic_damping"\ndiagonal = [300.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n'
+    (copy / "cubic.toml").write_text(vehicle + cubic)
+    ahead = {f"cmd_{i + 1}": [0.4 if i < 4 else 0.0] * 300 for i in range(8)}
+    commands = pl.DataFrame({"session": ["ahead"] * 300, "t": [0.02 * k for k in range(300)], **ahead})
+    commands.write_parquet(copy / "commands.parquet")
+    speeds = []
+    for name in ("datasets/vehicles/auv151.toml", "cubic.toml"):
+        run(copy, "-m", "hydro.cli", "simulate", name, "commands.parquet", "-o", "raw.parquet")
+        speeds.append(pl.read_parquet(copy / "raw.parquet")["u"][-1])
+    assert 0.1 < speeds[1] < 0.9 * speeds[0]
