@@ -171,6 +171,12 @@ def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
     rmse = dict(errors.select("variant", "value").iter_rows())
     assert rmse["effects"] < 0.01 < rmse["MJ0"]
 
+    (tmp_path / "other.toml").write_text(VEHICLE.read_text().replace("95.0, 260.0", "90.0, 260.0"))
+    other = ("--vehicle", tmp_path / "other.toml")
+    code, out, error = run("replay", files["raw"], "--model", files["model"], *other, "-o", tmp_path / "x")
+    assert (code, out) == (1, "")
+    assert re.fullmatch(r"hydro: .*model.parquet: its labels left out .* another vehicle file: .*\n", error)
+
 
 # effects
 

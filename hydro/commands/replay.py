@@ -20,10 +20,12 @@ from hydro.commands.shell import (
     vehicle_for,
     write,
 )
+from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.core.vehicle import Vehicle
     from hydro.io.table import Artefact
 
 Raw = Annotated[
@@ -57,8 +59,9 @@ def replay(
     """Fly a recording's commands again in MuJoCo, open loop, and measure how far each variant strays.
 
     MJ0 has no water forces, MJ0+M_A has added mass alone; every model adds its own variant, under the
-    paper's name where it has one (mlp MJ1, physfeat MJ4). On a terminal without -o the errors are printed;
-    with -o, or into a pipe, the time series of all variants and of the measured motion are written.
+    paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose labels left out all effects flies
+    with them, as effects+MJ4, beside the effects alone. On a terminal without -o the errors are printed; with
+    -o, or into a pipe, the time series of all variants and of the measured motion are written.
     """
     from hydro.core.conditioning import preset
     from hydro.io import model as models
@@ -70,6 +73,8 @@ def replay(
     source = read(raw, "raw")
     known, text = vehicle_for(source, vehicle)
     trained = [read(name, "model") for name in model or []]
+    for name, artefact in zip(model or [], trained, strict=True):
+        _require_same_effects(name, artefact, known)
     flown = sim.variants([models.from_artefact(artefact) for artefact in trained], variant or None)
     with progress("replay") as update, about(raw):
         series, errors = sim.replay(
@@ -100,6 +105,20 @@ def replay(
         print_table(replay_errors(errors), REPLAY_TITLE)
     else:
         write(artefact("replay", series), output)
+
+
+def _require_same_effects(name: str, model: Artefact, known: Vehicle) -> None:
+    """Refuse a model that learnt what other effects leave than those that would fly with it."""
+    from hydro.io import vehicle
+
+    labelled = model.provenance.vehicle
+    if labelled is None or (model.provenance.model or {}).get("subtract") != "effects":
+        return
+    if vehicle.vehicle_hash(vehicle.parse(labelled)) != vehicle.vehicle_hash(known):
+        raise DataError(
+            f"{name}: its labels left out the effects of another vehicle file: add --vehicle with the file "
+            "that the labels were made with"
+        )
 
 
 COMMANDS = {
