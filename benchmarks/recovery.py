@@ -1,8 +1,8 @@
 """Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue.
 
-Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not have,
-adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with the
-damping.  A trial succeeds when every number of the effect lies within three standard errors of the truth.
+Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not
+have, adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with
+the damping.  A trial succeeds when every number of the effect lies within three standard errors of the truth.
 
     python benchmarks/recovery.py --trials 20 --out recovery.parquet
 
@@ -201,7 +201,7 @@ def interval(hits: int, count: int) -> str:
 
 
 def summary(rows: pl.DataFrame) -> None:
-    """The table: trials in which all numbers, and the numbers of all trials, lie within three standard errors."""
+    """The table: trials with all numbers, and numbers of all trials, within three standard errors."""
     print(f"{'effect':22} trials  all within 3 s.e.          numbers within 3 s.e.      determined  s/trial")
     for (name,), group in rows.group_by("effect", maintain_order=True):
         count, hits = group.height, int((group["within"] == group["entries"]).sum())

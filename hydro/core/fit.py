@@ -35,6 +35,7 @@ PRIOR = 10.0
 """Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""
 ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' worth ends an iteration
 ITERATIONS = 25
+FEW, QUICK = 4, 6  # beginnings that are each followed to the end; iterations from each of more
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
@@ -192,7 +193,7 @@ class OutputError:
 
 def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem]:
     """The best of all beginnings after a few iterations of equation error from each."""
-    quick = 3 if len(unknown.starts) > 1 else ITERATIONS
+    quick = ITERATIONS if len(unknown.starts) <= FEW else QUICK
     tried = [_descend(unknown, start, windows, quick) for start in unknown.starts]
     values, normal, problem = min(tried, key=lambda result: result[1].cost)
     problem, _ = problem.reweighted(normal)
