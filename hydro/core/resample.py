@@ -1,0 +1,148 @@
+"""A log's channels on one clock: each interpolated from its own samples, none across a gap.
+
+A channel is what one column holds: times and values, without its empty cells, so that sensors of different
+rates can share a table.  A silence longer than a channel's longest step is a gap; rows exist only where every
+channel goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+
+USUAL_STEPS = 5.0
+"""A channel's silence longer than so many of its median steps is a gap, unless the map says otherwise."""
+ROUND = 0.01
+"""A rate this close to a whole number of rows per second is that number: clocks jitter and drift."""
+HELD_EARLY = 0.01
+"""A command is taken by a row up to so much of a sample time before it: times are rounded, not prophetic."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Samples of one quantity.
+
+    Attributes:
+        t: Times [s], shape (n,), strictly rising.
+        values: Shape (n,), finite.
+    """
+
+    t: Array
+    values: Array
+
+    @property
+    def step(self) -> float:
+        """The median step [s]; infinite where there are fewer than two samples."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else np.inf
+
+
+def channel(t: Array, values: Array) -> Channel:
+    """The samples of a column: cells that hold a number, the first of those with the same time.
+
+    Args:
+        t: Times [s], shape (n,), not falling.
+        values: Shape (n,), NaN where the log has nothing.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    new = np.concatenate(([True], np.diff(t[there]) > 0.0))[: len(there)]
+    return Channel(t[there][new], values[there][new])
+
+
+def sample_time(channels: Sequence[Channel]) -> float:
+    """The sample time that suits most channels [s]: the median of their median steps.
+
+    Raises:
+        DataError: No channel has two samples.
+    """
+    steps = [each.step for each in channels if np.isfinite(each.step)]
+    if not steps:
+        raise DataError("no column has two samples in one session: the rate is unknown; give longer sessions")
+    dt = float(np.median(steps))
+    whole = round(1.0 / dt)
+    return 1.0 / whole if whole and abs(whole * dt - 1.0) < ROUND else round(dt, 9)
+
+
+def spans(each: Channel, longest: float | None = None) -> Array:
+    """First and last time of each unbroken stretch of a channel, shape (k, 2) [s].
+
+    Args:
+        each: The channel.
+        longest: Longest step that is no gap [s]; by default five median steps of this channel.
+    """
+    if not len(each.t):
+        return np.empty((0, 2))
+    limit = longest if longest is not None else USUAL_STEPS * each.step
+    cuts = np.flatnonzero(np.diff(each.t) > limit)
+    return np.stack([each.t[np.r_[0, cuts + 1]], each.t[np.r_[cuts, len(each.t) - 1]]], axis=1)
+
+
+def common(stretches: Sequence[Array]) -> Array:
+    """Where all channels go on: the intersection of their stretches, shape (k, 2) [s]."""
+    shared = stretches[0]
+    for other in stretches[1:]:
+        start = np.maximum(shared[:, None, 0], other[None, :, 0])
+        stop = np.minimum(shared[:, None, 1], other[None, :, 1])
+        shared = np.stack([start, stop], axis=-1)[stop >= start]
+    return shared[np.argsort(shared[:, 0])]
+
+
+def rows(shared: Array, dt: float) -> Array:
+    """Times of a session's rows [s]: multiples of `dt` from the first common time on, within the stretches.
+
+    Because all stretches share one grid, a step is either `dt` or a gap of a whole number of rows.  A
+    stretch in which only one row falls is left out: nothing can be learned from it.
+    """
+    if not len(shared):
+        return np.empty(0)
+    start, slack = shared[0, 0], 1e-6 * dt
+    kept = []
+    for first, last in shared:
+        begin = int(np.ceil((first - start - slack) / dt))
+        end = int(np.floor((last - start + slack) / dt))
+        if end > begin:
+            kept.append(np.arange(begin, end + 1))
+    steps: NDArray[np.int64] = np.unique(np.concatenate(kept)) if kept else np.empty(0, np.int64)
+    return np.asarray(start + steps * dt, np.float64)
+
+
+def interpolated(each: Channel, at: Array) -> Array:
+    """Values on a straight line between neighbouring samples, shape of `at`."""
+    return np.interp(at, each.t, each.values)
+
+
+def held(each: Channel, at: Array, dt: float) -> Array:
+    """The last value at or before each time (zero-order hold), shape of `at`.
+
+    Args:
+        each: The channel; its first sample is not later than the first of `at`.
+        at: Times [s].
+        dt: Sample time [s]; a hundredth of it forgives the rounding of times.
+    """
+    latest = np.searchsorted(each.t, at + HELD_EARLY * dt, side="right") - 1
+    return np.asarray(each.values[np.maximum(latest, 0)])
+
+
+def unwrapped(each: Channel, period: float) -> Channel:
+    """An angle without its jumps by a whole turn of `period`."""
+    return Channel(each.t, np.unwrap(each.values, period=period))
+
+
+def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
+    """The channels of a quaternion where all four have a sample, without jumps from q to -q.
+
+    Both are the same rotation, but half-way between them lies none.
+    """
+    shared = quaternions[0].t
+    for other in quaternions[1:]:
+        shared = np.intersect1d(shared, other.t)
+    parts = np.stack([each.values[np.isin(each.t, shared)] for each in quaternions], axis=1)
+    turned = np.sum(parts[1:] * parts[:-1], axis=1) < 0.0
+    signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))[: len(parts)]
+    return [Channel(shared, signs * values) for values in parts.T]
