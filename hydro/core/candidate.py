@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hydro.core.allocation import TIME_CONSTANT, lag_states
 from hydro.core.compiled import jit
+from hydro.core.dynamics import accelerate, propel
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import relative_to_water, start, thrusters_of, wrench
@@ -94,6 +95,14 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
     return out
 
 
+def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
+    """Acceleration of CO over ground that the candidate's forces give along a known motion, (N, 6)."""
+    out = np.empty((record.rows, 6))
+    rotors, memory = rotor_states_around(model, record), memories(model, record, eta, nu)
+    _accelerate_along(model.program.flat, eta, nu, rotors, memory, out)
+    return out
+
+
 @jit
 def move(flat: Array, eta: Array, nu: Array, s: Array) -> None:
     """Write the state of motion `s` of one row of a recording."""
@@ -118,3 +127,13 @@ def _remember(flat: Array, eta: Array, nu: Array, segments: Rows, dt: float, out
                 wrench(flat, s, out[k - 1] + dt * here, there, unused)
                 out[k] = out[k - 1] + 0.5 * dt * (here + there)
             wrench(flat, s, out[k], here, unused)
+
+
+@jit
+def _accelerate_along(flat: Array, eta: Array, nu: Array, rotors: Array, memory: Array, out: Array) -> None:
+    s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
+    for k in range(out.shape[0]):
+        move(flat, eta[k], nu[k], s)
+        tau[:] = 0.0
+        propel(flat, s, rotors[k], tau)
+        accelerate(flat, s, memory[k], rates, tau, out[k])
