@@ -165,8 +165,9 @@ def state_to_thrust(row: Array, state: float, inflow: float) -> float:
     thrust *= 1.0 + row[GAIN]
     if thrust < 0.0:
         thrust *= 1.0 - row[ASYMMETRY]
-    loss: float = row[INFLOW] * math.sqrt(abs(thrust) * row[MAX_THRUST]) * inflow
-    return thrust - loss
+    if row[INFLOW] != 0.0:  # spares most vehicles the square root
+        thrust -= row[INFLOW] * math.sqrt(abs(thrust) * row[MAX_THRUST]) * inflow
+    return thrust
 
 
 @jit

@@ -80,7 +80,7 @@ _NBIAS = 10  # mjNBIAS
 PRM_MAGIC, PRM_VEHICLE = 0, 1  # ..., address of the vehicle's field
 PRM_THRUSTER = 2  # address of the thruster's row; -1 for an actuator that only carries states
 PRM_CARRIES = 3  # 1 where this actuator carries its vehicle's internal states
-PRM_STEP, PRM_DECAY = 4, 5  # a time step [s] and what the lag leaves of a distance over it
+PRM_STEP, PRM_SHARE = 4, 5  # a time step [s] and what `lag_share` is for it
 
 _mj_factorM = types.ExternalFunction("mj_factorM", types.void(types.intp, types.intp))
 _mj_makeM = types.ExternalFunction("mj_makeM", types.void(types.intp, types.intp))
@@ -261,7 +261,6 @@ def _stale(model: int, data: int, vehicle: Array) -> bool:
     return bool(added < 1e-6 * mass or found > 0.5 * added)
 
 
-@jit
 def _passive(model: int, data: int) -> None:
     """`mjcb_passive`: all vehicles of a model."""
     count = field(model, _NNUMERIC)
@@ -331,8 +330,7 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
         control.control_kernel(block, weights, states, time, s[layout.VELOCITY : layout.VELOCITY + 6])
 
 
-@jit
-def _sensor(model: int, data: int) -> None:
+def _sensor(model: int, data: int, _stage: int) -> None:
     """`mjcb_sensor`: what happens once per step."""
     for index in range(field(model, _NNUMERIC)):
         vehicle = _vehicle_at(model, index)
@@ -376,6 +374,11 @@ def _internal_rates(model: int, data: int, actuator: int) -> None:
 
 
 @jit
+def lag_share(row: Array, step: float) -> float:
+    """Mean rate [1/s] of a lag over a time step, as a share of the distance to the settled state."""
+    return (1.0 - lag_decay(row, step)) / step
+
+
 def _rate(model: int, data: int, actuator: int) -> float:
     """`mjcb_act_dyn`: rate of a thruster's lag state.
 
@@ -396,13 +399,12 @@ def _rate(model: int, data: int, actuator: int) -> float:
         rate = state_derivative(row, state, command)
     else:
         step = number(model, _TIMESTEP)
-        decay = prm[PRM_DECAY] if step == prm[PRM_STEP] else lag_decay(row, step)
-        rate = (settled_state(row, command) - state) * (1.0 - decay) / step
+        share = prm[PRM_SHARE] if step == prm[PRM_STEP] else lag_share(row, step)
+        rate = (settled_state(row, command) - state) * share
     numbers(data, _ACT_DOT, last, 1)[0] = rate
     return rate
 
 
-@jit
 def _thrust(model: int, data: int, actuator: int) -> float:
     """`mjcb_act_bias`: thrust [N] of a thruster."""
     row = _thruster(model, actuator)
@@ -429,21 +431,10 @@ def _vehicle_address(model: int, actuator: int) -> int:
 
 def compile_callbacks() -> dict[str, Any]:
     """The callbacks by the names of MuJoCo's pointers to them; LLVM must know all `FUNCTIONS`."""
-
-    @cfunc(types.void(types.intp, types.intp))
-    def passive(model: int, data: int) -> None:
-        _passive(model, data)
-
-    @cfunc(types.void(types.intp, types.intp, types.int32))
-    def sensor(model: int, data: int, _stage: int) -> None:
-        _sensor(model, data)
-
-    @cfunc(types.float64(types.intp, types.intp, types.int32))
-    def rate(model: int, data: int, actuator: int) -> float:
-        return _rate(model, data, actuator)
-
-    @cfunc(types.float64(types.intp, types.intp, types.int32))
-    def thrust(model: int, data: int, actuator: int) -> float:
-        return _thrust(model, data, actuator)
-
-    return {"mjcb_passive": passive, "mjcb_sensor": sensor, "mjcb_act_dyn": rate, "mjcb_act_bias": thrust}
+    struct, place = types.intp, types.int32
+    return {
+        "mjcb_passive": cfunc(types.void(struct, struct))(_passive),
+        "mjcb_sensor": cfunc(types.void(struct, struct, place))(_sensor),
+        "mjcb_act_dyn": cfunc(types.float64(struct, struct, place))(_rate),
+        "mjcb_act_bias": cfunc(types.float64(struct, struct, place))(_thrust),
+    }

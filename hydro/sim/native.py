@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import COLUMNS, lag_decay
+from hydro.core.allocation import COLUMNS
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
 from hydro.core.errors import DataError, HydroError
 from hydro.sim import callbacks, control, fields, water
@@ -103,7 +103,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
             at = table + thrusters.index(actuator) * COLUMNS
             row = model.numeric_data[at : at + COLUMNS]
             prm[callbacks.PRM_THRUSTER] = at
-            prm[[callbacks.PRM_STEP, callbacks.PRM_DECAY]] = step, lag_decay(row, step)
+            prm[[callbacks.PRM_STEP, callbacks.PRM_SHARE]] = step, callbacks.lag_share(row, step)
     data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     if states or data[water.AT_CONTROL]:
         first = int(model.actuator_actadr[actuators[0]])
