@@ -146,7 +146,7 @@ def fit(
     record = recording(raw, vehicle)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     told("equation error", 0.0)
-    values, problem = _begin(unknown, weakform.Windows.of(record, noise))
+    values, problem, chi2 = _begin(unknown, weakform.Windows.of(record, noise))
     if method == "output":
         told("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
@@ -154,9 +154,9 @@ def fit(
         )
         shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise)
         values, problem = _aimed(unknown, values, shots)
-    values, normal, chi2 = _settle(unknown, values, problem, told)
+    values, normal, left = _settle(unknown, values, problem, told)
     told("done", 1.0)
-    return _judged(unknown, values + 0.0, normal, chi2, method)
+    return judged(unknown, values + 0.0, normal, left if method == "output" else chi2, method)
 
 
 @dataclass(frozen=True)
@@ -191,14 +191,14 @@ class OutputError:
         return OutputError(replace(self.shots, sigma=sigma)), True
 
 
-def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem]:
-    """The best of all beginnings after a few iterations of equation error from each."""
+def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem, float]:
+    """The best of all beginnings after a few iterations of equation error from each, and its chi2."""
     quick = ITERATIONS if len(unknown.starts) <= FEW else QUICK
-    tried = [_descend(unknown, start, windows, quick) for start in unknown.starts]
+    tried = [descend(unknown, start, windows, quick) for start in unknown.starts]
     values, normal, problem = min(tried, key=lambda result: result[1].cost)
     problem, _ = problem.reweighted(normal)
-    values, _, problem = _descend(unknown, values, problem, ITERATIONS)
-    return values, problem
+    values, _, problem = descend(unknown, values, problem, ITERATIONS)
+    return values, problem, normal.chi2
 
 
 def _aimed(unknown: Free, values: Array, shots: shooting.Shots) -> tuple[Array, OutputError]:
@@ -217,7 +217,7 @@ def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tup
     """Iterate, weigh anew by what is left, and iterate again; chi2 is in units of the noise at first."""
     chi2 = 0.0
     for attempt in range(4):
-        values, normal, problem = _descend(unknown, values, problem, ITERATIONS)
+        values, normal, problem = descend(unknown, values, problem, ITERATIONS)
         chi2 = chi2 or normal.chi2
         told("weights", 0.5 + 0.1 * attempt)
         problem, changed = problem.reweighted(normal)
@@ -226,7 +226,7 @@ def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tup
     return values, normal, chi2
 
 
-def _descend(unknown: Free, start: Array, problem: Problem, iterations: int) -> tuple[Array, Normal, Problem]:
+def descend(unknown: Free, start: Array, problem: Problem, iterations: int) -> tuple[Array, Normal, Problem]:
     """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`."""
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
@@ -272,7 +272,7 @@ def _linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
     return problem.linearise(unknown.at(here), moved, steps)
 
 
-def _judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
+def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
     """Covariance, warnings and a vehicle that is physically possible."""
     warnings: list[str] = []
     within = _possible(unknown, values)
@@ -287,14 +287,14 @@ def _judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: s
     errors = np.sqrt(np.diag(spread))
     plain = (np.abs(values) > PLAIN * errors) & (errors < 0.3 * PRIOR * scales)
     determined = (errors <= UNDETERMINED * scales) | plain
-    for entry, known in zip(unknown.entries, determined, strict=True):
-        if not known:
-            warnings.append(_advice(entry))
+    warnings += _advice(unknown, determined)
     warnings += _confusions(unknown, spread, errors, determined)
     low, high = unknown.bounds
-    for entry, value, a, b in zip(unknown.entries, values, low, high, strict=True):
-        if (value <= a or value >= b) and entry.scale:
-            warnings.append(f"{entry.name} lies on its bound, {value:g} {entry.unit}")
+    at_bound = [
+        e.name for e, stuck in zip(unknown.entries, (values <= low) | (values >= high), strict=True) if stuck
+    ]
+    if at_bound:
+        warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
     return Fit(
         vehicle=unknown.at(values),
         free=unknown,
@@ -308,8 +308,16 @@ def _judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: s
     )
 
 
-def _advice(entry: Entry) -> str:
-    return f"{entry.name} is not determined by these data; it would need {CATALOGUE[entry.effect].excitation}"
+def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
+    """One line for each effect of which the data leave something open."""
+    lines = []
+    for name in dict.fromkeys(entry.effect for entry in unknown.entries):
+        pairs = zip(unknown.entries, determined, strict=True)
+        left = [entry.name for entry, known in pairs if entry.effect == name and not known]
+        if left:
+            need = CATALOGUE[name].excitation
+            lines.append(f"not determined by these data: {', '.join(left)}; it would need {need}")
+    return lines
 
 
 def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:

@@ -65,20 +65,21 @@ class Normal:
         return self.cost / self.residuals
 
 
-def eliminate(gram: Array, first: int) -> tuple[Array, Array]:
+def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
     """Take the first unknowns out of pieces [Z, X, e]^T [Z, X, e] by their own best values.
 
     Args:
         gram: (S, first + P + 1, first + P + 1).
         first: Number of unknowns Z that each piece has of its own.
+        known: Information that these have from elsewhere, (first,): it keeps those that a piece says
+            nothing of where they are.
 
     Returns:
         What is left, (S, P + 1, P + 1), and what the unknowns take of [X, e], (S, first, P + 1).
     """
-    own, mixed = gram[:, :first, :first], gram[:, :first, first:]
+    own, mixed = gram[:, :first, :first] + np.diag(known), gram[:, :first, first:]
     size = np.sqrt(np.einsum("sii->si", own))
-    size[size == 0.0] = 1.0
-    unit = own / (size[:, :, None] * size[:, None, :]) + 1e-13 * np.eye(first)
+    unit = own / (size[:, :, None] * size[:, None, :])
     follow = np.linalg.solve(unit, mixed / size[:, :, None]) / size[:, :, None]
     return gram[:, first:, first:] - mixed.transpose(0, 2, 1) @ follow, follow
 

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 
 LONGEST_SENSOR_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
-ROUGH = {"thruster_deadband", "command_delay", "sensor_delay", "tether"}
-"""Effects with kinks: their derivatives are taken over a hundredth of the scale, of others a thousandth."""
+ROUGH = {"thruster_deadband": 5e-2, "command_delay": 1e-2, "sensor_delay": 1e-2, "tether": 1e-2}
+"""Share of the scale that derivatives are taken over where an effect has kinks; of others, a thousandth."""
 GRIDS: dict[str, tuple[dict[str, Any], ...]] = {
     "fluid_memory": tuple({"K": [[0.0] * 6], "rates": [rate]} for rate in (0.3, 1.0, 3.0, 8.0)),
     "surface_suction": tuple({"A": 0.0, "decay": decay} for decay in (0.5, 1.5, 4.0)),
@@ -113,7 +113,7 @@ class Free:
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest values, (P,) each."""
         low, high = [e.low for e in self.entries], [e.high for e in self.entries]
-        return np.array(low), np.array(high)
+        return np.array(low) + 0.0, np.array(high) + 0.0  # no negative zeros
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
@@ -280,7 +280,7 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
             unit = _unit(parameter, index)
             scale = SCALES.get((record.name, parameter.name)) or _natural(unit, vehicle)
             low, high = _limits(record.name, parameter, index, vehicle, rest)
-            step = scale * (1e-2 if record.name in ROUGH else 1e-3)
+            step = scale * ROUGH.get(record.name, 1e-3)
             found.append(Entry(record.name, parameter.name, index, unit, scale, low, high, step))
     return found
 

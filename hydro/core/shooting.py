@@ -36,6 +36,7 @@ SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""
 CHANNELS = 12  # position, attitude, velocity, rates: three each
 NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
+TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 TOGETHER = 64  # shots of one piece of work: their derivatives stay within some tens of MB
 
@@ -232,7 +233,7 @@ def linearise(
             columns[..., i] = (error - residuals(other, shots, None, part)).reshape(flat) / share
         lost = ~np.isfinite(columns).all(axis=(1, 2))
         columns[lost] = 0.0
-        gram[part], follow[part] = eliminate(columns.transpose(0, 2, 1) @ columns, CHANNELS)
+        gram[part], follow[part] = eliminate(columns.transpose(0, 2, 1) @ columns, CHANNELS, TRUST**-2)
         gram[part][lost, -1, -1] = np.inf
         left = columns[..., -1:] - columns[..., :CHANNELS] @ follow[part][..., -1:]
         channels[part] = (left.reshape(pieces, -1, CHANNELS) ** 2).sum(axis=1)
