@@ -3,8 +3,8 @@
 Two levels: the wrench that the model leaves out, and predictions of 1, 5 and 20 s begun again and again
 along the recording and of the whole run (`core.misfit`).  Shares of the unexplained error are of the sum of
 squares above the noise floor.  Axes are weighed against each other by the vehicle's inertia: wrenches by
-r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise.  `all`
-axes together are the force on the dry mass, or its speed or distance, that measures as much.
+r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise.  All
+axes together, `all` or `pose`, are the force on the dry mass, or its speed or distance, that measures as much.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class _Lines:
         number = rows.sum(axis=0)
         rmse, floor = (np.sqrt(sums.sum(axis=0) / np.maximum(number, 1.0)) for sums in (squares, noise))
         share = self._shares(family)
-        axes = zip((*misfit.axes, "all"), (*misfit.units, misfit.units[0]), strict=True)
+        axes = zip(misfit.axes, (*misfit.units, misfit.units[0]), strict=True)
         for i, (axis, unit) in enumerate(axes):
             for code in np.flatnonzero(number[:, 0]):
                 yield {
@@ -197,7 +197,7 @@ class _Lines:
 
 def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None) -> Iterator[Line]:
     """Rows of the places where the model fails, and of the earlier comparison's places where they differ."""
-    listed = places.rank(lines.unexplained, lines.misfit.rows, found)
+    listed = places.rank(lines.unexplained, lines.misfit.rows, lines.misfit.block, found)
     for number, place in enumerate(listed):
         yield lines.place(place, number + 1)
     if against is None:
@@ -214,7 +214,8 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
 
 def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
     """The table with the earlier errors as the column `before`; null where there was none."""
-    earlier = against.select(*KEY, before="rmse").unique(KEY, keep="first")
+    same = against.filter(pl.col("place") != places.ELSEWHERE)  # which depends on the places beside it
+    earlier = same.select(*KEY, before="rmse").unique(KEY, keep="first")
     return table.join(earlier, on=KEY, how="left", nulls_equal=True, maintain_order="left")
 
 

@@ -81,6 +81,8 @@ class Family:
         code: Which one each piece meets, (P,); -1 none.
         doing: The words say what the vehicle does and follow `while`; others qualify it.
         unions: Words for several conditions together, and which.
+        alone: Not to be met together with another family: there are so many of these conditions that some
+            pair would fit anything.
     """
 
     by: str
@@ -88,6 +90,7 @@ class Family:
     code: Codes
     doing: bool = True
     unions: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,14 +151,14 @@ def phrase(several: Sequence[tuple[str, bool]]) -> str:
     """One to three conditions' words (and whether each is a doing) as a pilot would say them together."""
     doing = [words for words, is_doing in several if is_doing]
     being = [words for words, is_doing in several if not is_doing]
-    return " ".join(["while " + " and ".join(doing)] * bool(doing) + being)
+    return " ".join(["while " + " and ".join(doing)] * bool(doing) + [" and ".join(being)] * bool(being))
 
 
 def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
     different = list(dict.fromkeys(names))
     number = np.array([different.index(name) for name in names], np.int64)
     words = tuple(f"in session {name}" for name in different)
-    return Family("session", words, number[pieces.segment], doing=False)
+    return Family("session", words, number[pieces.segment], doing=False, alone=True)
 
 
 def _manoeuvres(motion: Array) -> Iterator[Family]:
@@ -261,6 +264,7 @@ def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
                 (f"with {name} above +5 %", (3, 4)),
                 (f"with {name} working", (0, 1, 3, 4)),
             ),
+            alone=True,
         )
 
 

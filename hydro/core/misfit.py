@@ -1,9 +1,9 @@
 """What a model leaves unexplained of a recording, beside what noise alone would leave.
 
 Force.  The measured velocity less the integral of the model's acceleration along the smoothed motion
-changes only where the model's forces are wrong; its smoothed derivative times M is the wrench that is missing.
-The smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true model noise
-alone is left.
+changes only where the model's forces are wrong; its smoothed derivative times M is the wrench that is
+missing.  The smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true
+model noise alone is left.
 
 Replay.  Predictions of a few seconds begin again and again along the recording, at the smoothed motion; and
 one prediction runs from the first row of every session to its last.
@@ -61,7 +61,7 @@ class Misfit:
     Attributes:
         level: `force` or `replay`.
         horizon: Of the replay [s]; None for forces and for the whole run.
-        axes: Names of the A axes.
+        axes: Names of the A axes, and of all of them together.
         units: Their units.
         weight: What a square on each axis counts for beside the others, (A,): by the vehicle's inertia, so
             that the weighted sum is the square of one force, speed or distance of the dry mass.
@@ -164,7 +164,7 @@ def force(
     whole = Misfit(
         "force",
         None,
-        WRENCH_AXES,
+        (*WRENCH_AXES, "all"),
         WRENCH_UNITS,
         mass / inertia,
         rows,
@@ -248,8 +248,8 @@ def replay(
 
     level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
     return (
-        misfit(VELOCITY_AXES, VELOCITY_UNITS, inertia / mass, slice(6, 12)),
-        misfit(POSE, POSE_UNITS, level / mass, slice(0, 6)),
+        misfit((*VELOCITY_AXES, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
     )
 
 

@@ -36,7 +36,18 @@ _PACKAGED = Path(__file__).resolve().parents[1] / "_schemas"
 FOLDER = _PACKAGED if _PACKAGED.is_dir() else Path(__file__).resolve().parents[2] / "schemas"
 """Where the schema files are: inside an installed package, or beside it in a checkout."""
 
-KINDS = ("raw", "labels", "split", "blocks", "features", "model", "metrics", "replay", "commands")
+KINDS = (
+    "raw",
+    "labels",
+    "split",
+    "blocks",
+    "features",
+    "model",
+    "metrics",
+    "replay",
+    "commands",
+    "comparison",
+)
 """The kinds of table that hydro reads and writes."""
 
 Rows = npt.NDArray[np.intp]

@@ -54,7 +54,8 @@ def test_every_field_says_all_it_must(kind: str) -> None:
         assert field["description"].endswith(".")
         if field["type"] == "number":
             assert {"float32", "float64"} == set(field["arrowType"])
-            assert field["unit"] or (kind == "metrics"), "only metrics tells its units in a column"
+            in_a_column = any(other["name"] == "unit" for other in content["fields"])
+            assert field["unit"] or in_a_column, "a number has its unit here or in the column `unit`"
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,0 +1,110 @@
+"""`compare`: how far a vehicle file is from a recording, and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hydro.commands.shell import (
+    STREAM,
+    Output,
+    about,
+    print_table,
+    progress,
+    read,
+    shows_table,
+    write,
+)
+from hydro.core.errors import DataError
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.io.table import Artefact
+
+
+def compare(
+    vehicle: Annotated[
+        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
+    ],
+    measured: Annotated[
+        str,
+        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
+    ] = STREAM,
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COMPARISON",
+            help="An earlier comparison with the same recording: its errors stand beside the new ones, "
+            "and its places are looked at again.",
+        ),
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Hold a vehicle file against a recording: how large are its errors, and where do they lie?
+
+    Two kinds of error, each beside what sensor noise alone would leave: the force that the model leaves out,
+    and the motion that it predicts 1, 5 and 20 s ahead from everywhere along the recording, and over each
+    whole session. Then the places where the model fails, in words, with their share of the unexplained error.
+    On a terminal without -o this is printed and nothing is written.
+    """
+    from hydro.core import effects
+    from hydro.core.compare import compare as compute
+    from hydro.io import table
+    from hydro.io import vehicle as vehicles
+
+    known, text = vehicles.read(vehicle)
+    with about(str(vehicle)):
+        effects.validate(known)
+    source = read(measured, "raw")
+    earlier = None if against is None else _earlier(against, source)
+    with about(measured), progress("compare") as update:
+        frame = compute(
+            known,
+            source.frame,
+            against=None if earlier is None else earlier.frame,
+            progress=lambda words, share: update(round(100 * share), 100, words),
+        )
+    if shows_table(output):
+        _print(frame)
+        return
+    inputs = [source] if earlier is None else [source, earlier]
+    write(table.make("comparison", frame, stage="compare", inputs=inputs, vehicle_text=text), output)
+
+
+def _earlier(against: str, source: Artefact) -> Artefact:
+    """The earlier comparison.
+
+    Raises:
+        DataError: it is of another recording.
+    """
+    earlier = read(against, "comparison")
+    recordings = {one.content for one in earlier.provenance.inputs if one.kind == "raw"}
+    if source.provenance.content not in recordings:
+        raise DataError(
+            f"{against}: a comparison with another recording; name one that was made with this recording"
+        )
+    return earlier
+
+
+def _print(frame: pl.DataFrame) -> None:
+    """The comparison for a person."""
+    from hydro.report import comparison
+
+    print_table(comparison.forces(frame), "Force that the model leaves out: root mean square, 95 % interval")
+    beside = "" if "before" in frame.columns else " (noise alone)"
+    print_table(comparison.predictions(frame), f"Errors of its predictions: root mean square{beside}")
+    ranked, former = comparison.failures(frame), comparison.former_failures(frame)
+    if not ranked.is_empty():
+        print_table(ranked, "Where it fails: share of the unexplained error and of the time")
+    if not former.is_empty():
+        print_table(former, "Where it failed before")
+    typer.echo(f"\n{comparison.headline(frame)}")
+
+
+COMMANDS = {
+    compare: "hydro compare datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
+    "-o comparison.parquet",
+}
