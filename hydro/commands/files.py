@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
     from hydro.io.table import Artefact
 
-Files = Annotated[list[str], typer.Argument(metavar="FILE", help="Artefacts and vehicle files; - is stdin.")]
+Files = Annotated[
+    list[str], typer.Argument(metavar="FILE", help="Artefacts, vehicle files and maps; - is stdin.")
+]
 File = Annotated[
     str, typer.Argument(metavar="FILE", show_default=False, help="An artefact; nothing or - is stdin.")
 ]
@@ -27,7 +29,7 @@ SHORT = len("sha256:") + 12
 
 
 def check(files: Files) -> None:
-    """Say whether artefacts and vehicle files are sound.
+    """Say whether artefacts, vehicle files and maps of logs are sound.
 
     Silent, with exit code 0, when every file keeps its schema: columns, types, finite values, bounds, order
     in time, and a content that its footer's hash confirms. Otherwise one line for each file that does not.
@@ -44,12 +46,15 @@ def check(files: Files) -> None:
 
 
 def _check(file: str) -> None:
-    """Read one file as what it is: a vehicle file by its suffix, else an artefact."""
+    """Read one file as what it is: by its suffix a vehicle file or a map, else an artefact."""
     from hydro.core import effects, segments
-    from hydro.io import vehicle
+    from hydro.io import logmap, vehicle
 
     if Path(file).suffix == ".toml":
-        effects.validate(vehicle.read(file)[0])
+        if logmap.is_map(file):
+            logmap.read(file)
+        else:
+            effects.validate(vehicle.read(file)[0])
         return
     artefact = read(file)
     if artefact.kind == "raw":

@@ -56,15 +56,15 @@ def channel(t: Array, values: Array) -> Channel:
 
 
 def sample_time(channels: Sequence[Channel]) -> float:
-    """The sample time that suits most channels [s]: the median of their median steps.
+    """The sample time that suits most channels [s]: the median of their median steps, of two the shorter.
 
     Raises:
         DataError: No channel has two samples.
     """
-    steps = [each.step for each in channels if np.isfinite(each.step)]
+    steps = sorted(each.step for each in channels if np.isfinite(each.step))
     if not steps:
         raise DataError("no column has two samples in one session: the rate is unknown; give longer sessions")
-    dt = float(np.median(steps))
+    dt = steps[(len(steps) - 1) // 2]
     whole = round(1.0 / dt)
     return 1.0 / whole if whole and abs(whole * dt - 1.0) < ROUND else round(dt, 9)
 

@@ -1,4 +1,4 @@
-"""`python -m hydro.io` writes the two schema files that are made from structs: vehicle and footer."""
+"""`python -m hydro.io` writes the schema files that are made from structs: vehicle, map and footer."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 
 import msgspec
 
-from hydro.io import provenance, vehicle
+from hydro.io import logmap, provenance, vehicle
 from hydro.io.schema import FOLDER
 
 
@@ -14,6 +14,7 @@ def generated() -> dict[str, bytes]:
     """Content by file name."""
     schemas = {
         "vehicle.schema.json": vehicle.json_schema(),
+        "map.schema.json": logmap.json_schema(),
         "footer.schema.json": provenance.json_schema(),
     }
     for schema in schemas.values():

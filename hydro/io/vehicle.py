@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import math
 import os
-import re
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle import Thruster, Vehicle
+from hydro.io import toml
 from hydro.io.files import read_bytes, write_bytes
 
 if TYPE_CHECKING:
@@ -27,12 +25,6 @@ RELATIVE = 1e-9
 
 UNIT = 1e-6
 """Tolerance of the length of a direction."""
-
-_KEYS = {
-    key: hint
-    for part in (Environment, RigidBody, Buoyancy, Hull, Thruster, Vehicle)
-    for key, hint in get_type_hints(part).items()
-}
 
 
 def read(path: str | Path) -> tuple[Vehicle, str]:
@@ -62,14 +54,7 @@ def parse(text: str, name: str = "vehicle") -> Vehicle:
     Raises:
         DataError: the text is not TOML or not a vehicle; the line names the path in the file.
     """
-    try:
-        content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DataError(f"{name}: not valid TOML: {error}") from error
-    try:
-        vehicle = msgspec.convert(content, Vehicle)
-    except msgspec.ValidationError as error:
-        raise DataError(f"{name}: {_told(str(error), content)}") from error
+    vehicle = toml.parse(text, Vehicle, name)
     try:
         check(vehicle)
     except DataError as error:
@@ -85,7 +70,7 @@ def check(vehicle: Vehicle) -> None:
     """
     from hydro.core import effects
 
-    for path, number in _numbers(msgspec.to_builtins(vehicle), ""):
+    for path, number in toml.numbers(msgspec.to_builtins(vehicle)):
         if not math.isfinite(number):
             raise DataError(f"{path}: must be finite, got {number}")
     _check_inertia(np.array(vehicle.rigid_body.inertia))
@@ -161,44 +146,6 @@ def json_schema() -> dict[str, Any]:
     """The JSON Schema of a vehicle file, made from the structs of `core.vehicle`."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro vehicle file"}
     return schema | msgspec.json.schema(Vehicle)
-
-
-def _told(message: str, content: Mapping[str, Any]) -> str:
-    """A message of msgspec as `rigid_body.mass: expected float > 0, got -3`."""
-    what, _, where = message.partition(" - at `$")
-    what = re.sub(r"(\d)\.0\b", r"\1", what.replace("`", ""))
-    path = where.removesuffix("`").removeprefix(".")
-    if match := re.fullmatch(r"Object missing required field (\w+)", what):
-        return f"{_joined(path, match[1])}: missing: add it"
-    if match := re.fullmatch(r"Object contains unknown field (.+)", what):
-        near = difflib.get_close_matches(match[1], _KEYS, 1)
-        return f"{_joined(path, match[1])}: unknown key: " + (
-            f"did you mean {near[0]}?" if near else "remove it"
-        )
-    value: Any = content
-    key = ""
-    for key, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
-        value = value[key] if key else value[int(index)]
-    if what.startswith("Invalid enum value"):
-        what = f"expected {' or '.join(get_args(_KEYS[key]))}"
-    shown = f", got {value}" if isinstance(value, str | int | float) and "got" not in what else ""
-    return f"{path or 'file'}: {what[0].lower()}{what[1:]}{shown}"
-
-
-def _joined(path: str, key: str) -> str:
-    return f"{path}.{key}" if path else key
-
-
-def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
-    """Every number under `value` with its path in the file."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            yield from _numbers(inner, _joined(path, key))
-    elif isinstance(value, list | tuple):
-        for index, inner in enumerate(value):
-            yield from _numbers(inner, f"{path}[{index}]")
-    elif isinstance(value, float):
-        yield path, value
 
 
 def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:

@@ -149,7 +149,7 @@ def test_lineage_goes_back_to_the_recording() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["vehicle.schema.json", "footer.schema.json"])
+@pytest.mark.parametrize("name", ["vehicle.schema.json", "map.schema.json", "footer.schema.json"])
 def test_generated_schema_files_are_up_to_date(name: str) -> None:
     stored = (schema.FOLDER / name).read_bytes()
     assert stored == generated()[name], "run `python -m hydro.io` to write it anew"

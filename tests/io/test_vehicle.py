@@ -83,7 +83,9 @@ def test_a_vehicle_is_read_as_it_stands(tmp_path: Path) -> None:
 
 
 def test_the_bundled_vehicles_are_sound(datasets: Path) -> None:
-    for path in datasets.rglob("*.toml"):
+    paths = [path for path in datasets.rglob("*.toml") if "hydro-vehicle" in path.read_text()]
+    assert len(paths) >= 4
+    for path in paths:
         assert vehicle.read(path)[0].thruster
 
 

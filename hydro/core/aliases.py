@@ -1,0 +1,175 @@
+"""What a log's columns probably mean, by their names alone: a first map, for its owner to read and correct.
+
+The raw table's own names come first, then those that loggers and papers use.  Names are compared without
+case and punctuation, and may carry their unit (`roll_deg`) and a prefix (`/odom/pose/pose/position/x`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+Block = dict[str, Any]
+
+
+class _Family(NamedTuple):
+    """Names of a vector's columns, and what whoever uses these names usually means."""
+
+    names: tuple[str, ...]
+    settings: Mapping[str, Any] = MappingProxyType({})
+
+
+def _xyz(*stems: str, axes: str = "xyz", **settings: Any) -> list[_Family]:
+    """Families whose names are a stem and an axis."""
+    return [_Family(tuple(stem + axis for axis in axes), settings) for stem in stems]
+
+
+_ROS = {"world": "ENU", "body": "FLU"}
+_POSITION = [
+    *_xyz("pose_position_", world="ENU"),
+    *_xyz("", "pos_", "position_", "p", "p_"),
+    *_xyz("", "pos_", "p_", axes="ned"),
+    *_xyz("", "pos_", "p_", axes="enu", world="ENU"),
+    _Family(("north", "east", "down")),
+    _Family(("east", "north", "up"), {"world": "ENU"}),
+]
+_FLAT = [
+    *_xyz("", "pos_", "position_", "p", "p_", axes="xy"),
+    _Family(("north", "east")),
+    _Family(("northing", "easting")),
+    _Family(("east", "north"), {"world": "ENU"}),
+    _Family(("easting", "northing"), {"world": "ENU"}),
+]
+_VERTICAL = {"depth": "depth", "height": "height", "elevation": "height"}
+_ANGLES = [
+    _Family(("phi", "theta", "psi")),
+    _Family(("roll", "pitch", "yaw")),
+    _Family(("roll", "pitch", "heading")),
+]
+_QUATERNIONS = [
+    *_xyz("q", "q_", "quat_", "quaternion_", axes="wxyz", layout="wxyz"),
+    *_xyz("q", "q_", axes="0123", layout="wxyz"),
+    *_xyz("orientation_", axes="xyzw", layout="xyzw", **_ROS),
+]
+_VELOCITY = [
+    _Family(("u", "v", "w")),
+    _Family(("surge", "sway", "heave")),
+    *_xyz("v", "v_", "vel_", "velocity_", "dvl_"),
+    *_xyz("linear_", "linear_velocity_", frame="FLU"),
+    *_xyz("v", "v_", "vel_", "velocity_", axes="ned", frame="NED"),
+    *_xyz("v", "v_", "vel_", "velocity_", axes="enu", frame="ENU"),
+]
+_RATES = [
+    _Family(("p", "q", "r")),
+    *_xyz("w", "w_", "g", "omega_", "gyro_", "gyr_", "rate_"),
+    *_xyz("angular_", "angular_velocity_", frame="FLU"),
+    _Family(("rollspeed", "pitchspeed", "yawspeed")),
+    _Family(("roll_rate", "pitch_rate", "yaw_rate")),
+]
+_LENGTHS = {"": "m", "_m": "m", "_cm": "cm", "_mm": "mm"}
+_TURNS = {"": "rad", "_rad": "rad", "_deg": "deg", "_degrees": "deg"}
+_SPEEDS = {"": "m/s", "_m_s": "m/s", "_mps": "m/s", "_cm_s": "cm/s", "_mm_s": "mm/s", "_kn": "kn"}
+_SPINS = {"": "rad/s", "_rad_s": "rad/s", "_rps": "rad/s", "_deg_s": "deg/s", "_dps": "deg/s"}
+_CLOCK = re.compile(r"(?:t|time|timestamp|stamp|clock|elapsed|datetime|utc|time_boot)(?:_?(s|sec|ms|us|ns))?")
+_CLOCK_UNITS = {None: "s", "sec": "s"}
+_SESSION = ("session", "run", "dive", "mission", "trial", "episode")
+_COMMAND = re.compile(
+    r"(cmd|command|u|thruster|thrust|motor|servo|pwm|rcout|rcou_c|ch|channel|output|esc|t)_?(\d+)"
+    r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
+)
+_PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "esc")
+
+
+def guess(names: Sequence[str], texts: frozenset[str] = frozenset()) -> dict[str, Block]:
+    """The blocks of a map that the names of columns suggest.
+
+    Args:
+        names: The log's columns.
+        texts: Those that hold text: a clock among them is one of ISO timestamps.
+
+    Returns:
+        Blocks by name, as a map file has them; those that no names suggest are not there.
+    """
+    plain = {re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"): name for name in reversed(names)}
+    found = {
+        "time": _time(plain, texts),
+        "session": _session(plain),
+        "position": _position(plain),
+        "attitude": _attitude(plain),
+        "velocity": _vector(plain, _VELOCITY, _SPEEDS),
+        "rates": _vector(plain, _RATES, _SPINS),
+        "commands": _commands(plain),
+    }
+    return {name: block for name, block in found.items() if block is not None}
+
+
+def _time(plain: dict[str, str], texts: frozenset[str]) -> Block | None:
+    """The clock, and its unit by the end of its name."""
+    for name, column in reversed(plain.items()):
+        if match := _CLOCK.fullmatch(name):
+            unit = "iso" if column in texts else _CLOCK_UNITS.get(match[1], match[1])
+            return {"column": column, "unit": unit} if unit != "s" else {"column": column}
+    return None
+
+
+def _session(plain: dict[str, str]) -> Block | None:
+    return next(({"column": plain[name]} for name in _SESSION if name in plain), None)
+
+
+def _position(plain: dict[str, str]) -> Block | None:
+    """A depth or height by name is more telling than a z."""
+    vertical = next(
+        (
+            (key, plain[name + suffix])
+            for name, key in _VERTICAL.items()
+            for suffix in ("", "_m")
+            if name + suffix in plain
+        ),
+        None,
+    )
+    flat = _vector(plain, _FLAT, {"": "m", "_m": "m"})
+    if vertical is not None and flat is not None:
+        return {**flat, vertical[0]: vertical[1]}
+    return _vector(plain, _POSITION, _LENGTHS)
+
+
+def _attitude(plain: dict[str, str]) -> Block | None:
+    if (block := _vector(plain, _QUATERNIONS, {"": ""})) is not None:
+        return {"quaternion": block.pop("columns"), **block}
+    return _vector(plain, _ANGLES, _TURNS)
+
+
+def _vector(plain: dict[str, str], families: Sequence[_Family], units: dict[str, str]) -> Block | None:
+    """The first family that is all there, its names alone or behind one common prefix."""
+    for family, suffix in ((family, suffix) for family in families for suffix in units):
+        wanted = [name + suffix for name in family.names]
+        for prefix in _prefixes(plain, wanted[0]):
+            columns = [plain.get(prefix + name) for name in wanted]
+            if None not in columns:
+                unit = {"unit": units[suffix]} if units[suffix] and units[suffix] != units[""] else {}
+                return {"columns": columns, **unit, **family.settings}
+    return None
+
+
+def _prefixes(plain: dict[str, str], first: str) -> Iterator[str]:
+    """What may stand before a family's names; before short ones nothing, for much ends in an x."""
+    yield ""
+    if len(first) > 3:
+        yield from (name.removesuffix(first) for name in plain if name.endswith(f"_{first}"))
+
+
+def _commands(plain: dict[str, str]) -> Block | None:
+    """The longest row of numbered columns that are called like a thruster's command."""
+    rows: dict[tuple[str, str], dict[int, str]] = {}
+    for name, column in plain.items():
+        if match := _COMMAND.fullmatch(name):
+            rows.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    if not rows:
+        return None
+    (stem, ending), numbered = max(rows.items(), key=lambda row: (len(row[1]), row[0][0] == "cmd"))
+    block: Block = {"columns": [numbered[number] for number in sorted(numbered)]}
+    if stem in _PULSED or re.search("_(raw|pwm|us)", ending):
+        return {**block, "unit": "pwm"}
+    return {**block, "unit": "percent"} if re.search("_(pct|percent)", ending) else block

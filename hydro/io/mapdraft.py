@@ -1,0 +1,94 @@
+"""The first text of a map: what the columns' names suggest, and beside it what else may be written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hydro.io.files import shown
+from hydro.io.logmap import listed
+
+_EMPTY: dict[str, dict[str, Any]] = {
+    "time": {"column": ""},
+    "session": {"name": "log"},
+    "position": {"columns": ["", "", ""]},
+    "attitude": {"columns": ["", "", ""]},
+    "velocity": {"columns": ["", "", ""]},
+    "rates": {"columns": ["", "", ""]},
+    "commands": {"columns": [""]},
+}
+_NOTES = {
+    "time": (
+        'unit: "s", "ms", "us" or "ns" since any epoch, or "iso" for text like 2025-06-01T12:00:00.25Z.',
+        "longest_step = 0.5 would interpolate over silences up to 0.5 s; by default five usual steps.",
+    ),
+    "session": (
+        'Rows that belong together: by a column, or all by one name ("name"); gap = 30 would begin a new',
+        "session wherever the clock stops for more than 30 s.",
+    ),
+    "position": (
+        'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
+        'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) will do too.',
+    ),
+    "attitude": (
+        'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',
+        'Or quaternion = four columns, with layout = "wxyz" or "xyzw", turns = "body to world" or back.',
+        'world: "NED", "ENU" or "NWU"; body: "FRD" (forward, right, down) or "FLU" (forward, left, up).',
+    ),
+    "velocity": (
+        'Over ground. frame: along the body\'s axes ("FRD", "FLU") or the world\'s ("NED", "ENU", "NWU").',
+        'unit: "m/s", "cm/s", "mm/s" or "kn".',
+    ),
+    "rates": ('Of the body about its axes x, y, z. frame: "FRD" or "FLU"; unit: "rad/s" or "deg/s".',),
+    "commands": (
+        'In the order of the thrusters in the vehicle file. unit: "1" for -1 to 1, "percent", or "pwm" with',
+        'pwm = {min = 1100, neutral = 1500, max = 1900}. A reversed one: {column = "NAME", reverse = true}.',
+    ),
+}
+_DEFAULTS: dict[str, dict[str, Any]] = {
+    "time": {"unit": "s"},
+    "position": {"world": "NED", "unit": "m"},
+    "attitude": {"unit": "rad", "world": "NED", "body": "FRD"},
+    "velocity": {"frame": "FRD", "unit": "m/s"},
+    "rates": {"frame": "FRD", "unit": "rad/s"},
+    "commands": {"unit": "1"},
+}
+
+
+def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
+    """The text of a map to begin with: guessed blocks, empty names for the rest, and what may be written.
+
+    Args:
+        blocks: What was guessed.
+        columns: All columns of the log.
+        log: The log's name.
+    """
+    import tomlkit
+
+    document = tomlkit.document()
+    for line in (
+        f"How `hydro import {shown(log)} --map THIS` reads that log.",
+        "Guessed from the columns' names: check every line; empty names stand for what could not be guessed.",
+        f"The log has: {listed(columns)}",
+        'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',
+    ):
+        document.add(tomlkit.comment(line))
+    document.add("format", tomlkit.item("hydro-map/1"))
+    for name, empty in _EMPTY.items():
+        given = blocks.get(name, empty)
+        table = tomlkit.table()
+        for line in _NOTES[name]:
+            table.add(tomlkit.comment(line))
+        for key, value in {**given, **_unsaid(name, given)}.items():
+            table.add(key, tomlkit.item(value))
+        document.add(tomlkit.nl())
+        document.add(name, table)
+    return tomlkit.dumps(document)
+
+
+def _unsaid(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a block that stand at their defaults, to be seen and changed."""
+    defaults = _DEFAULTS.get(name, {})
+    if "quaternion" in given:
+        defaults = {key: value for key, value in defaults.items() if key != "unit"}
+    return {key: value for key, value in defaults.items() if key not in given}

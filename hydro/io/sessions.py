@@ -1,0 +1,122 @@
+"""The sessions of a log: which rows belong together, and when each was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.conventions import SessionLog
+from hydro.core.errors import DataError
+from hydro.core.logmap import LogMap, Time, command, measured
+from hydro.io.files import shown
+from hydro.io.log import Log, column, numbers, refuse, stripped
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
+
+
+def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
+    """The sessions of a log in the order they begin, with the numbers of the columns that the map names.
+
+    Raises:
+        DataError: a column is missing or holds text where a number belongs, or time goes backwards.
+    """
+    columns = {name: numbers(log, name, where) for where, name in _named(meaning)}
+    ticks, rows, per_second = _clock(log, meaning.time)
+    if not len(rows):
+        raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
+    return [
+        SessionLog(name, t, {key: values[taken] for key, values in columns.items()})
+        for name, t, taken in _parted(log, meaning, ticks, rows, per_second)
+    ]
+
+
+def _named(meaning: LogMap) -> Iterator[tuple[str, str]]:
+    """Every column of numbers that a map names, and where it does."""
+    for where in ("position", "attitude", "velocity", "rates"):
+        yield from ((where, source.column) for source in measured(getattr(meaning, where)))
+    yield from (("commands", command(source).column) for source in meaning.commands.columns)
+
+
+def _clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
+    """The clock's numbers of those rows that have one, these rows, and its ticks in a second.
+
+    Whole numbers stay whole: nanoseconds since 1970 have more digits than a double keeps.
+    """
+    values, per_second = column(log, time.column, "time.column"), _PER_SECOND[time.unit]
+    if values.dtype.is_temporal() or time.unit == "iso":
+        values, per_second = _timestamps(log, time.column, values), _PER_SECOND["ns"]
+    elif values.dtype == pl.String:
+        text = stripped(values)
+        whole = text.cast(pl.Int64, strict=False)
+        values = whole if whole.null_count() == text.null_count() else text.cast(pl.Float64, strict=False)
+        remedy = 'mend the log, or set time.unit to "iso" if these are timestamps'
+        refuse(log, time.column, text, values, "numbers", remedy)
+    if values.dtype.is_float():
+        values = values.fill_nan(None)
+    rows = values.is_not_null().arg_true().to_numpy().astype(np.int64)
+    return values.drop_nulls().to_numpy(), rows, per_second
+
+
+def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
+    """Nanoseconds since 1970 of ISO text or a column of times."""
+    if values.dtype == pl.String:
+        text = stripped(values)
+        zoned = text.str.replace("T", " ", literal=True).str.replace(r"[Zz]$", "+00:00")
+        zoned = zoned.str.replace(r"([+-]\d\d):(\d\d)$", "$1$2")
+        plain = zoned.str.contains(r"[+-]\d\d\d\d$").fill_null(True)
+        universal = zoned.zip_with(plain, zoned + "+0000")
+        values = universal.str.to_datetime("%Y-%m-%d %H:%M:%S%.f%z", time_unit="ns", strict=False)
+        example = "ISO timestamps such as 2025-06-01T12:00:00.25Z"
+        refuse(log, name, text, values, example, "mend the log or set time.unit")
+    elif not isinstance(values.dtype, pl.Datetime):
+        raise DataError(f"{log.name}: column {shown(name)} is {values.dtype}, no timestamps: set time.unit")
+    return values.dt.epoch("ns")
+
+
+def _parted(
+    log: Log, meaning: LogMap, ticks: NDArray[Any], rows: Rows, per_second: float
+) -> Iterator[tuple[str, Array, Rows]]:
+    """Name, times since its start [s] and rows of each session."""
+    for name, members in _labelled(log, meaning, rows):
+        t = (ticks[members] - ticks[members[0]]) / per_second
+        _check_order(log, meaning.time.column, name, t, rows[members])
+        limit = meaning.session.gap or np.inf
+        starts = np.r_[0, np.flatnonzero(np.diff(t) > limit) + 1]
+        pieces = np.split(np.arange(len(t)), starts[1:])
+        for number, piece in enumerate(pieces, start=1):
+            title = f"{name}-{number}" if len(pieces) > 1 else name
+            yield title, t[piece] - t[piece[0]], rows[members[piece]]
+
+
+def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows]]:
+    """Name and members of each session, as places in `rows`, in the order in which they begin."""
+    if meaning.session.column is None:
+        yield meaning.session.name or "log", np.arange(len(rows))
+        return
+    values = column(log, meaning.session.column, "session.column").cast(pl.String).gather(rows)
+    unnamed = values.is_null() | (values == "")
+    if unnamed.any():
+        raise DataError(
+            f"{log.name}: column {shown(meaning.session.column)} names no session in {unnamed.sum()} of "
+            f"{len(values)} rows (first: row {rows[unnamed.arg_true()[0]]}): fill it or drop these rows"
+        )
+    for name in values.unique(maintain_order=True):
+        yield name, (values == name).arg_true().to_numpy().astype(np.int64)
+
+
+def _check_order(log: Log, name: str, session: str, t: Array, rows: Rows) -> None:
+    """Refuse a session whose time falls; repeated times are messages of several sensors."""
+    back = np.flatnonzero(np.diff(t) < 0.0) + 1
+    if len(back):
+        raise DataError(
+            f"{log.name}: column {shown(name)} goes backwards within session {shown(session)} in {len(back)} "
+            f"of {len(t)} rows (first: row {rows[back[0]]}, by {t[back[0] - 1] - t[back[0]]:g} s): sort the "
+            "log by time, or name a session.column that tells its parts"
+        )

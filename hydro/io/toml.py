@@ -1,0 +1,104 @@
+"""TOML text to a checked struct; what is wrong is told with its path in the file."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+import types
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from hydro.core.errors import DataError
+
+Struct = TypeVar("Struct", bound=msgspec.Struct)
+
+
+def parse(text: str, kind: type[Struct], name: str) -> Struct:
+    """The struct that a text describes.
+
+    Args:
+        text: TOML.
+        kind: The struct at the root of the file.
+        name: What error lines call the file.
+
+    Raises:
+        DataError: the text is not TOML, or a key is missing, unknown or of the wrong type; the line names its
+            path in the file.
+    """
+    try:
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DataError(f"{name}: not valid TOML: {error}") from error
+    try:
+        return msgspec.convert(content, kind)
+    except msgspec.ValidationError as error:
+        raise DataError(f"{name}: {_told(str(error), content, kind)}") from error
+
+
+def joined(path: str, key: str) -> str:
+    """The path of a key under a path; the root's is empty."""
+    return f"{path}.{key}" if path else key
+
+
+def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Every float under `value` with its path in the file."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from numbers(inner, joined(path, key))
+    elif isinstance(value, list | tuple):
+        for index, inner in enumerate(value):
+            yield from numbers(inner, f"{path}[{index}]")
+    elif isinstance(value, float):
+        yield path, value
+
+
+def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) -> str:
+    """A message of msgspec as `rigid_body.mass: expected float > 0, got -3`."""
+    what, _, where = message.partition(" - at `$")
+    what = re.sub(r"(\d)\.0\b", r"\1", what.replace("`", ""))
+    path = where.removesuffix("`").removeprefix(".")
+    if match := re.fullmatch(r"Object missing required field (\w+)", what):
+        return f"{joined(path, match[1])}: missing: add it"
+    if match := re.fullmatch(r"Object contains unknown field (.+)", what):
+        near = difflib.get_close_matches(match[1], sorted(_keys(kind)), 1)
+        return f"{joined(path, match[1])}: unknown key: " + (
+            f"did you mean {near[0]}?" if near else "remove it"
+        )
+    value: Any = content
+    hints: set[Any] = {kind}
+    for key, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
+        value = value[key] if key else value[int(index)]
+        hints = {hint for outer in hints for hint in (_under(outer, key) if key else _plain(outer))}
+    if what.startswith("Invalid enum value"):
+        choices = [choice for hint in hints if get_origin(hint) is Literal for choice in get_args(hint)]
+        what = f"expected {' or '.join(map(str, choices))}"
+    shown = f", got {value}" if isinstance(value, str | int | float) and "got" not in what else ""
+    return f"{path or 'file'}: {what[0].lower()}{what[1:]}{shown}"
+
+
+def _keys(kind: Any) -> set[str]:
+    """Every key that can stand in a file of this struct, at any depth."""
+    if not _is_struct(kind):
+        return set().union(*(_keys(part) for part in get_args(kind)))
+    hints = get_type_hints(kind)
+    return set(hints).union(*(_keys(hint) for hint in hints.values()))
+
+
+def _under(hint: Any, key: str) -> set[Any]:
+    """The structs and literals that may stand under a key of a type."""
+    known = [get_type_hints(part) for part in _plain(hint) if _is_struct(part)]
+    return set().union(*(_plain(hints[key]) for hints in known if key in hints))
+
+
+def _plain(hint: Any) -> set[Any]:
+    """The structs and literals that a type is, or is made of."""
+    if get_origin(hint) in (Union, types.UnionType, tuple):
+        return set().union(*(_plain(part) for part in get_args(hint)))
+    return {hint}
+
+
+def _is_struct(hint: Any) -> bool:
+    return isinstance(hint, type) and issubclass(hint, msgspec.Struct)
