@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, LAG_STEP, TIME_CONSTANT
+from hydro.core.allocation import ASYMMETRY, DELAY, GAIN, INFLOW, LAG_STEP, SPEED_LAG, TIME_CONSTANT
 from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.vehicle import Hull, Thruster, Vehicle
@@ -208,11 +208,13 @@ def _add_thruster(
         gear=wrench * np.concatenate([FLIP, FLIP]),
         ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
         ctrlrange=[-1.0, 1.0],
-        gainprm=np.zeros(10),
-        biastype=mujoco.mjtBias.mjBIAS_USER,
     )
-    delayed = bool(row[DELAY] > 0.0)
-    if carried or delayed or row[TIME_CONSTANT] > row[LAG_STEP]:
+    delayed, lags = bool(row[DELAY] > 0.0), bool(row[TIME_CONSTANT] > row[LAG_STEP])
+    proportional = lags and not row[[SPEED_LAG, ASYMMETRY, INFLOW]].any()
+    # MuJoCo multiplies the lag state by a gain, which is all of many a thruster and spares its callback.
+    actuator.gainprm[0] = 1.0 + row[GAIN] if proportional else 0.0
+    actuator.biastype = mujoco.mjtBias.mjBIAS_NONE if proportional else mujoco.mjtBias.mjBIAS_USER
+    if carried or delayed or lags:
         actuator.dyntype = mujoco.mjtDyn.mjDYN_USER
         actuator.actdim = carried + delayed + 1
     if delayed:

@@ -89,7 +89,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
     program = int(data[water.AT_PROGRAM])
     address, step = int(model.numeric_adr[field.id]), float(model.opt.timestep)
     actuators = [i for i in range(model.nactuator) if model.actuator(i).name.startswith(f"{name}/")]
-    thrusters = [i for i in actuators if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_USER]
+    thrusters = actuators if data[program + THRUSTER_COUNT] else []  # else only what carries states
     if len(thrusters) != data[program + THRUSTER_COUNT]:
         raise DataError(f"model: vehicle {name} has lost thrusters; build the model again")
     table = address + program + int(data[program + THRUSTER_TABLE])
