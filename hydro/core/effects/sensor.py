@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from hydro.core.effects.record import Array, Effect, Parameter
 from hydro.core.frames import rotation
@@ -57,8 +56,8 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
         nu: Velocity of CO over ground, body frame, shape (..., N, 6).
 
     Returns:
-        Logged velocity, shape (..., N, 6); p, q, r as they were.  What happened before the first row is taken to
-        be like it.
+        Logged velocity, shape (..., N, 6); p, q, r as they were.  What happened before the first row is
+        taken to be like it.
     """
     motion = np.array(nu, dtype=np.float64)
     local = motion[..., :3] + np.cross(motion[..., 3:], log[LEVER])
@@ -89,6 +88,8 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     """Values (..., N, 3) known at t, at other moments: a cubic spline, constant beyond both ends."""
     if len(t) < 2 or np.array_equal(moments, t):
         return values
+    from scipy.interpolate import CubicSpline
+
     return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
 
 
