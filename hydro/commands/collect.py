@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, progress, refuse_terminal, write
+from hydro.commands.shell import STREAM, Output, about, noise_for, progress, refuse_terminal, write
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hydro.core.noise import Noise
     from hydro.core.vehicle import Vehicle
     from hydro.sim.teacher import Teacher
 
@@ -78,7 +77,7 @@ def collect(
     from hydro.sim import teacher as sim
 
     refuse_terminal(output)
-    hidden, sigma = _hidden(hide or []), _noise(noise)
+    hidden, sigma = _hidden(hide or []), noise_for(noise)
     known, text = vehicles.read(vehicle)
     surface = mesh.read_obj(vehicle.parent / known.hull.mesh) if known.hull.mesh is not None else None
     with about(str(vehicle)):
@@ -157,29 +156,6 @@ def _with_hidden(known: Vehicle, surface: Any, hidden: list[dict[str, Any]]) -> 
         return sim.teacher(known, mesh=surface, hidden=hidden)
     except DataError as error:
         raise UsageError(str(error) if "--hide" in str(error) else f"--hide: {error}") from error
-
-
-def _noise(text: str) -> Noise:
-    """The noise of a profile or of inline TOML.
-
-    Raises:
-        UsageError: it is neither.
-    """
-    import tomllib
-
-    from hydro.core.noise import PROFILES, Noise
-
-    if text in PROFILES:
-        return PROFILES[text]
-    try:
-        return Noise(**tomllib.loads(f"noise = {text}")["noise"])
-    except (tomllib.TOMLDecodeError, TypeError):
-        raise UsageError(
-            f"--noise {text!r}: neither a profile ({', '.join(PROFILES)}) nor a table of velocity, rate, "
-            "position and attitude like '{velocity=0.02, rate=0.003}'"
-        ) from None
-    except DataError as error:
-        raise UsageError(f"--noise {text!r}: {error}") from None
 
 
 def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], content: str) -> None:

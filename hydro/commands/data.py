@@ -15,6 +15,7 @@ from hydro.commands.shell import (
     noise_for,
     read,
     refuse_terminal,
+    report_gaps,
     vehicle_for,
     write,
 )
@@ -53,7 +54,8 @@ def labels(
 
     Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
-    -tau_res. With --subtract effects a vehicle file that says everything leaves C_RB(nu) nu.
+    -tau_res. With --subtract effects a vehicle file that says everything leaves C_RB(nu) nu. Gaps in time are
+    reported in one line on stderr; no filter reaches across one.
     """
     from hydro.core.labels import labels as compute
     from hydro.core.labels import subtracted
@@ -70,6 +72,7 @@ def labels(
     with about(raw):
         parameters["subtracted"] = subtracted(known, subtract)
         frame = compute(source.frame, known, acceleration=acceleration, noise=deviations, subtract=subtract)
+        report_gaps(raw, frame)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )
@@ -113,6 +116,7 @@ def split(
             frame, made = split_from(
                 source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
             )
+        report_gaps(labels, frame)
     if blocks is not None:
         write(table.make("blocks", made, stage="split", parameters=parameters, inputs=inputs), blocks)
     write(table.make("split", frame, stage="split", parameters=parameters, inputs=inputs), output)

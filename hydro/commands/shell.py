@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
 REPLAY_TITLE = "Open-loop replay, RMSE: u v w [m/s], p q r [rad/s]"
+CONDITIONING_TITLE = (
+    "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
+)
 
 Output = Annotated[
     str,
@@ -106,7 +109,20 @@ def about(source: str) -> Iterator[None]:
     try:
         yield
     except DataError as error:
-        raise DataError(f"{'stdin' if source == STREAM else source}: {error}") from error
+        raise DataError(f"{_name(source)}: {error}") from error
+
+
+def _name(source: str) -> str:
+    """What messages call an input."""
+    return "stdin" if source == STREAM else source
+
+
+def report_gaps(source: str, frame: pl.DataFrame) -> None:
+    """Say in one line on stderr that an input has gaps in time; nothing where it has none."""
+    from hydro.core.segments import gaps
+
+    if found := gaps(frame):
+        typer.echo(f"hydro: {_name(source)}: {found}", err=True)
 
 
 def noise_for(text: str) -> Noise:

@@ -64,6 +64,27 @@ def resumes(frame: pl.DataFrame, bounds: Bounds) -> NDArray[np.bool_]:
     return np.asarray(same & (first > 0))
 
 
+def gaps(frame: pl.DataFrame) -> str:
+    """How many gaps in time a table has and where the first is, in a few words; empty where it has none.
+
+    Args:
+        frame: A table with `session` and `t` [s].
+
+    Raises:
+        DataError: As for `segments`.
+    """
+    bounds = segments(frame)
+    after = bounds[resumes(frame, bounds), 0]
+    if not after.size:
+        return ""
+    row = int(after[0])
+    before, then = frame["t"].cast(pl.Float64).gather([row - 1, row])
+    return (
+        f"{after.size} {'gap' if after.size == 1 else 'gaps'} in t, each begins a new segment "
+        f"(first: {_place(frame, row)}, from {before:.10g} to {then:.10g} s)"
+    )
+
+
 def _clock(frame: pl.DataFrame) -> tuple[NDArray[np.bool_], Array, float]:
     """Of each step from a row to the next: whether the session changes, its length [s]; and dt [s]."""
     if frame.height == 0:

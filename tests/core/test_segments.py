@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.errors import DataError
-from hydro.core.segments import resumes, sample_time, segments
+from hydro.core.segments import gaps, resumes, sample_time, segments
 
 
 def table(*sessions: tuple[str, np.ndarray | list[float]]) -> pl.DataFrame:
@@ -88,3 +88,13 @@ def test_every_row_is_in_exactly_one_segment(dt, sessions, seed):
     np.testing.assert_array_equal(bounds[1:, 0], bounds[:-1, 1])
     assert sample_time(frame) == pytest.approx(dt, rel=0.01)
     assert resumes(frame, bounds).tolist() == [i > 0 for runs in sessions for i in range(len(runs))]
+
+
+def test_gaps_are_counted_and_the_first_is_placed():
+    whole = np.arange(10) * 0.02
+    broken = np.concatenate([whole, whole + 5.0, whole + 9.0])
+    assert gaps(table(("a", whole), ("b", whole + 7.0))) == "", "another session is no gap"
+    assert gaps(table(("a", whole), ("b", broken))) == (
+        "2 gaps in t, each begins a new segment (first: row 20, session b, from 0.18 to 5 s)"
+    )
+    assert gaps(table(("a", broken[:20]))).startswith("1 gap in t, ")
