@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 Acceleration = Literal["rts", "kalman", "kalman-difference"]
 Subtract = Literal["inertia", "effects"]
-Conditioning = Literal["off", "paper", "paper-old", "paper-new"]
+Conditioning = Literal[
+    "off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band"
+]
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
@@ -262,7 +264,8 @@ def replay(
         vehicle: the vehicle that it was recorded with.
         models: trained models, one variant each, beside MJ0 and MJ0+M_A.
         variants: names of the variants to fly; all by default.
-        conditioning: what is done to a learned wrench: nothing, or as the paper does.
+        conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
+            `hydro replay --help`.
         dataset: name of the recording in the metrics.
 
     Returns:

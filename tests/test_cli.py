@@ -10,10 +10,11 @@ import pty
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import polars as pl
 import pytest
@@ -102,6 +103,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     for target in (data / "sample.parquet", data / "replay90.parquet"):
         target.write_bytes((work / "raw.parquet").read_bytes())
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
+    shutil.copytree(ROOT / "datasets" / "logs", data.parent / "logs")
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
     line = re.sub(r"\bhydro\b", shlex.join(HYDRO), COMMANDS[name])
@@ -226,6 +228,44 @@ def test_findings_on_a_terminal_are_tables(work: Path) -> None:
     assert code == 0
     assert "MJ0" in printed
     assert "m/s" in printed
+
+
+def test_what_conditioning_did_is_told_on_a_terminal_and_in_the_metrics(work: Path, tmp_path: Path) -> None:
+    flight = ["replay", work / "raw.parquet", "--model", work / "model.parquet", "--variant", "MJ1"]
+    code, printed = on_terminal(*flight, "--conditioning", "dead-band")
+    assert code == 0
+    assert "Conditioning dead-band" in printed
+    assert "dead band" in printed.split("Conditioning dead-band")[1]
+    files = ["--metrics", tmp_path / "errors.parquet", "-o", tmp_path / "replay.parquet"]
+    assert run(*flight, "--conditioning", "dead-band", *files) == (0, "", "")
+    errors = table.read(tmp_path / "errors.parquet", "metrics").frame
+    held_back = errors.filter(pl.col("metric") == "held_back")["value"].item()
+    assert 0.0 < held_back < 1.0, "the recording starts at rest"
+    assert errors.filter(pl.col("metric") == "clipped")["value"].sum() == 0.0
+
+
+def test_every_conditioning_can_be_asked_for_by_command_and_from_python() -> None:
+    from hydro import api
+    from hydro.commands import replay
+    from hydro.core.conditioning import PRESETS
+
+    option = get_type_hints(replay.replay)["conditioning"]
+    assert get_args(option) == get_args(api.Conditioning) == PRESETS
+
+
+def test_gaps_in_time_are_reported_once_and_only_where_there_are(work: Path, tmp_path: Path) -> None:
+    whole = table.read(work / "raw.parquet")
+    kept = pl.int_range(whole.frame.height) // 10 != 100
+    broken = table.make(
+        "raw", whole.frame.filter(kept), stage="import", vehicle_text=whole.provenance.vehicle
+    )
+    table.write(broken, tmp_path / "broken.parquet")
+    code, _, error = run("labels", tmp_path / "broken.parquet", "-o", tmp_path / "labels.parquet")
+    assert code == 0
+    assert re.fullmatch(r"hydro: \S+broken.parquet: 1 gap in t, .*first: row 1000, .*\n", error), error
+    code, _, error = run("split", tmp_path / "labels.parquet", "-o", tmp_path / "split.parquet")
+    assert code == 0
+    assert re.fullmatch(r"hydro: \S+labels.parquet: 1 gap in t, .*first: row 1000, .*\n", error), error
 
 
 # Bad input: one line that says what, where and what to do.

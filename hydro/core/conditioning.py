@@ -26,8 +26,9 @@ from hydro.core.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 BETA = 0.9  # paper III-B
+WIDTH = 0.02  # m/s and rad/s, of the dead band
 HEADROOM = 2.0  # clipping limit in units of the wrench that the thrusters can make
-PRESETS = ("off", "paper", "paper-old", "paper-new")
+PRESETS = ("off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
 
 # Layout of the parameters and counts that the kernel takes.
 KEEP, LIMIT, LINEAR, ANGULAR, PARAMETERS = 0, 1, 7, 8, 9
@@ -98,14 +99,16 @@ OFF = Conditioning()
 
 
 def preset(name: str, vehicle: Vehicle) -> Conditioning:
-    """A conditioning by name: `off`, or the paper's with beta = 0.9 weighing the old or the new value.
+    """A conditioning by name: none, the paper's with either reading of beta = 0.9, or one piece of it.
 
     The paper gives neither limits nor a width.  Limits are twice the wrench that the thrusters can make on an
     axis, since a steady residual balances the thrusters (no limit where they can make none); the dead band
     is 0.02 m/s and 0.02 rad/s.
 
     Args:
-        name: `off`, `paper-old`, `paper-new`, or `paper`: `paper-new`, the reading that replays better.
+        name: `off`; `paper-old`, where beta weighs the old value; `paper-new`; `paper`, which is `paper-new`,
+            the reading that replays better; or a piece alone: `low-pass-old`, `low-pass-new`, `clipping`,
+            `dead-band`.
         vehicle: Gives the limits.
 
     Raises:
@@ -115,15 +118,22 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
         raise DataError(f"conditioning {name!r} is not known; choose one of {', '.join(PRESETS)}")
     if name == "off":
         return OFF
+    whole = name.startswith("paper")
+    width = WIDTH if whole or name == "dead-band" else 0.0
+    return Conditioning(
+        beta=BETA if whole or name.startswith("low-pass") else None,
+        weighs="old" if name.endswith("old") else "new",
+        limits=_limits(vehicle) if whole or name == "clipping" else OFF.limits,
+        linear_deadband=width,
+        angular_deadband=width,
+    )
+
+
+def _limits(vehicle: Vehicle) -> tuple[float, ...]:
+    """Clipping limits [N, N m] from what the thrusters can make on each axis."""
     strongest = [max(thruster.max_thrust, thruster.max_reverse_thrust) for thruster in vehicle.thruster]
     authority = HEADROOM * np.abs(configuration_matrix(vehicle)) @ strongest
-    return Conditioning(
-        beta=BETA,
-        weighs="old" if name == "paper-old" else "new",
-        limits=tuple(float(limit) if limit > 0.0 else math.inf for limit in authority),
-        linear_deadband=0.02,
-        angular_deadband=0.02,
-    )
+    return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
 
 
 @jit

@@ -34,6 +34,23 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
     )
 
 
+def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
+    """How often the conditioning of a learned wrench acted: one row per variant that flies with a network.
+
+    Args:
+        metrics: metrics of one replay.
+
+    Returns:
+        `variant`; the shares of the control steps in which X, Y, Z, K, M, N was clipped; and `dead band`, in
+        which the dead band took part of the wrench.
+    """
+    clipped = _by_axis(metrics.filter(pl.col("metric") == "clipped"), "variant", WRENCH)
+    held_back = metrics.filter(pl.col("metric") == "held_back").select(
+        "variant", pl.col("value").alias("dead band")
+    )
+    return clipped.join(held_back, on="variant", how="left", maintain_order="left")
+
+
 def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
     """The paper's Table II and its Fig. 2: one row per model.
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -116,6 +117,17 @@ def test_presets():
     assert preset("paper", vehicle) == preset("paper-new", vehicle)
     assert PAPER.limits[0] == pytest.approx(2 * 4 * 155 * math.sqrt(0.5))
     assert PAPER.limits[2] == pytest.approx(2 * 4 * 155)
+    whole = dataclasses.asdict(PAPER)
+    pieces = {
+        "low-pass-new": ["beta", "weighs"],
+        "clipping": ["limits"],
+        "dead-band": ["linear_deadband", "angular_deadband"],
+    }
+    for name, fields in pieces.items():
+        alone = dataclasses.asdict(preset(name, vehicle)) | {"weighs": "new"}
+        bare = dataclasses.asdict(OFF) | {"weighs": "new"}
+        assert alone == bare | {field: whole[field] for field in fields}, name
+    assert preset("low-pass-old", vehicle).keep == pytest.approx(0.9)
     with pytest.raises(DataError, match=f"'papr' is not known; choose one of {', '.join(PRESETS)}"):
         preset("papr", vehicle)
 

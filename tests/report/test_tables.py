@@ -44,6 +44,20 @@ def test_a_diverged_flight_has_no_errors_but_the_time() -> None:
     assert texts == ["–", "0.0100"]
 
 
+def test_conditioning_shares_are_of_networks_alone() -> None:
+    metrics = pl.DataFrame(
+        [
+            line("MJ0", "u", "rmse", 3.0),
+            *(line("MJ4", axis, "clipped", k / 10) for k, axis in enumerate("XYZKMN")),
+            line("MJ4", "all", "held_back", 0.25),
+        ]
+    )
+    table = tables.conditioning_shares(metrics)
+    assert table.columns == ["variant", *"XYZKMN", "dead band"]
+    assert table.rows() == [("MJ4", 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.25)]
+    assert tables.conditioning_shares(metrics.head(1)).is_empty()
+
+
 def test_prediction_errors_are_axes_then_the_single_figures() -> None:
     metrics = pl.DataFrame(
         [
