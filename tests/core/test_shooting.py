@@ -1,0 +1,116 @@
+"""Short predictions against a whole simulation, and the algebra that takes their beginnings out."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from test_fit import damped, moved, noisy
+
+from hydro.core import shooting
+from hydro.core.candidate import candidate
+from hydro.core.errors import DataError
+from hydro.core.frames import quaternion_from_euler
+from hydro.core.normal import Normal, block_length, bounded_step, covariance, eliminate
+from hydro.core.recording import noise, recording
+from hydro.core.segments import segments
+
+
+def exact(shots, record):
+    """Shots begun at the logged state itself."""
+    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
+    return dataclasses.replace(shots, first=logged[shots.starts])
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"name": "command_delay", "d": 0.033},
+        {"name": "thruster_lag", "dT": 0.2},
+        {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
+        {"name": "ocean_current", "v_N": 0.3},
+    ],
+    ids=lambda effect: effect["name"],
+)
+def test_a_shot_from_within_a_session_follows_the_session(effect):
+    """Rotors, late commands and memories go on over the beginning of a shot; 500 Hz against 50 Hz steps."""
+    vehicle = damped(effect)
+    raw = moved(vehicle, rows=600)
+    record = recording(raw, vehicle)
+    shots = exact(shooting.aim(record), record)
+    predicted = shooting.predict(shooting.load(candidate(vehicle), shots), shots)
+    np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=1e-4)
+    np.testing.assert_allclose(predicted[..., 7:], shots.measured[..., 7:], atol=1e-4)
+
+
+def test_a_late_log_looks_back_on_what_was_before_the_comparison():
+    vehicle = damped({"name": "sensor_delay", "d": 0.31}, {"name": "sensor_lever_arm", "r": [0.2, 0.1, 0.0]})
+    raw = moved(vehicle, rows=600)
+    record = recording(raw, damped())
+    truth = recording(moved(damped(), rows=600), damped())
+    shots = exact(shooting.aim(record, lead=0.5), truth)
+    left = shooting.residuals(shooting.load(candidate(vehicle), shots), shots) * shots.sigma
+    assert left.shape == (len(shots.starts), 100, 12)
+    assert np.abs(left).max() < 1e-4
+
+
+def test_noise_is_found_through_the_motion():
+    raw = noisy(moved(damped(), rows=3000), 0)
+    found = noise(recording(raw, damped()))
+    np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.06)
+
+
+def test_shots_never_reach_over_a_gap():
+    raw = moved(damped(), rows=500)
+    broken = raw[np.r_[0:230, 260:500]]
+    record = recording(broken, damped())
+    shots = shooting.aim(record)
+    assert len(segments(broken)) == 2
+    for start in shots.starts:
+        inside = (record.segments[:, 0] <= start) & (start + shots.length <= record.segments[:, 1])
+        assert inside.sum() == 1
+    with pytest.raises(DataError, match="record longer sessions"):
+        shooting.aim(record, seconds=8.0)
+
+
+def test_beginnings_are_taken_out_as_least_squares_would():
+    rng = np.random.default_rng(0)
+    Z, X, e = rng.standard_normal((40, 3)), rng.standard_normal((40, 2)), rng.standard_normal((40, 1))
+    whole = np.hstack([Z, X, e])
+    left, follow = eliminate((whole.T @ whole)[None], 3, np.full(3, 1e-12))
+    solution = np.linalg.lstsq(np.hstack([Z, X]), e[:, 0], rcond=None)[0]
+    step = np.linalg.solve(left[0, :2, :2], left[0, :2, 2])
+    np.testing.assert_allclose(step, solution[3:], rtol=1e-9)
+    np.testing.assert_allclose(follow[0, :, 2] - follow[0, :, :2] @ step, solution[:3], rtol=1e-9)
+
+
+def test_a_step_within_bounds_is_the_best_there():
+    matrix, score = np.array([[2.0, 0.9], [0.9, 1.0]]), np.array([1.0, 3.0])
+    low, high = np.array([-5.0, -5.0]), np.array([5.0, 1.0])
+    step = bounded_step(matrix, score, low, high)
+    grid = np.stack(np.meshgrid(np.linspace(-5, 5, 401), np.linspace(-5, 1, 241)), -1).reshape(-1, 2)
+    costs = np.einsum("ki,ij,kj->k", grid, matrix, grid) - 2 * grid @ score
+    assert step @ matrix @ step - 2 * score @ step <= costs.min() + 1e-9
+
+
+def pieces(rng, count, correlated):
+    """Linear problems with a known answer of 0, their noise white or alike over ten pieces."""
+    X = rng.standard_normal((count, 20, 2)) + 1.0
+    drift = np.repeat(rng.standard_normal((count // 10, 1, 1)), 10, axis=0) if correlated else 0.0
+    e = rng.standard_normal((count, 20, 1)) + drift
+    both = np.concatenate([X, e], axis=2)
+    return Normal(both.transpose(0, 2, 1) @ both, 20, np.zeros((count, 1)), np.zeros((count, 0, 3)))
+
+
+@pytest.mark.parametrize("correlated", [False, True])
+def test_covariance_is_the_scatter_of_estimates(correlated):
+    """Also where neighbouring pieces share an error, which the usual formula takes for information."""
+    rng = np.random.default_rng(5)
+    scores = []
+    for _ in range(200):
+        normal = pieces(rng, 400, correlated)
+        estimate = np.linalg.solve(normal.matrix.sum(axis=0), normal.score.sum(axis=0))
+        scores.append(estimate / np.sqrt(np.diag(covariance(normal, np.full(2, 1e-9)))))
+    assert (block_length(normal) > 5) == correlated
+    assert 0.6 < np.mean(np.square(scores)) < 1.35
