@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Literal
 
@@ -132,8 +133,9 @@ def replay(
 
     Returns:
         Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight
-        ends where it does) and metrics (those of `core.metrics.measure`; how often the conditioning acted;
-        and `diverged`, the time in the first segment that did, where one did).
+        ends where it does) and metrics (those of `core.metrics.measure`; how often the conditioning acted, in
+        shares of the control steps: `clipped` by axis, and `held_back` by the dead band; and `diverged`, the time
+        in the first segment that did, where one did).
 
     Raises:
         DataError: The table does not fit the vehicle.
@@ -158,7 +160,7 @@ def replay(
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
         if variant.network is not None:
-            metrics.append(_conditioning_metrics(variant, dataset, student))
+            metrics.append(_conditioning_metrics(variant, dataset, student, valid[bounds[:, 1] - 1]))
     return pl.concat(series), pl.concat(metrics)
 
 
@@ -257,10 +259,17 @@ def _metrics(
     return pl.concat([errors.with_columns(pl.col("metric") + "_before_divergence"), diverged])
 
 
-def _conditioning_metrics(variant: Variant, dataset: str, student: Student) -> pl.DataFrame:
-    """Shares of the control steps in which the conditioning clipped an axis or its dead band acted."""
-    counts = student.conditioning_counts()
-    steps = max(1, sum(count.steps for count in counts))
+def _conditioning_metrics(
+    variant: Variant, dataset: str, student: Student, whole: NDArray[np.bool_]
+) -> pl.DataFrame:
+    """Shares of the control steps in which the conditioning clipped an axis or its dead band acted.
+
+    Flights that diverged are left out, for MuJoCo has reset their counts; no rows where all did.
+    """
+    counts = list(compress(student.conditioning_counts(), whole))
+    steps = sum(count.steps for count in counts)
+    if steps == 0:
+        return _rows(variant, dataset, [])
     clipped = np.sum([count.clipped for count in counts], axis=0) / steps
     rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH_AXES, clipped, strict=True)]
     rows.append(("all", "held_back", sum(count.held_back for count in counts) / steps, "1"))

@@ -180,6 +180,7 @@ def test_a_divergence_is_told_and_its_rows_are_dropped(craft):
     assert told.filter(pl.col("metric") == "diverged").height == 1
     assert "rmse" not in told["metric"].to_list()
     assert "rmse_before_divergence" in told["metric"].to_list()
+    assert "clipped" not in told["metric"].to_list(), "MuJoCo resets the counts of a diverged flight"
     assert of(series, "MJ0").height == raw.height
 
 
