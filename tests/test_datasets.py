@@ -45,7 +45,7 @@ def test_tables_carry_their_content_hash_and_their_vehicle(datasets: Path, name:
 
 def test_rows_and_sessions(datasets: Path) -> None:
     sample, replay = (table.read(datasets / "stonefish" / f"{name}.parquet").frame for name in TABLES)
-    assert (sample.height, sample["session"].n_unique()) == (59_928, 8)
+    assert (sample.height, sample["session"].n_unique()) == (59_914, 58)
     assert (replay.height, replay["session"].n_unique()) == (4_500, 1)
     for frame in (sample, replay):
         assert sample_time(frame) == pytest.approx(0.02)
@@ -76,10 +76,10 @@ def test_the_rotor_is_integrated_as_stonefish_does(datasets: Path) -> None:
 
 def test_samples_are_rows_of_the_full_recordings(datasets: Path, stonefish: Path) -> None:
     sample = table.read(datasets / "stonefish" / "sample.parquet").frame
-    full = pl.scan_parquet(stonefish / "nominal.parquet").filter(
-        pl.col("session").is_in(sample["session"].unique().to_list())
+    heads = pl.scan_parquet(stonefish / "nominal.parquet").filter(
+        pl.int_range(pl.len()).over("session") < 1033
     )
-    assert full.collect().equals(sample)
+    assert heads.collect().equals(sample)
     assert pl.read_parquet(stonefish / "replay90.parquet").equals(
         table.read(datasets / "stonefish" / "replay90.parquet").frame
     )
