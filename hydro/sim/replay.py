@@ -134,8 +134,8 @@ def replay(
     Returns:
         Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight
         ends where it does) and metrics (those of `core.metrics.measure`; how often the conditioning acted, in
-        shares of the control steps: `clipped` by axis, and `held_back` by the dead band; and `diverged`, the time
-        in the first segment that did, where one did).
+        shares of the control steps: `clipped` by axis, and `held_back` by the dead band; and `diverged`, the
+        time in the first segment that did, where one did).
 
     Raises:
         DataError: The table does not fit the vehicle.
