@@ -63,7 +63,8 @@ class Evidence:
         self.t: Array = np.concatenate([t for _, t in present])
         self.length = float(np.median(self.t[:, -1] - self.t[:, 0]))
         count, rows = self.t.shape
-        self.weights = np.r_[0.5, np.ones(rows - 2), 0.5] / (rows - 1)  # trapezoidal mean
+        before, after = np.r_[np.ones(rows - 1), 0.0], np.r_[0.0, np.ones(rows - 1)]
+        self.rules = {"trapezoid": 0.5 * (before + after), "left": before, "right": after}
 
         def gather(reading: Callable[[SessionLog, Array], Array]) -> Array:
             parts = [reading(log, t.ravel()) for log, t in present]
@@ -92,11 +93,11 @@ class Evidence:
             return gather(as_given)
 
         @cache
-        def moving(attitude_block: Attitude, block: Velocity) -> Array:
+        def moving(attitude_block: Attitude, block: Velocity, rule: str) -> Array:
             given = velocity(block)
             if block.frame in BODIES:
                 given = np.einsum("wkij,wkj->wki", attitude(attitude_block), given)
-            return np.asarray(np.einsum("wki,k->wi", given, self.weights))
+            return self.mean(given, rule)
 
         @cache
         def spinning(block: Rates) -> Array:
@@ -110,15 +111,27 @@ class Evidence:
         x = self.placed(block)
         return np.asarray((x[:, -1] - x[:, 0]) / self.length)
 
-    def residuals(self, given: LogMap) -> Array:
-        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s]."""
-        translation = self.travel(given.position) - self.moving(given.attitude, given.velocity)
-        spin = np.einsum("wki,k->wi", self.spinning(given.rates), self.weights)
-        return np.hstack([translation, self.turning(given.attitude) - spin])
+    def mean(self, values: Array, rule: str) -> Array:
+        """Mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
+        weights = self.rules[rule]
+        return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
-    def errors(self, given: LogMap) -> Array:
+    def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
+        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s]."""
+        translation = self.travel(given.position) - self.moving(given.attitude, given.velocity, rule)
+        rotation = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
+        return np.hstack([translation, rotation])
+
+    def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """RMS of the residuals, (2,): [m/s] and [rad/s]."""
-        return np.sqrt((self.residuals(given) ** 2).reshape(-1, 2, 3).sum(axis=2).mean(axis=0))
+        return np.sqrt((self.residuals(given, rule) ** 2).reshape(-1, 2, 3).sum(axis=2).mean(axis=0))
+
+    def shares(self, given: LogMap) -> Array:
+        """The errors as shares of what there is to explain, (2,).
+
+        Shares, for a log read in millimetres throughout has small errors too.
+        """
+        return np.asarray(np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION))
 
     def motion(self, given: LogMap) -> Array:
         """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
@@ -126,12 +139,8 @@ class Evidence:
         return np.sqrt((seen**2).sum(axis=2).mean(axis=0))
 
     def misfit(self, given: LogMap) -> float:
-        """One figure for both identities: the mean logarithm of their errors, each as a share of the motion.
-
-        As shares, for a log read in millimetres throughout has small errors too.
-        """
-        shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
-        return float(np.log(shares).mean())
+        """One figure for both identities, the mean logarithm of their shares."""
+        return float(np.log(self.shares(given)).mean())
 
     def upright(self, block: Attitude) -> bool:
         """Whether the vehicle's down axis mostly points down."""

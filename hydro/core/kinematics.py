@@ -26,8 +26,10 @@ Array = NDArray[np.float64]
 
 LEAST = 6  # windows; fewer show nothing
 TIE = 0.05  # relative difference of misfits that is none
-DOUBT = 0.25  # unexplained share of the motion from which every combination of frames is tried
+DOUBT = 0.5  # unexplained share of the motion from which every combination of frames is tried
+UNEXPLAINED = 0.7  # share from which a reading explains nothing, so that it cannot be better than another
 TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard errors it must be off 1/2
+TESTED = 6.0  # standard errors from which a sign counts as tested: one axis of six by chance would be too many
 UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
 MOSTLY = 0.9
 STARTS = 8  # best combinations of frames from which single signs are tried
@@ -78,7 +80,7 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:
     """The map that the data follow: the least change of the declared one that explains as much as any."""
     found = declared
-    if (evidence.errors(declared) ** 2 > DOUBT * evidence.motion(declared) ** 2).any():
+    if (evidence.shares(declared) > DOUBT).any():
         found = _among_all(evidence, declared)
     return _pruned(evidence, declared, _polished(evidence, declared, found))
 
@@ -175,7 +177,14 @@ def _without(declared: LogMap, found: LogMap, change: Change) -> LogMap:
 
 
 def _speaks_for(evidence: Evidence, first: LogMap, second: LogMap) -> float | None:
-    """Standard errors by which c is above 1/2 where the data demand the second reading; None otherwise."""
+    """Standard errors by which c is above 1/2 where the data demand the second reading; None otherwise.
+
+    It must also explain the motion on which it is better: a smaller unit makes every error smaller.
+    """
+    before, after = evidence.shares(first), evidence.shares(second)
+    better = int(np.argmax(before / after))
+    if not after[better] < min(before[better], UNEXPLAINED):
+        return None
     c, error = _contrast(evidence, first, second)
     sureness = (c - 0.5) / error
     return sureness if c > TELLING and sureness > SURE else None
@@ -213,13 +222,14 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
     for change in flips(found):
         if change.block in ("velocity", "rates") and change.flip is not None:
             c, error = _contrast(evidence, found, change.apply(found))
-            if not c + SURE * error < 0.5:
+            if not (c < 1.0 - TELLING and c + TESTED * error < 0.5):
                 untested.append(measured(getattr(found, change.block))[change.flip].column)
     if untested:
         yield f"too little motion to test the sign of {', '.join(untested)}"
     allowed = _least_errors(evidence, found)
+    closest = np.min([evidence.errors(found, rule) for rule in evidence.rules], axis=0)
     for reached, least, pose, source in zip(
-        evidence.errors(found), allowed, ("position", "attitude"), ("velocity", "rates"), strict=True
+        closest, allowed, ("position", "attitude"), ("velocity", "rates"), strict=True
     ):
         if reached < DEAD_RECKONED * least:
             yield (
@@ -249,7 +259,7 @@ def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
         ("position", errors[0], motion[0], 0.05, "m/s"),
         ("attitude", errors[1], motion[1], 0.02, "rad/s"),
     ):
-        if error > floor and error > 0.7 * whole:
+        if error > floor and error > UNEXPLAINED * whole:
             yield (
                 f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged velocity by "
                 f"{error:.2g} {unit}, and no choice of frames, units and signs mends it: look for a wrong "
