@@ -3,8 +3,9 @@
 Two levels: the wrench that the model leaves out, and predictions of 1, 5 and 20 s begun again and again
 along the recording and of the whole run (`core.misfit`).  Shares of the unexplained error are of the sum of
 squares above the noise floor.  Axes are weighed against each other by the vehicle's inertia: wrenches by
-r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise.  All
-axes together, `all` or `pose`, are the force on the dry mass, or its speed or distance, that measures as much.
+r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise.
+All axes together, `all` or `pose`, are the force on the dry mass, or its speed or distance, that measures as
+much.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ from hydro.core.metrics import INTERVAL, SAMPLES
 from hydro.core.misfit import HORIZONS, Misfit, Motion, force, replay
 from hydro.core.recording import Array, recording
 from hydro.core.vehicle import Vehicle
+
+NOISE_KNOWN = 0.1
+"""Part of its own size to which the noise floor is known, in squares."""
+SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay clear of noise, for six axes
 
 Codes = NDArray[np.int64]
 Line = dict[str, Any]
@@ -113,10 +118,11 @@ class _Lines:
         excess = misfit.weight * (misfit.squares - misfit.noise)
         sums = excess.sum(axis=0)
         self.drawn = _draws(int(misfit.block.max()) + 1, self.seed)
-        sure = sums > 0.0
+        clear = misfit.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
+        sure = clear.sum(axis=0) > 0.0
         if self.drawn is not None:
-            by_block = _by_block(excess, np.zeros(len(excess), np.int64), 1, misfit.block)[:, 0]
-            sure &= np.percentile(self.drawn @ by_block, INTERVAL[0], axis=0) > 0.0
+            by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
+            sure &= np.percentile(self.drawn @ by_block, SURE, axis=0) > 0.0
         # Where an axis' errors are no more than noise, none of it is unexplained.
         self.axis_share = np.where(sure, sums, 0.0) / max(float(sums[sure].sum()), 1e-300)
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)

@@ -3,7 +3,8 @@
 Force.  The measured velocity less the integral of the model's acceleration along the smoothed motion
 changes only where the model's forces are wrong; its smoothed derivative times M is the wrench that is
 missing.  The smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true
-model noise alone is left.
+model noise alone is left.  What changes faster than FASTEST is nearly all noise in any log: it counts among
+the bands of frequency only.
 
 Replay.  Predictions of a few seconds begin again and again along the recording, at the smoothed motion; and
 one prediction runs from the first row of every session to its last.
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -39,13 +40,16 @@ Rows = NDArray[np.int64]
 
 HORIZONS = (1.0, 5.0, 20.0)
 """How far ahead predictions look [s]."""
+FASTEST = 2.0
+"""Frequency of the fastest change of force that counts [Hz]."""
 BANDS = (
     ("in motions slower than 10 s", 0.0, 0.1),
     ("in motions of 2 to 10 s", 0.1, 0.5),
-    ("in motions of 0.5 to 2 s", 0.5, 2.0),
-    ("in motions faster than 0.5 s", 2.0, np.inf),
+    ("in motions of 0.5 to 2 s", 0.5, FASTEST),
+    ("in motions faster than 0.5 s", FASTEST, np.inf),
 )
 """Bands of frequency [Hz], by the time that a motion takes."""
+SLOW = ("", 0.0, FASTEST)
 POSE_UNITS = ("m",) * 3 + ("rad",) * 3
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
@@ -148,8 +152,8 @@ def force(
         seed: Of the noise.
 
     Returns:
-        Squares of the wrench [N, N m]; squares of its part in each of BANDS, one band after the other; and
-        the family that tells the bands apart.
+        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after
+        the other; and the family that tells the bands apart.
     """
     rng = np.random.default_rng(seed)
     found = _missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
@@ -168,16 +172,16 @@ def force(
         WRENCH_UNITS,
         mass / inertia,
         rows,
-        pieces.total(found**2),
-        pieces.total(floor**2),
+        pieces.total(next(_bands(found, record, [SLOW])) ** 2),
+        pieces.total(next(_bands(floor, record, [SLOW])) ** 2),
         pieces.block,
     )
     count = len(BANDS)
     banded = replace(
         whole,
         rows=np.tile(rows, count),
-        squares=np.concatenate([pieces.total(band**2) for band in _bands(found, record)]),
-        noise=np.concatenate([pieces.total(band**2) for band in _bands(floor, record)]),
+        squares=np.concatenate([pieces.total(band**2) for band in _bands(found, record, BANDS)]),
+        noise=np.concatenate([pieces.total(band**2) for band in _bands(floor, record, BANDS)]),
         block=np.tile(pieces.block, count),
     )
     code = np.repeat(np.arange(count), len(rows))
@@ -268,10 +272,10 @@ def _missing_wrench(
     return wrench
 
 
-def _bands(wrench: Array, record: Recording) -> Iterator[Array]:
+def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
     """Parts of a wrench (N, 6) in each band; segment by segment, as if each were followed by its mirror."""
     spectra = [dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
-    for _, low, high in BANDS:
+    for _, low, high in bands:
         out = np.empty_like(wrench)
         for (a, b), spectrum in zip(record.segments, spectra, strict=True):
             frequency = np.arange(b - a) / (2.0 * (b - a) * record.dt)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +77,11 @@ def rank(unexplained: Array, rows: Array, block: Codes, families: Sequence[Famil
         search.forget(axis)
     rests = [_rest(axis, left[:, axis], found) for axis in range(unexplained.shape[1])]
     material = [rest for rest in rests if rest.share >= MATERIAL]
-    return [*sorted(found, key=_share, reverse=True), *sorted(material, key=_share, reverse=True)]
+    listed = [*sorted(found, key=_share, reverse=True), *sorted(material, key=_share, reverse=True)]
+    # Noise makes some of what is left negative: the parts of an axis' error must not exceed the whole.
+    parts = [sum(place.share for place in listed if place.axis == axis) for axis in range(len(rests))]
+    scale = np.minimum(unexplained.sum(axis=0) / np.maximum(parts, 1e-300), 1.0)
+    return [replace(place, share=place.share * float(scale[place.axis])) for place in listed]
 
 
 def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:

@@ -92,5 +92,7 @@ def _percent(share: pl.Expr) -> pl.Expr:
 
 
 def _figure(value: float) -> str:
-    """Three significant figures."""
-    return f"{value:#.3g}".rstrip(".") if 1e-4 <= value < 1e4 else f"{value:.3g}"
+    """Two significant figures: four columns of pairs have to stand side by side."""
+    if value >= 10.0:
+        return f"{value:.0f}"
+    return f"{value:#.2g}" if value >= 1e-4 else f"{value:.1g}"
