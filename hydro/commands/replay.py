@@ -104,20 +104,20 @@ def replay(
         "timestep": timestep,
     }
 
-    def artefact(kind: str, frame: pl.DataFrame) -> Artefact:
+    def made(kind: str, frame: pl.DataFrame) -> Artefact:
         inputs = [source, *trained]
         return table.make(
             kind, frame, stage="replay", parameters=parameters, inputs=inputs, vehicle_text=text
         )
 
     if metrics is not None:
-        write(artefact("metrics", errors), metrics)
+        write(made("metrics", errors), metrics)
     if shows_table(output):
         print_table(replay_errors(errors), REPLAY_TITLE)
         if conditioning != "off" and not (shares := conditioning_shares(errors)).is_empty():
             print_table(shares, CONDITIONING_TITLE.format(conditioning))
     else:
-        write(artefact("replay", series), output)
+        write(made("replay", series), output)
 
 
 def _require_same_effects(name: str, model: Artefact, known: Vehicle) -> None:

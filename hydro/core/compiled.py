@@ -24,7 +24,8 @@ def _cache_folder() -> Path:
     """Folder of compiled kernels for exactly these sources."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(numba.__version__.encode())
-    with contextlib.suppress(importlib.metadata.PackageNotFoundError):  # sim's kernels hold offsets into its structs
+    # sim's kernels hold offsets into MuJoCo's structs
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("mujoco").encode())
     for part in ("core", "sim"):
         for source in sorted((package / part).rglob("*.py")):
