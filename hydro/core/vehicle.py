@@ -61,9 +61,9 @@ class Thruster(_Part, frozen=True):
     """One thruster: a point and direction, or a constant body wrench per newton (axis demand).
 
     The chain is: clip to [-1, 1] -> delay -> {dead band, curve, lag} in the order that `lag` says.
-    `lag = "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag on
-    the normalised rotor speed -> dead band -> curve.  `lag_step` [s], when given, says that the source of the
-    data integrates the lag by explicit Euler at that step.
+    `lag = "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag
+    on the normalised rotor speed -> dead band -> curve.  `lag_step` [s], when given, says that the source of
+    the data integrates the lag by explicit Euler at that step.
     """
 
     name: str
