@@ -14,6 +14,7 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 WORLDS = ("NED", "ENU", "NWU")
 BODIES = ("FRD", "FLU")
 FLIP_COST = 1.5  # of reversing one column, in settings: to exchange frames is the more usual mistake
+RARE = 0.1  # more for NWU than for ENU, where both fit: they differ by a turn of world and heading alike
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,9 @@ class Change:
 
     @property
     def cost(self) -> float:
-        """How much evidence it needs beside others that explain as much: settings changed, flips dearer."""
-        return float(len(self.settings)) if self.flip is None else FLIP_COST
+        """How far it is from what was declared, in settings; between equals the usual one is nearer."""
+        rare = sum(value == "NWU" for _, value in self.settings)
+        return len(self.settings) + RARE * rare if self.flip is None else FLIP_COST
 
     def apply(self, given: LogMap) -> LogMap:
         """The map with this change."""
