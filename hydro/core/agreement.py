@@ -83,7 +83,7 @@ class Evidence:
             R = attitude(block)
             step = np.swapaxes(R[:, :-1], -1, -2) @ R[:, 1:]
             turns = Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec().reshape(count, rows - 1, 3)
-            return turns.sum(axis=1) / self.length
+            return np.asarray(turns.sum(axis=1) / self.length)
 
         @cache
         def velocity(block: Velocity) -> Array:
@@ -124,7 +124,8 @@ class Evidence:
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """RMS of the residuals, (2,): [m/s] and [rad/s]."""
-        return np.sqrt((self.residuals(given, rule) ** 2).reshape(-1, 2, 3).sum(axis=2).mean(axis=0))
+        squares = (self.residuals(given, rule) ** 2).reshape(-1, 2, 3).sum(axis=2)
+        return np.asarray(np.sqrt(squares.mean(axis=0)))
 
     def shares(self, given: LogMap) -> Array:
         """The errors as shares of what there is to explain, (2,).
@@ -136,7 +137,7 @@ class Evidence:
     def motion(self, given: LogMap) -> Array:
         """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
         seen = np.stack([self.travel(given.position), self.turning(given.attitude)], axis=1)
-        return np.sqrt((seen**2).sum(axis=2).mean(axis=0))
+        return np.asarray(np.sqrt((seen**2).sum(axis=2).mean(axis=0)))
 
     def misfit(self, given: LogMap) -> float:
         """One figure for both identities, the mean logarithm of their shares."""
