@@ -24,24 +24,23 @@ def exact(shots, record):
 
 
 @pytest.mark.parametrize(
-    "effect",
+    ("effect", "tolerance"),
     [
-        {"name": "command_delay", "d": 0.033},
-        {"name": "thruster_lag", "dT": 0.2},
-        {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
-        {"name": "ocean_current", "v_N": 0.3},
+        ({"name": "command_delay", "d": 0.033}, 1e-5),
+        ({"name": "thruster_lag", "dT": 0.2}, 1e-5),
+        ({"name": "ocean_current", "v_N": 0.3}, 1e-5),
+        # Memories are worked out along the smoothed motion, not the true one.
+        ({"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]}, 1e-3),
     ],
-    ids=lambda effect: effect["name"],
 )
-def test_a_shot_from_within_a_session_follows_the_session(effect):
+def test_a_shot_from_within_a_session_follows_the_session(effect, tolerance):
     """Rotors, late commands and memories go on over the beginning of a shot; 500 Hz against 50 Hz steps."""
     vehicle = damped(effect)
-    raw = moved(vehicle, rows=600)
-    record = recording(raw, vehicle)
+    record = recording(moved(vehicle, rows=600), vehicle)
     shots = exact(shooting.aim(record), record)
     predicted = shooting.predict(shooting.load(candidate(vehicle), shots), shots)
-    np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=1e-4)
-    np.testing.assert_allclose(predicted[..., 7:], shots.measured[..., 7:], atol=1e-4)
+    np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=tolerance)
+    np.testing.assert_allclose(predicted[..., 7:], shots.measured[..., 7:], atol=tolerance)
 
 
 def test_a_late_log_looks_back_on_what_was_before_the_comparison():
