@@ -198,7 +198,8 @@ class _Lines:
         positive = np.maximum(_by_block(self.unexplained, family.code, len(family.words), once)[0], 0.0)
         whole = np.maximum(positive.sum(axis=0), self.axis_share)
         shares = positive * self.axis_share / np.maximum(whole, 1e-300)
-        return np.hstack([shares, shares.sum(axis=1, keepdims=True)])
+        with_all: Array = np.minimum(np.hstack([shares, shares.sum(axis=1, keepdims=True)]), 1.0)
+        return with_all
 
 
 def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None) -> Iterator[Line]:
@@ -214,7 +215,7 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
     masks = places.find({words for _, words in wanted}, found)
     for axis, words in sorted(wanted):
         if (met := masks.get(words)) is not None:
-            share = max(float(lines.unexplained[met, axis].sum()), 0.0)
+            share = float(np.clip(lines.unexplained[met, axis].sum(), 0.0, 1.0))
             yield lines.place(places.Place(words, axis, met, share), None)
 
 

@@ -174,6 +174,7 @@ def test_shares_are_parts_of_one_whole():
         velocity = part.filter(~pl.col("axis").is_in(POSE))
         assert velocity["share"].sum() <= 1.0 + 1e-9, (by, level, horizon)
         assert velocity["share"].min() >= 0.0
+    assert table["share"].max() <= 1.0
 
 
 def test_a_comparison_keeps_its_schema(true_model):

@@ -1,0 +1,184 @@
+"""`hydro compare` from the command line: artefact, pipe, terminal, an earlier comparison, bad input."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from hydro import cli
+from hydro.io import table
+from hydro.report import comparison
+
+ROOT = Path(__file__).resolve().parents[1]
+VEHICLE = ROOT / "datasets" / "stonefish" / "vehicle.toml"
+HYDRO = [sys.executable, "-m", "hydro.cli"]
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a short recording, a vehicle with more damping, and comparisons of both vehicles."""
+    folder = tmp_path_factory.mktemp("compare")
+    sample = table.read(ROOT / "datasets" / "stonefish" / "replay90.parquet").frame
+    for name, rows in (("raw", sample[:2500]), ("other", sample[2000:])):
+        table.write(
+            table.make("raw", rows, stage="import", vehicle_text=VEHICLE.read_text()),
+            folder / f"{name}.parquet",
+        )
+    damping = '\n[[effect]]\nname = "linear_damping"\ndiagonal = [230, 250, 230, 12, 18, 30]\n'
+    (folder / "damped.toml").write_text(VEHICLE.read_text() + damping)
+    assert run("compare", VEHICLE, folder / "raw.parquet", "-o", folder / "before.parquet") == (0, "", "")
+    return folder
+
+
+def run(*arguments: object) -> tuple[int, str, str]:
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        code = cli.main([str(argument) for argument in arguments])
+    return code, out.getvalue(), error.getvalue()
+
+
+def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None:
+    made = table.read(work / "before.parquet", "comparison")
+    assert run("check", work / "before.parquet")[0] == 0
+    assert made.provenance.stage == "compare"
+    assert made.provenance.vehicle == VEHICLE.read_text()
+    assert [one.kind for one in made.provenance.inputs if one.kind != "vehicle"] == ["raw"]
+
+
+def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
+    done = subprocess.run(
+        [*HYDRO, "compare", str(VEHICLE)],
+        input=(work / "raw.parquet").read_bytes(),
+        capture_output=True,
+        env=ENVIRONMENT,
+        timeout=300,
+    )
+    assert done.stderr == b""
+    assert done.stdout == (work / "before.parquet").read_bytes()
+
+
+def test_an_earlier_comparison_stands_beside(work: Path) -> None:
+    line = ["compare", work / "damped.toml", work / "raw.parquet", "--against", work / "before.parquet"]
+    assert run(*line, "-o", work / "after.parquet") == (0, "", "")
+    made = table.read(work / "after.parquet", "comparison")
+    inputs = [one.kind for one in made.provenance.inputs if one.kind != "vehicle"]
+    assert inputs == ["raw", "comparison"]
+    before = table.read(work / "before.parquet").frame.filter(level="force", by="all")
+    after = made.frame.filter(level="force", by="all")
+    assert after["before"].equals(before["rmse"].alias("before"))
+    assert (after.filter(axis="all")["rmse"] < after.filter(axis="all")["before"]).all()
+
+
+def on_terminal(*arguments: object) -> tuple[int, str]:
+    """Exit code and stdout of a command whose stdout is a terminal."""
+    leader, follower = pty.openpty()
+    process = subprocess.Popen(
+        [*HYDRO, *map(str, arguments)],
+        stdout=follower,
+        stderr=subprocess.PIPE,
+        env=ENVIRONMENT | {"TERM": "dumb", "COLUMNS": "100"},
+    )
+    os.close(follower)
+    printed = b""
+    with contextlib.suppress(OSError):
+        while chunk := os.read(leader, 65536):
+            printed += chunk
+    os.close(leader)
+    return process.wait(), printed.decode()
+
+
+def test_a_terminal_gets_tables_and_no_file(work: Path) -> None:
+    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet")
+    assert code == 0
+    assert "PAR1" not in printed
+    for words in ("Force that the model leaves out", "1 s", "20 s", "whole run", "Where it fails", "surge"):
+        assert words in printed
+    assert re.search(r"\d+ % of the unexplained error in \d+ % of the time", printed)
+    line = ["compare", work / "damped.toml", work / "raw.parquet", "--against", work / "before.parquet"]
+    code, printed = on_terminal(*line)
+    assert code == 0
+    assert " -> " in printed
+    assert "Where it failed before" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["{vehicle}", "nowhere.parquet"], 1, r"nowhere\.parquet: no such file"),
+        (["nowhere.toml", "{work}/raw.parquet"], 1, r"nowhere\.toml"),
+        (["{vehicle}", "{work}/before.parquet"], 1, r"before\.parquet"),
+        (["{vehicle}", "{work}/raw.parquet", "--against", "{work}/raw.parquet"], 1, r"raw\.parquet"),
+        (
+            ["{vehicle}", "{work}/other.parquet", "--against", "{work}/before.parquet"],
+            1,
+            r"before\.parquet: a comparison with another recording; name one",
+        ),
+        (
+            ["{root}/datasets/vehicles/bluerov2_heavy.toml", "{work}/short.parquet"],
+            1,
+            r"short\.parquet: .+longer",
+        ),
+        (["{root}/datasets/vehicles/remus100.toml", "{work}/raw.parquet"], 1, r"raw\.parquet: .+ thrusters"),
+        ([], 2, r"missing argument"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(arguments: list[str], code: int, message: str, work: Path) -> None:
+    short = table.read(work / "raw.parquet").frame[:4]
+    table.write(table.make("raw", short, stage="import"), work / "short.parquet")
+    line = [one.format(vehicle=VEHICLE, work=work, root=ROOT) for one in arguments]
+    found, out, error = run("compare", *line, "-o", work / "never.parquet")
+    assert (found, out) == (code, "")
+    assert re.fullmatch(rf"hydro: .*{message}.*\n", error), error
+    assert not (work / "never.parquet").exists()
+
+
+def test_a_headline_where_nothing_is_left() -> None:
+    frame = pl.DataFrame(
+        {
+            "level": ["force"], "by": ["all"], "axis": ["Z"], "place": ["all"], "rows": [10], "rmse": [1.0],
+            "share": [0.0], "rank": [None], "unit": ["N"],
+        },
+        schema_overrides={"rank": pl.Int64},
+    )  # fmt: skip
+    assert comparison.headline(frame) == "Nothing is left that noise does not explain."
+    ranked = frame.with_columns(by=pl.lit("place"), place=pl.lit("while diving"), share=0.416, rank=1, rows=1)
+    told = comparison.headline(pl.concat([frame, ranked.cast({"rank": pl.Int64, "rows": pl.Int64})]))
+    assert told == "Heave while diving: 42 % of the unexplained error in 10 % of the time."
+
+
+def test_real_recordings_with_a_changed_vehicle(stonefish: Path) -> None:
+    """A weak thruster 3 (front left to right aft pushes yaw) and a current, with the same damping."""
+    from hydro.core.compare import compare
+    from hydro.core.fit import fit
+    from hydro.io import vehicle
+
+    known = vehicle.read(VEHICLE)[0]
+    nominal = (
+        pl.read_parquet(stonefish / "nominal_test.parquet")
+        .group_by("session", maintain_order=True)
+        .head(1500)
+    )
+    model = fit(known, nominal, ["linear_damping", "quadratic_damping"], method="equation").vehicle
+
+    def forces(name: str) -> dict[str, float]:
+        raw = pl.read_parquet(stonefish / f"{name}.parquet")
+        whole = compare(model, raw).filter(level="force", by="all")
+        return dict(whole.select("axis", "rmse").iter_rows())
+
+    ordinary, weak, drifting = (
+        forces(n) for n in ("replay90", "v3_thruster3_replay90", "v1_current_replay90")
+    )
+    assert weak["N"] > 2.0 * ordinary["N"]
+    assert drifting["X"] > 1.4 * ordinary["X"]
+    assert drifting["Y"] > 1.4 * ordinary["Y"]
+    assert drifting["N"] < 1.3 * ordinary["N"]
