@@ -242,22 +242,31 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
 def _least_errors(evidence: Evidence, found: LogMap) -> Array:
     """Errors that noise of the velocities alone leaves, (2,); 0 where they carry hardly any."""
     steps = evidence.t.shape[1] - 1
-    if steps < 8:
-        return np.zeros(2)
-    noise = []
-    for values, least in ((evidence.velocity(found.velocity), 3e-4), (evidence.spinning(found.rates), 3e-5)):
-        size = np.median(np.abs(np.diff(values, 4, axis=1)), axis=(0, 1)) / (0.6745 * np.sqrt(70.0))
-        total = float(np.linalg.norm(size))
-        noise.append(total / np.sqrt(steps) if total > least else 0.0)
-    return np.array(noise)
+    noise = np.array([_white(evidence.velocity(found.velocity)), _white(evidence.spinning(found.rates))])
+    return np.where(noise > 3.0 * RESOLUTION, noise / np.sqrt(steps), 0.0)
+
+
+def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
+    """Errors that noise of position and attitude alone leaves, (2,): they count at both ends of a window."""
+    turns = _white(evidence.attitude(found.attitude).reshape(*evidence.t.shape, 9)) / np.sqrt(2.0)
+    noise: Array = np.array([_white(evidence.placed(found.position)), turns])
+    return noise * float(np.sqrt(2.0) / evidence.length)
+
+
+def _white(values: Array) -> float:
+    """Standard deviation of a vector's white noise by its fourth differences, over all components."""
+    if values.shape[1] < 5:
+        return 0.0
+    size = np.median(np.abs(np.diff(values, 4, axis=1)), axis=(0, 1)) / (0.6745 * np.sqrt(70.0))
+    return float(np.linalg.norm(size))
 
 
 def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
     """What looks wrong in a way that no other reading mends."""
     errors, motion = evidence.errors(found), evidence.motion(found)
-    for name, error, whole, floor, unit in (
-        ("position", errors[0], motion[0], 0.05, "m/s"),
-        ("attitude", errors[1], motion[1], 0.02, "rad/s"),
+    least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
+    for name, error, whole, floor, unit in zip(
+        ("position", "attitude"), errors, motion, least, ("m/s", "rad/s"), strict=True
     ):
         if error > floor and error > UNEXPLAINED * whole:
             yield (
