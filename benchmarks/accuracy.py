@@ -1,9 +1,10 @@
-"""Which integrator and step should a user take?  Replay error against simulated seconds per wall second.
+"""Which integrator and step should a user take?  Replay error against simulated seconds per second.
 
 A vehicle with all effects of its file flies 60 s, as twelve segments of 5 s, each from a state and under
 commands of its own, once by `core.simulate` at a step of 0.25 ms and once in MuJoCo for every integrator and
 step.  Commands are held for 20 ms, as in a log of 50 Hz.  The error of a setting is the root mean square of
-the difference in velocity (u, v, w) over all segments; speed is that of one thread, a median over rounds.
+the difference in velocity (u, v, w) over all segments.  Speed is that of one thread, by its processor time,
+which on an idle machine is wall time; a median over rounds.
 
     python benchmarks/accuracy.py -o accuracy.parquet --plot docs/images/accuracy.png
 """
@@ -78,9 +79,9 @@ def measure(vehicle: Vehicle, rounds: int, steps: tuple[float, ...]) -> pl.DataF
             k = (turn + k) % len(settings)
             student = students[k]
             student.start(eta, nu)
-            begin = time.perf_counter()
+            begin = time.process_time()
             motion = student.fly(commands, round(HELD / settings[k][1]))
-            seconds[turn, k] = time.perf_counter() - begin
+            seconds[turn, k] = time.process_time() - begin
             apart = motion - truth
             errors[k] = (
                 np.sqrt(np.mean(apart[..., 6:9] ** 2)),
@@ -147,7 +148,7 @@ def plot(table: pl.DataFrame, path: Path) -> None:
         fontsize=8,
         color="#555555",
     )
-    axes.set_xlabel("simulated seconds per wall second, one thread")
+    axes.set_xlabel("simulated seconds per second of one core")
     axes.set_ylabel("velocity error, rms [m/s]")
     axes.set_title(
         f"{table['vehicle'][0]} with all effects; numbers are steps in ms", loc="left", fontsize=10.5
@@ -155,7 +156,8 @@ def plot(table: pl.DataFrame, path: Path) -> None:
     axes.grid(color="#E6E6E6", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
+    axes.set_ylim(top=10 * noise)
+    axes.legend(frameon=False, loc="lower right")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Software": ""})
 
