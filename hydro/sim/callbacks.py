@@ -8,8 +8,8 @@ through the water, `passive` adds for each vehicle::
 
 [omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a
 current that is steady in the world turns in the body (`core.dynamics`).  `sensor` runs once per step, on the
-state that the step begins with: it begins control steps and sets internal states at the start.  `rate` and
-`thrust` are the thrusters' lag and thrust.
+state that the step begins with: it begins control steps and sets internal states at the start.  `rate` is the
+thrusters' lag, and `thrust` their thrust where it is more than a multiple of the lag state.
 
 The kernels are those of `core`, the same that `core.simulate` runs; parameters lie in numeric fields
 (`sim.water`) and states in activations.
