@@ -12,7 +12,19 @@ from typing import Annotated
 
 import typer
 
-from hydro.commands import collect, compare, data, demo, files, fit, imports, models, physics, replay
+from hydro.commands import (
+    collect,
+    compare,
+    data,
+    demo,
+    diagnose,
+    files,
+    fit,
+    imports,
+    models,
+    physics,
+    replay,
+)
 
 HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
 
@@ -23,7 +35,7 @@ and so commands compose in a pipe:
   hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 """
 
-GROUPS = (demo, files, collect, imports, data, models, replay, physics, fit, compare)
+GROUPS = (demo, files, collect, imports, data, models, replay, physics, fit, compare, diagnose)
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
 app = typer.Typer(

@@ -80,7 +80,8 @@ def _series(draw: st.DrawFn, key: tuple[str, ...], rows: int) -> dict[str, pl.Se
 
 def _plain(field: Field, rows: int, rng: np.random.Generator) -> pl.Series:
     """An ordinary column of numbers; Hypothesis would take too long over every one of sixty."""
-    low, high = field.constraints.minimum or -1e3, field.constraints.maximum or 1e3
+    least, most = field.constraints.minimum, field.constraints.maximum
+    low, high = -1e3 if least is None else least, 1e3 if most is None else most
     return pl.Series(rng.uniform(low, high, rows) * 0.999).cast(TYPES[str(rng.choice(field.arrow_type))])
 
 
@@ -100,14 +101,23 @@ def _column(field: Field, rows: int) -> st.SearchStrategy[pl.Series]:
     if field.type == "integer":
         integers = st.integers(int(rule.minimum or 0), 2**31 - 1)
         return st.lists(integers, min_size=rows, max_size=rows).map(lambda v: pl.Series(v, dtype=pl.Int64))
+    if field.type == "boolean":
+        return st.lists(st.booleans(), min_size=rows, max_size=rows).map(pl.Series)
     if field.type == "array":
         return st.lists(_array(field), min_size=rows, max_size=rows).map(
-            lambda v: pl.Series(v, dtype=pl.List(pl.Int64 if "int" in field.arrow_type[0] else pl.Float32))
+            lambda v: pl.Series(v, dtype=pl.List(_inner(field)))
         )
     return st.sampled_from(field.arrow_type).flatmap(lambda width: _numbers(field, width, rows))
 
 
+def _inner(field: Field) -> type[pl.DataType]:
+    name = field.arrow_type[0]
+    return pl.Int64 if "int" in name else pl.String if "string" in name else pl.Float32
+
+
 def _array(field: Field) -> st.SearchStrategy[list[Any]]:
+    if "string" in field.arrow_type[0]:
+        return st.lists(texts, max_size=3)
     if "int" in field.arrow_type[0]:
         return st.lists(st.integers(0, 4), max_size=3)
     return st.lists(st.floats(-1e6, 1e6, width=32), max_size=5)

@@ -47,6 +47,7 @@ KINDS = (
     "replay",
     "commands",
     "comparison",
+    "diagnosis",
 )
 """The kinds of table that hydro reads and writes."""
 

@@ -50,7 +50,7 @@ def test_every_field_says_all_it_must(kind: str) -> None:
     for field in content["fields"]:
         described = {"name", "type", "constraints", "arrowType", "unit", "frame", "source", "description"}
         assert described <= field.keys()
-        assert field["type"] in {"string", "number", "integer", "array"}
+        assert field["type"] in {"string", "number", "integer", "array", "boolean"}
         assert field["description"].endswith(".")
         if field["type"] == "number":
             assert {"float32", "float64"} == set(field["arrowType"])

@@ -1,0 +1,132 @@
+"""`diagnose` and `add`: what is missing in a vehicle file, and the file with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hydro.commands.shell import STREAM, Output, about, progress, read, shows_table, write
+
+if TYPE_CHECKING:
+    from hydro.core.findings import Diagnosis
+    from hydro.io.provenance import Provenance
+
+
+def diagnose(
+    vehicle: Annotated[
+        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
+    ],
+    measured: Annotated[
+        str,
+        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
+    ] = STREAM,
+    output: Output = STREAM,
+) -> None:
+    """Find which physical effects are missing in a vehicle file, and how sure that is.
+
+    The file's own effects are fitted anew first; then the whole catalogue is held against what they leave
+    unexplained. A finding says how much of the error it explains, how sure its name is and which effects
+    could be behind it as well, its values with standard errors, and what to do or to fly next. On a terminal
+    without -o this is printed and nothing is written; hydro add writes what was found into the vehicle file.
+    """
+    from hydro.core import effects
+    from hydro.core.diagnose import diagnose as compute
+    from hydro.io import table
+    from hydro.io import vehicle as vehicles
+
+    known, text = vehicles.read(vehicle)
+    with about(str(vehicle)):
+        effects.validate(known)
+    source = read(measured, "raw")
+    with about(measured), progress("diagnose") as update:
+        found = compute(
+            known,
+            source.frame,
+            report=lambda words, share: update(round(100 * share), 100, words),
+        )
+    if shows_table(output):
+        _print(found)
+        return
+    made = table.make(
+        "diagnosis",
+        found.frame(),
+        stage="diagnose",
+        parameters={"chi2": [round(value, 4) for value in found.chi2]},
+        inputs=[source],
+        vehicle_text=text,
+    )
+    write(made, output)
+
+
+def add(
+    vehicle: Annotated[
+        Path,
+        typer.Argument(metavar="VEHICLE", show_default=False, help="The vehicle file that was diagnosed."),
+    ],
+    diagnosis: Annotated[
+        str,
+        typer.Argument(metavar="DIAGNOSIS", show_default=False, help="Diagnosis; nothing or - is stdin."),
+    ] = STREAM,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="A finding to add; by default all that are missing or to be retuned. Repeat for several.",
+        ),
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Add what a diagnosis found to a vehicle file.
+
+    A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
+    new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
+    and the hash of the recording they came from.
+    """
+    from hydro.core.extend import tables
+    from hydro.io import vehicle as vehicles
+
+    _, text = vehicles.read(vehicle)
+    source = read(diagnosis, "diagnosis")
+    with about(diagnosis):
+        found = tables(source.frame, effect)
+    origin = {"data": _recording(source.provenance), "method": "diagnose"}
+    for table in found:
+        text = vehicles.set_effect(text, table | {"fit": origin})
+    if output == STREAM:
+        vehicles.parse(text)
+        sys.stdout.write(text)
+    else:
+        vehicles.write(text, output)
+
+
+def _recording(provenance: Provenance) -> str:
+    """Hash of the recording that a diagnosis was made from; empty where its footer is lost."""
+    return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
+
+
+def _print(found: Diagnosis) -> None:
+    """One line per finding, and its advice below."""
+    from rich.console import Console
+
+    from hydro.report.diagnosis import lines
+
+    console = Console(highlight=False, markup=False)
+    for line, advice in lines(found.frame()):
+        console.print(line, style="bold")
+        console.print(f"    {advice}")
+    given, own, all_of_it = found.chi2
+    console.print(
+        f"\nMean squared residual (1: nothing but noise): {given:.3g} as given, {own:.3g} with the file's "
+        f"own effects fitted anew, {all_of_it:.3g} with what was found."
+    )
+
+
+COMMANDS = {
+    diagnose: "hydro diagnose datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
+    "-o diagnosis.parquet",
+    add: "hydro add datasets/stonefish/vehicle.toml diagnosis.parquet -o vehicle2.toml",
+}

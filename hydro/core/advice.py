@@ -1,0 +1,88 @@
+"""What to do about a finding, in a sentence or two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hydro.core.effects import CATALOGUE
+
+ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
+
+MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
+    (
+        frozenset({"ocean_current", "tether", "sensor_bias"}),
+        "hold one thrust and turn slowly through all headings: a current stays in the north and east, a "
+        "tether pulls toward its anchor, a bias turns with the vehicle",
+    ),
+    (
+        frozenset({"thruster_lag", "command_delay", "sensor_delay", "added_mass", "fluid_memory"}),
+        "a chirp on surge, sway and yaw from 0.05 to 2 Hz: lag, delay and added mass part in how they grow "
+        "with frequency",
+    ),
+    (
+        frozenset(
+            {
+                "added_mass_coriolis",
+                "body_lift",
+                "added_mass_coupling",
+                "coupled_damping",
+                "crossflow_drag",
+                "sensor_lever_arm",
+            }
+        ),
+        "straight runs at several drift angles, at half and at full speed, then turns on the spot",
+    ),
+    (
+        frozenset({"net_buoyancy", "buoyancy_offset", "payload", "surface_suction"}),
+        "hold still at tilts of 10 to 20 degrees in roll and pitch, both ways, at two depths",
+    ),
+    (
+        frozenset({"sensor_scale", "sensor_misalignment", "sensor_bias", "sensor_delay", "ocean_current"}),
+        "straight runs ahead and sideways, there and back, over distances known from the pose",
+    ),
+    (
+        frozenset(
+            {
+                "thruster_gain",
+                "thruster_asymmetry",
+                "thruster_deadband",
+                "thruster_inflow",
+                "linear_damping",
+                "quadratic_damping",
+            }
+        ),
+        "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust",
+    ),
+)
+"""Effects that are taken for one another, and the motion that parts them."""
+
+
+def separating(members: Sequence[str]) -> str:
+    """The manoeuvre that tells the members of a tie set apart."""
+    count, words = max((len(group & set(members)), words) for group, words in MANOEUVRES)
+    if count >= 2:
+        return f"to tell them apart: {words}"
+    needs = "; ".join(f"for {name}, {CATALOGUE[name].excitation}" for name in members)
+    return f"to tell them apart: {needs}"
+
+
+def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
+    """What adding a missing effect means; a delay of a sample is none of the vehicle's."""
+    if effect in ("command_delay", "sensor_delay") and abs(float(parameters["d"])) <= ONE_SAMPLE * dt:
+        return (
+            "no more than one sample: most likely a convention of the log (whether a command is logged "
+            "before or after it acts), not the vehicle; settle it in the log before believing lag or delay"
+        )
+    return f"add it with `hydro add`; {CATALOGUE[effect].definition}"
+
+
+def retuning(effect: str) -> str:
+    """What to do with an effect of the file that has other values."""
+    return f"the recording asks for other values of {effect}; `hydro add` replaces them"
+
+
+def exciting(effect: str, entries: Sequence[str], of: int) -> str:
+    """Which motion would show an effect that the recording does not."""
+    what = "it" if len(entries) == of else ", ".join(entries)
+    return f"this recording could not show {what}; fly {CATALOGUE[effect].excitation}"

@@ -1,0 +1,239 @@
+"""Which physical effect is missing in a vehicle file, and how sure is that?
+
+The file's own effects are first fitted anew, so that a drag coefficient a quarter wrong is not taken for
+something missing.  Then `core.search` holds the whole catalogue against what is left.  What it names comes
+with its share of the error, the effects that explain it as well (`core.naming`), and what to do next; so does
+what the file has with other values, what the recording could not have shown, and what no effect explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+import polars as pl
+from scipy.stats import f as fisher
+
+from hydro.core import advice, naming, shooting, unexplained
+from hydro.core.errors import DataError
+from hydro.core.findings import Diagnosis, Finding
+from hydro.core.fit import PRIOR, UNDETERMINED, Fit, OutputError, judged
+from hydro.core.normal import block_length, covariance
+from hydro.core.parameters import Free
+from hydro.core.recording import Array, Recording, recording
+from hydro.core.search import (
+    ALPHA,
+    MATERIAL,
+    THOROUGH,
+    VISIBLE,
+    Found,
+    Model,
+    Round,
+    Search,
+    fitted,
+    own_effects,
+)
+from hydro.core.vehicle import Vehicle
+
+Report = Callable[[str, float], None]
+
+LEAST_SHOTS = 16
+KNOWN = 0.5
+"""Share of the error that the findings must explain, or else the catalogue lacks the effect."""
+
+
+def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
+    """Find what is missing in a vehicle file.
+
+    Args:
+        vehicle: The model.
+        raw: Raw table of the measured motion and commands.
+        report: Called with a few words and the share of the work done.
+
+    Returns:
+        Findings, the most telling first.  Shares are of the error beyond the noise that is left once the
+        file's own effects are fitted anew; of `retune` of those effects, of the error of the file as given.
+
+    Raises:
+        DataError: The recording or the vehicle is at fault, or the recording is too short.
+    """
+    told = report or (lambda words, share: None)
+    told("shots", 0.0)
+    record = recording(raw, vehicle)
+    shots = shooting.aim(record)
+    if len(shots.starts) < LEAST_SHOTS:
+        seconds = LEAST_SHOTS * shooting.SECONDS
+        raise DataError(
+            f"{len(shots.starts) * shooting.SECONDS:g} s without a gap are too short for a diagnosis; record "
+            f"at least {seconds:g} s, better some minutes"
+        )
+    base, reach, problem = own_effects(vehicle), record.eta[:, :3], OutputError.of(shots, vehicle)
+    told("the file's own effects", 0.05)
+    given = fitted(vehicle, [], problem, reach, 0)
+    first = fitted(vehicle, base, problem, reach, THOROUGH)
+    search = Search(first, base, reach)
+    model, found, last = search.grow(told)
+    told("looking back", 0.8)
+    model, found, without = search.reconsider(model, found)
+    wanted = [*base, *(one.effect for one in found)]
+    model = fitted(model.vehicle, wanted, model.problem, reach, THOROUGH)
+    told("verdicts", 0.9)
+    result = (
+        judged(model.unknown, model.values, model.normal, model.normal.chi2, "output") if wanted else None
+    )
+    named = [_named(one, search, model, without[one.effect], result, vehicle, record.dt) for one in found]
+    named.sort(key=lambda one: -one.share)
+    left = _left(search, model, named, last, record, raw)
+    findings = [*left, *named] if _unknown(search, model) else [*named, *left]
+    if not findings:
+        findings.append(_nothing(first, last))
+    findings += sorted(_retuned(vehicle, base, given, model, result), key=lambda one: -one.share)
+    findings += _unseen(last, model)
+    told("done", 1.0)
+    chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
+    return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
+
+
+def _named(
+    one: Found,
+    search: Search,
+    model: Model,
+    without: Array,
+    result: Fit | None,
+    vehicle: Vehicle,
+    dt: float,
+) -> Finding:
+    """The finding of one effect that joined the model."""
+    first = search.first
+    pieces = max(block_length(first.normal), 1)
+    share, low, high = naming.share(without - model.costs, first.costs - first.normal.freedom, pieces)
+    tied = naming.wins(one.rivals, one.effect)
+    parameters, errors = _tables(result, one.effect)
+    several = len(tied) > 1
+    words = advice.separating(list(tied)) if several else advice.adding(one.effect, parameters, dt)
+    known = bool(vehicle.effects(one.effect))
+    return Finding(
+        "cannot_tell_apart" if several else "retune" if known else "missing",
+        one.effect,
+        tuple(tied),
+        share,
+        low,
+        high,
+        tied[one.effect],
+        one.p_value,
+        parameters,
+        errors,
+        advice=advice.retuning(one.effect) if known and not several else words,
+    )
+
+
+def _judged(model: Model) -> Fit:
+    """The model's effects with standard errors, and as a passive hull can have them."""
+    return judged(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+
+
+def _tables(result: Fit | None, effect: str) -> tuple[dict[str, object], dict[str, object]]:
+    """Values and standard errors of one fitted effect."""
+    for table in result.tables() if result else ():
+        if table["name"] == effect:
+            values = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
+            return values, dict(table["standard_error"])
+    raise KeyError(effect)
+
+
+def _unknown(search: Search, model: Model) -> bool:
+    """Whether the findings explain less than half of the error."""
+    return model.excess > KNOWN * search.first.excess
+
+
+def _left(
+    search: Search, model: Model, named: Sequence[Finding], last: Round, record: Recording, raw: pl.DataFrame
+) -> list[Finding]:
+    """That structured error remains which no effect explains.
+
+    Structured is what some effect answers to by more than chance, or what is as large as the noise itself.
+    """
+    first = search.first
+    visible = model.excess >= VISIBLE * model.normal.residuals and last.significant
+    plain = model.excess >= model.normal.residuals
+    if not (_unknown(search, model) and (visible or plain)):
+        return []
+    gain = model.costs - model.normal.freedom
+    share, low, high = naming.share(
+        gain, first.costs - first.normal.freedom, max(block_length(model.normal), 1)
+    )
+    where = unexplained.words(model.vehicle, record, raw)
+    return [
+        Finding(
+            "none_of_the_known",
+            share=share,
+            low=low,
+            high=high,
+            p_value=min(last.p_values.values()),
+            advice=f"structured error remains that no effect of the catalogue explains: {where}",
+        )
+    ]
+
+
+def _nothing(first: Model, last: Round) -> Finding:
+    """That the file, its own effects fitted anew, explains the recording."""
+    return Finding(
+        "nothing_missing",
+        p_value=min(last.p_values.values(), default=np.nan),
+        advice=f"mean squared residual {first.normal.chi2:.3g} of the noise (1: nothing but noise)",
+    )
+
+
+def _retuned(
+    vehicle: Vehicle, base: Sequence[str], given: Model, model: Model, result: Fit | None
+) -> Iterator[Finding]:
+    """Effects of the file whose values as given would cost much, and that the recording tells from these.
+
+    Much is measured by the squared error of the model found: so what a share of a poor file's error would
+    pass over does not spoil what is added to it.
+    """
+    reference = {name: dict(table) for name in base for table in vehicle.effects(name)}
+    spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
+    matrix = model.normal.matrix.sum(axis=0)
+    blocks = len(model.normal.gram) // block_length(model.normal)
+    for name in base:
+        entries = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
+        before = _given(model.unknown, entries, reference[name])
+        change = (model.values[entries] - before) / model.unknown.scales[entries]
+        cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
+        if cost < MATERIAL * model.normal.cost:
+            continue
+        wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
+        p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))
+        if p <= ALPHA:
+            values, errors = _tables(result, name)
+            share = float(np.clip(cost / max(given.excess, 1e-9), 0.0, 1.0))
+            yield Finding(
+                "retune",
+                name,
+                (name,),
+                share,
+                p_value=p,
+                parameters=values,
+                standard_errors=errors,
+                advice=advice.retuning(name),
+            )
+
+
+def _given(unknown: Free, entries: Sequence[int], table: Mapping[str, object]) -> Array:
+    """Values of some entries in an effect's table; what it leaves out is 0."""
+    chosen = (unknown.entries[i] for i in entries)
+    found = [np.asarray(table.get(e.parameter, 0.0), float) for e in chosen]
+    return np.array(
+        [float(v[unknown.entries[i].index] if v.ndim else v) for i, v in zip(entries, found, strict=True)]
+    )
+
+
+def _unseen(last: Round, model: Model) -> Iterator[Finding]:
+    """Effects that the recording could not have shown."""
+    for name, (_, columns) in last.ranked.items():
+        spread = last.evidence.standard_errors(last.own, columns, model.normal.chi2)
+        hidden = spread > UNDETERMINED
+        if hidden.all():
+            words = advice.exciting(name, [], 0)
+            yield Finding("not_excited", name, (name,), excited=False, advice=words)

@@ -1,0 +1,152 @@
+"""Is a group of columns needed?  Gains, tests and standard errors from the pieces of a linearised problem.
+
+All questions are of the same form: given the columns that are in the model already, what does a group of
+further columns explain, and could chance do as much?  Chance is asked by flipping the signs of whole blocks
+of the score (Hemerik, Goeman and Finos 2020): it needs no noise model, only blocks that are independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from hydro.core.normal import Normal, block_length
+
+Array = NDArray[np.float64]
+Columns = Sequence[int]
+
+FLIPS = 1999
+RIDGE = 1e-9  # of each column's own size: columns that are alike share what they explain
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A linearised problem in columns of unit size.
+
+    Attributes:
+        matrix: X^T X of each piece, (S, P, P).
+        score: X^T e of each piece, (S, P).
+        error: e^T e of each piece, (S,).
+        size: What each column was divided by, (P,).
+        pieces: Pieces that make one block.
+    """
+
+    matrix: Array
+    score: Array
+    error: Array
+    size: Array
+    pieces: int
+
+    @classmethod
+    def of(cls, normal: Normal) -> Evidence:
+        """Scale the columns of a problem; pieces whose prediction left all bounds are dropped."""
+        kept = np.isfinite(normal.gram[:, -1, -1])
+        matrix, score = normal.matrix[kept], normal.score[kept]
+        size = np.sqrt(np.einsum("sii->i", matrix))
+        size[size == 0.0] = 1.0
+        return cls(
+            matrix / size[:, None] / size,
+            score / size,
+            normal.gram[kept, -1, -1],
+            size,
+            block_length(normal),
+        )
+
+    def solve(self, columns: Columns) -> Array:
+        """Least-squares amounts of some columns, all others absent, in units of `size`; (p,)."""
+        matrix = self.matrix[:, columns][:, :, columns].sum(axis=0) + RIDGE * np.eye(len(columns))
+        return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
+
+    def amounts(self, columns: Columns) -> Array:
+        """The same in the problem's own units."""
+        return self.solve(columns) / self.size[list(columns)]
+
+    def left(self, columns: Columns) -> Array:
+        """What those amounts leave of the squared residual in each piece, (S,)."""
+        found = self.solve(columns)
+        explained: Array = 2.0 * self.score[:, columns] @ found
+        explained -= np.einsum("i,sij,j->s", found, self.matrix[:, columns][:, :, columns], found)
+        return self.error - explained
+
+    def gain(self, given: Columns, group: Columns) -> float:
+        """How much less is left when a group joins the given columns."""
+        return float((self.left(given) - self.left([*given, *group])).sum())
+
+    def standard_errors(self, given: Columns, group: Columns, scale: float) -> Array:
+        """Of a group's amounts beside the given columns, in the problem's own units.
+
+        Args:
+            given: Columns in the model.
+            group: Further columns.
+            scale: Mean square of what is left.
+        """
+        both = [*given, *group]
+        matrix = self.matrix[:, both][:, :, both].sum(axis=0) + RIDGE * np.eye(len(both))
+        spread = np.diag(np.linalg.inv(matrix))[len(given) :]
+        errors: Array = np.sqrt(np.maximum(spread, 0.0) * max(scale, 1.0)) / self.size[list(group)]
+        return errors
+
+
+def p_values(
+    evidence: Evidence, given: Columns, groups: Mapping[str, Columns], seed: int = 0
+) -> dict[str, float]:
+    """Probability that, nothing being missing, the most striking group is as striking as each one.
+
+    The statistic of a group is m^T V^-1 m of its score m against the model without it, on the scale of a
+    normal deviate so that groups of different size compare.  V and the flipped scores are of the residual
+    that is left *with* the group, each block's by a fit without that block: so an effect that is plainly
+    there does not hide in its own spread, and the level is kept where blocks have leverage.
+
+    Args:
+        evidence: The problem.
+        given: Columns in the model already.
+        groups: Columns of each group; one of more than half as many columns as blocks gets 1.
+        seed: Of the flips.
+    """
+    starts = np.arange(0, len(evidence.error), evidence.pieces)
+    signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), size=(FLIPS, len(starts)))
+    struck: dict[str, float] = {}
+    highest = np.full(FLIPS, -np.inf)
+    for name, group in groups.items():
+        if 2 * len(group) > len(starts):
+            continue
+        score, loose = _scores(evidence, given, group, starts)
+        struck[name] = float(_deviates(score[None], loose)[0])
+        highest = np.maximum(highest, _deviates(signs @ loose, loose))
+    return {
+        name: (1.0 + np.count_nonzero(highest >= struck[name])) / (FLIPS + 1.0) if name in struck else 1.0
+        for name in groups
+    }
+
+
+def _deviates(sums: Array, blocks: Array) -> Array:
+    """Quadratic form of each sum (F, p) in the blocks' sum of squares, as a normal deviate; (F,)."""
+    spread = blocks.T @ blocks
+    spread += (1e-9 * np.trace(spread) + 1e-300) * np.eye(len(spread))
+    form = np.einsum("fi,ij,fj->f", sums, np.linalg.inv(spread), sums)
+    tail = chi2.logsf(np.maximum(form, 0.0), len(spread))
+    # Beyond what a double can tell the form itself keeps the order.
+    deviates: Array = np.where(
+        tail > -700.0, -norm.ppf(np.exp(np.maximum(tail, -700.0))), np.sqrt(np.maximum(form, 0.0))
+    )
+    return deviates
+
+
+def _scores(
+    evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Score (p,) of columns made orthogonal to the given ones, and blocks (B, p) of its value by chance."""
+    both = [*given, *group]
+    blocks = np.add.reduceat(evidence.matrix[:, both][:, :, both], starts, axis=0)
+    scores = np.add.reduceat(evidence.score[:, both], starts, axis=0)
+    total, sums, own = blocks.sum(axis=0) + RIDGE * np.eye(len(both)), scores.sum(axis=0), len(given)
+    turn = np.hstack([-np.linalg.solve(total[:own, :own], total[:own, own:]).T, np.eye(len(group))])
+    restricted = np.zeros(len(both))
+    restricted[:own] = np.linalg.solve(total[:own, :own], sums[:own])
+    without = np.linalg.solve(total - blocks, (sums - scores)[..., None])[..., 0]
+    chance = scores - np.einsum("bij,bj->bi", blocks, without)
+    return turn @ (sums - total @ restricted), chance @ turn.T

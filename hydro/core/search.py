@@ -1,0 +1,273 @@
+"""The search for what a model lacks: hold the whole catalogue against what is left, and fit the best.
+
+All suspects are linearised together about the present model, over short shots (`core.shooting`).  Those that
+tell most, by more than chance would let the most telling of all do (`core.evidence`), are fitted in earnest
+with everything that is in the model already; the best joins it, and the search goes on.  Afterwards every
+finding must still be needed beside the others, and be the best in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
+from hydro.core.evidence import Columns, Evidence, p_values
+from hydro.core.fit import Problem, descend
+from hydro.core.normal import Normal
+from hydro.core.parameters import Free, free
+from hydro.core.suspects import CURVED, Suspect, suspects
+from hydro.core.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]
+Wanted = Sequence[str | Mapping[str, Any]]
+
+ALPHA = 0.01
+"""Probability of a false alarm in one round, over all effects at once."""
+MATERIAL = 0.05
+"""Share of the error beyond the noise that a finding must explain."""
+VISIBLE = 0.01
+"""Share of the whole error, noise included, below which nobody would see it in a replay."""
+CONTENDERS = 5
+NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
+MOST = 4  # findings
+QUICK = 4  # iterations of a contender's fit
+THOROUGH = 8  # of the base, and of the last joint fit
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vehicle in the course of the search.
+
+    Attributes:
+        unknown: Its free entries.
+        values: Their fitted values, (P,).
+        problem: The shots, their beginnings moved along.
+        normal: The problem about the values, in units of the entries' scales.
+    """
+
+    unknown: Free
+    values: Array
+    problem: Problem
+    normal: Normal
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with the fitted values."""
+        return self.unknown.at(self.values)
+
+    @property
+    def costs(self) -> Array:
+        """Squared residual of each shot, (S,)."""
+        return np.asarray(self.normal.gram[:, -1, -1])
+
+    @property
+    def excess(self) -> float:
+        """Squared residual beyond the noise."""
+        return max(self.normal.cost - self.normal.residuals, 0.0)
+
+    @property
+    def penalised(self) -> Array:
+        """Costs of the shots with what the number of parameters alone would gain (Akaike 1974), (S,)."""
+        fine = 2.0 * len(self.values) * max(self.normal.chi2, 1.0)
+        return self.costs + fine / len(self.costs)
+
+
+@dataclass(frozen=True)
+class Found:
+    """An effect that joined the model.
+
+    Attributes:
+        effect: Its name.
+        p_value: That nothing being missing the most telling effect tells as much.
+        rivals: The models in which it, or another effect in its place, explains what is left, by effect.
+    """
+
+    effect: str
+    p_value: float
+    rivals: Mapping[str, Model]
+
+
+@dataclass(frozen=True)
+class Round:
+    """All suspects about one model.
+
+    Attributes:
+        ranked: Best shape of each effect with its columns, the most telling first.
+        evidence: The linearised problem.
+        own: Columns of the model's own entries.
+        gains: Squared residual that each effect would explain.
+        p_values: Of each effect, over all of them at once.
+    """
+
+    ranked: Mapping[str, tuple[Suspect, Columns]]
+    evidence: Evidence
+    own: Columns
+    gains: Mapping[str, float]
+    p_values: Mapping[str, float]
+
+    @property
+    def significant(self) -> bool:
+        """Whether any effect tells more than chance would."""
+        return min(self.p_values.values(), default=1.0) <= ALPHA
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched, and against what.
+
+    Attributes:
+        first: The vehicle with its own effects fitted anew.
+        base: Names of those effects.
+        reach: Positions of the recording, (N, 3).
+    """
+
+    first: Model
+    base: tuple[str, ...]
+    reach: Array
+
+    def material(self, gain: float) -> bool:
+        """Whether explaining so much squared residual matters."""
+        return gain >= MATERIAL * self.first.excess and gain >= VISIBLE * self.first.normal.residuals
+
+    def round(self, model: Model, chosen: Sequence[str]) -> Round:
+        """Hold all effects that are not in the model against what it leaves."""
+        known = [*self.base, *chosen]
+        vehicle, moved, steps = model.vehicle, list[Vehicle](), list[float]()
+        for i, entry in enumerate(model.unknown.entries):
+            up = model.values[i] + entry.step <= entry.high
+            values = model.values.copy()
+            values[i] += entry.step if up else -entry.step
+            moved.append(model.unknown.at(values))
+            steps.append((entry.step if up else -entry.step) / entry.scale)
+        own, tried = range(len(moved)), list[tuple[Suspect, Columns]]()
+        for suspect in suspects(vehicle, without=[*known, *repeated(vehicle)], reach=self.reach):
+            tried.append((suspect, range(len(moved), len(moved) + len(suspect.steps))))
+            moved += suspect.changed
+            steps += suspect.steps
+        evidence = Evidence.of(model.problem.linearise(vehicle, moved, steps))
+        best: dict[str, tuple[float, Suspect, Columns]] = {}
+        for suspect, columns in tried:
+            gain = evidence.gain(own, columns)
+            if suspect.effect not in best or gain > best[suspect.effect][0]:
+                best[suspect.effect] = (gain, suspect, columns)
+        order = sorted(best, key=lambda name: -best[name][0])
+        ranked = {name: best[name][1:] for name in order}
+        gains = {name: best[name][0] for name in order}
+        p = p_values(evidence, own, {name: columns for name, (_, columns) in ranked.items()})
+        return Round(ranked, evidence, own, gains, p)
+
+    def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
+        """Fit the most telling suspects in earnest, each with all that is in the model."""
+        most, fits = max(now.gains.values(), default=0.0), dict[str, Model]()
+        for name, (suspect, columns) in now.ranked.items():
+            told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
+            near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
+            if now.p_values[name] > ALPHA or now.gains[name] < near or len(fits) == CONTENDERS:
+                continue
+            table = suspect.begin(now.evidence.amounts([*now.own, *columns])[len(now.own) :])
+            wanted: Wanted = [*self.base, *chosen, table]
+            fits[name] = fitted(model.vehicle, wanted, model.problem, self.reach, QUICK)
+        return fits
+
+    def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
+        """Let the best effect join until nothing more is significant and material.
+
+        Args:
+            told: Called with a few words and the share of the work done.
+
+        Returns:
+            The model, what joined it, and the last round, in which nothing did.
+        """
+        model, found = self.first, list[Found]()
+        while True:
+            chosen = [one.effect for one in found]
+            told(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
+            now = self.round(model, chosen)
+            if len(found) == MOST or not self.material(max(now.gains.values(), default=0.0)):
+                return model, found, now
+            fits = self.contend(model, chosen, now)
+            best = leader(fits)
+            if best is None or not self.material(model.normal.cost - fits[best].normal.cost):
+                return model, found, now
+            found.append(Found(best, now.p_values[best], fits))
+            model = fits[best]
+
+    def reconsider(self, model: Model, found: Sequence[Found]) -> tuple[Model, list[Found], dict[str, Array]]:
+        """Drop what the others have made needless, and swap what another effect does better in its place.
+
+        Returns:
+            The model, what is left in it, and the squared residual of each shot without each effect.
+        """
+        kept, without = list(found), dict[str, Array]()
+        for one in found:
+            others = [other.effect for other in kept if other is not one]
+            if not others:
+                without[one.effect] = self.first.costs
+                continue
+            lesser = self.lesser(model, one.effect, others)
+            if not self.material(lesser.normal.cost - model.normal.cost):
+                kept.remove(one)
+                model = lesser
+                continue
+            at = kept.index(one)
+            if one is not found[-1] or len(kept) < len(found):
+                now = self.round(lesser, others)
+                fits = self.contend(lesser, others, now) | {one.effect: model}
+                best = leader(fits) or one.effect
+                kept[at] = Found(best, now.p_values.get(best, one.p_value), fits)
+                model = fits[best]
+            without[kept[at].effect] = lesser.costs
+        return model, kept, without
+
+    def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
+        """The model without one of its findings, all others fitted anew."""
+        given = [e for e in self.first.vehicle.effect if e["name"] == effect]
+        rest = [e for e in model.vehicle.effect if e["name"] != effect]
+        vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *given))
+        return fitted(vehicle, [*self.base, *others], model.problem, self.reach, QUICK)
+
+
+def leader(fits: Mapping[str, Model]) -> str | None:
+    """The effect whose model explains most for its parameters; None of none."""
+    return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)
+
+
+def fitted(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int) -> Model:
+    """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
+
+    Raises:
+        DataError: The predicted motion knows no bounds.
+    """
+    if effects:
+        unknown = free(vehicle, effects, reach=reach)
+        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations)
+    else:
+        unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
+        normal = problem.linearise(vehicle, [], [])
+    if not np.isfinite(normal.cost):
+        raise DataError(
+            "the vehicle's predicted motion grows beyond all bounds within two seconds; check its damping, "
+            "or begin with `hydro fit --effect linear_damping`"
+        )
+    return Model(unknown, values, problem, normal)
+
+
+def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    """Effects of the file that are fitted anew first: all but inertia, known best, and repeated ones."""
+    names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
+    several = repeated(vehicle)
+    return tuple(name for name in names if CATALOGUE[name].kind != "inertia" and name not in several)
+
+
+def repeated(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
+    names = [str(effect["name"]) for effect in vehicle.effect]
+    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)

@@ -1,0 +1,100 @@
+"""`hydro diagnose` and `hydro add`: files, pipes, comments, provenance, and bad input in one line."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+from tables import raw
+
+from hydro import cli
+from hydro.core.findings import Diagnosis, Finding
+from hydro.io import table
+from hydro.io import vehicle as vehicles
+from hydro.report.diagnosis import lines
+
+VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
+CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
+DAMPING = {"diagonal": [90.0, 260.0, 380.0, 10.0, 40.0, 30.0]}
+FOUND = (
+    Finding("missing", "ocean_current", ("ocean_current",), 0.8, 0.7, 0.9, 1.0, 5e-4, CURRENT, CURRENT),
+    Finding("retune", "quadratic_damping", ("quadratic_damping",), 0.5, parameters=DAMPING),
+    Finding("not_excited", "body_lift", ("body_lift",), excited=False, advice="fly turns"),
+)
+
+
+@pytest.fixture
+def diagnosis(tmp_path: Path) -> Path:
+    recording = table.make("raw", raw(), stage="import")
+    frame = Diagnosis(FOUND, vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
+    table.write(table.make("diagnosis", frame, stage="diagnose", inputs=[recording]), tmp_path / "d.parquet")
+    return tmp_path / "d.parquet"
+
+
+def hydro(*arguments: object, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    line = [sys.executable, "-m", "hydro.cli", *map(str, arguments)]
+    return subprocess.run(line, input=stdin, capture_output=True, env=os.environ, timeout=300)
+
+
+def test_added_effects_stand_in_the_file_with_its_comments(diagnosis: Path, tmp_path: Path) -> None:
+    target = tmp_path / "vehicle2.toml"
+    assert cli.main(["add", str(VEHICLE), str(diagnosis), "-o", str(target)]) == 0
+    known, text = vehicles.read(target)
+    for line in VEHICLE.read_text().splitlines():
+        assert "#" not in line or line.partition("#")[2] in text
+    (current,) = known.effects("ocean_current")
+    assert {key: current[key] for key in CURRENT} == CURRENT
+    assert current["standard_error"] == CURRENT
+    assert current["fit"]["data"] == table.make("raw", raw(), stage="import").provenance.content
+    (damping,) = known.effects("quadratic_damping")
+    assert damping["diagonal"] == DAMPING["diagonal"]
+    assert known.effects("body_lift") == ()
+
+
+def test_only_what_is_named_is_added(diagnosis: Path, tmp_path: Path) -> None:
+    target = tmp_path / "vehicle2.toml"
+    line = ["add", str(VEHICLE), str(diagnosis), "--effect", "ocean_current", "-o", str(target)]
+    assert cli.main(line) == 0
+    known, before = vehicles.read(target)[0], vehicles.read(VEHICLE)[0]
+    assert known.effects("quadratic_damping") == before.effects("quadratic_damping")
+    assert len(known.effect) == len(before.effect) + 1
+
+
+def test_a_pipe_is_as_good_as_a_file(diagnosis: Path, tmp_path: Path) -> None:
+    target = tmp_path / "vehicle2.toml"
+    assert cli.main(["add", str(VEHICLE), str(diagnosis), "-o", str(target)]) == 0
+    assert hydro("add", VEHICLE, stdin=diagnosis.read_bytes()).stdout == target.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["add", VEHICLE, "d.parquet", "--effect", "payload"], "no finding payload"),
+        (["add", VEHICLE, "raw.parquet"], "a raw table, but this needs diagnosis"),
+        (["diagnose", VEHICLE, "nowhere.parquet"], "nowhere.parquet"),
+        (["diagnose", "nowhere.toml", "raw.parquet"], "nowhere.toml"),
+        (["diagnose", VEHICLE, "raw.parquet"], "3 command columns"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(arguments, words, diagnosis: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(diagnosis.parent)
+    table.write(table.make("raw", raw(), stage="import"), "raw.parquet")
+    assert cli.main([*map(str, arguments), "-o", "out"]) == 1
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert words in told
+    assert not Path("out").exists()
+
+
+def test_a_person_reads_one_line_per_finding(diagnosis: Path) -> None:
+    frame: pl.DataFrame = table.read(diagnosis).frame
+    told = [line for line, _ in lines(frame)]
+    assert told[0].startswith(
+        "missing: ocean_current, 80% (70% to 90%) of the unexplained error, confidence 100%"
+    )
+    assert told[1].startswith("other values: quadratic_damping, 50% of the error of the file as given")
+    assert told[2] == "not shown by this recording: body_lift"
