@@ -128,5 +128,6 @@ def _print(found: Diagnosis) -> None:
 COMMANDS = {
     diagnose: "hydro diagnose datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
     "-o diagnosis.parquet",
-    add: "hydro add datasets/stonefish/vehicle.toml diagnosis.parquet -o vehicle2.toml",
+    add: "hydro diagnose datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet | "
+    "hydro add datasets/stonefish/vehicle.toml -o vehicle2.toml",
 }
