@@ -17,10 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.candidate import Candidate, candidate, memories, move, rotor_states_around, true_velocity
-from hydro.core.compiled import jit
-from hydro.core.dynamics import accelerate, propel
-from hydro.core.effects.layout import MOTION
+from hydro.core.candidate import Candidate, accelerations, candidate, true_velocity
 from hydro.core.errors import DataError
 from hydro.core.frames import rotation
 from hydro.core.normal import Normal
@@ -31,7 +28,6 @@ Rows = NDArray[np.int64]
 
 SECONDS = 2.0
 """Length of a window; neighbours overlap by half."""
-EQUATIONS = 9  # six of the balance, three of the kinematics
 FREEDOM = 5  # independent equations in a window: neighbours share about half
 
 
@@ -87,16 +83,8 @@ class Windows:
     def _residuals(self, model: Candidate) -> Array:
         record = self.record
         nu = true_velocity(model, record, self.nu)
-        rates = np.empty((record.rows, EQUATIONS))
-        _accelerations(
-            model.program.flat,
-            self.eta,
-            nu,
-            rotor_states_around(model, record),
-            memories(model, record, self.eta, nu),
-            rates,
-        )
-        rates[:, 6:] = np.einsum("kij,kj->ki", rotation(*self.eta[:, 3:].T), nu[:, :3])
+        moving = np.einsum("kij,kj->ki", rotation(*self.eta[:, 3:].T), nu[:, :3])
+        rates = np.hstack([accelerations(model, record, self.eta, nu), moving])
         states = np.hstack([true_velocity(model, record, record.nu), record.eta[:, :3]])
         window = self.starts[:, None] + np.arange(self.test.size)
         error = -np.einsum("l,wli->wi", self.slope, states[window]) - np.einsum(
@@ -127,14 +115,3 @@ class Windows:
         if (rms < 1.15).all():
             return self, False
         return replace(self, whitener=np.diag(1.0 / np.maximum(rms, 1.0)) @ self.whitener), True
-
-
-@jit
-def _accelerations(flat: Array, eta: Array, nu: Array, rotors: Array, memory: Array, out: Array) -> None:
-    """nu_dot of CO at every row under the program's forces, into the first six columns of `out`."""
-    s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
-    for k in range(out.shape[0]):
-        move(flat, eta[k], nu[k], s)
-        tau[:] = 0.0
-        propel(flat, s, rotors[k], tau)
-        accelerate(flat, s, memory[k], rates, tau, out[k, :6])
