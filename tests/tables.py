@@ -56,10 +56,16 @@ def tables(draw: st.DrawFn, kind: str) -> pl.DataFrame:
     if rules.series is not None:
         frame |= draw(_series(rules.series.key, rows))
     elif rules.primary_key:
-        first = rules.primary_key[0]
-        if first != "block":
-            frame[first] = pl.Series(draw(st.lists(texts, min_size=rows, max_size=rows, unique=True)))
+        # One free text that differs from row to row makes the whole key differ.
+        free = [name for name in rules.primary_key if _is_free_text(columns[name])]
+        if free:
+            frame[free[0]] = pl.Series(draw(st.lists(texts, min_size=rows, max_size=rows, unique=True)))
     return pl.DataFrame(frame)
+
+
+def _is_free_text(field: Field) -> bool:
+    rule = field.constraints
+    return field.type == "string" and rule.enum is None and rule.pattern is None
 
 
 @st.composite
