@@ -178,7 +178,9 @@ def _storage_type(arrow: pa.DataType) -> str:
         return "string"
     if pa.types.is_list(arrow) or pa.types.is_large_list(arrow):
         return f"list<{_storage_type(arrow.value_type)}>"
-    return {"float": "float32", "double": "float64", "halffloat": "float16", "bool": "boolean"}.get(str(arrow), str(arrow))
+    return {"float": "float32", "double": "float64", "halffloat": "float16", "bool": "boolean"}.get(
+        str(arrow), str(arrow)
+    )
 
 
 def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
