@@ -217,6 +217,7 @@ def summary(rows: pl.DataFrame) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=20, help="trials per effect")
+    parser.add_argument("--first-seed", type=int, default=0, help="seeds from here on; hold some back")
     parser.add_argument("--seconds", type=float, default=180.0, help="length of a recording")
     parser.add_argument("--vehicle", action="append", help="preset; repeat for several")
     parser.add_argument("--effect", action="append", help="only these effects")
@@ -225,7 +226,7 @@ def main() -> None:
     presets = chosen.vehicle or ["auv151", "bluerov2_heavy"]
     rows = pl.read_parquet(chosen.out).to_dicts() if chosen.out.exists() else []
     done = {(row["effect"], row["seed"]) for row in rows}
-    for seed in range(chosen.trials):
+    for seed in range(chosen.first_seed, chosen.first_seed + chosen.trials):
         for name in chosen.effect or TRUTHS:
             if (name, seed) in done:
                 continue
