@@ -426,7 +426,7 @@ def test_a_mistyped_command_gets_a_suggestion(capsys: pytest.CaptureFixture[str]
             r"hydro: raw.parquet: u \[m/s\] must be finite",
         ),
         (UsageError("no such variant"), 2, "hydro: no such variant"),
-        (PermissionError(13, "Permission denied", "/root/x"), 1, "hydro: /root/x: permission denied"),
+        (PermissionError(13, "Permission denied", "/data/x"), 1, "hydro: /data/x: permission denied"),
         (MemoryError(), 1, "hydro: not enough memory.*"),
         (KeyError("surge"), 3, "hydro: KeyError: 'surge'.*bug.*report.*"),
         (ValueError("two\nlines"), 3, "hydro: ValueError: two lines.*"),
