@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, settled_state
+from hydro.core.allocation import DELAY, lag_decay, settled_state
 from hydro.core.compiled import jit
 from hydro.core.dynamics import accelerate, observe, propel
 from hydro.core.effects.layout import RELATIVE_VELOCITY, ROTATION
@@ -93,6 +93,50 @@ def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
     for i in range(3, 7):
         y[i] /= norm
+
+
+@jit
+def advance(
+    flat: Array,
+    facets: Array,
+    table: Array,
+    commands: Array,
+    t: Array,
+    now: float,
+    end: float,
+    due: tuple[float, float],
+    target: Array,
+    upcoming: NDArray[np.int64],
+    decay: Array,
+    rotors: Array,
+    y: Array,
+    s: Array,
+    work: Array,
+) -> tuple[float, float]:
+    """Advance the state from `now` to `end`, in two steps or more where a command takes effect between.
+
+    What is not told here is as in `step`, `obey` and `spin`; times nearer than a billionth of the distance
+    from `now` to `end` are one moment.  `due` is when the next command takes effect, and the step
+    that `decay` is of [s].
+
+    Returns:
+        `due` as it is at the end.
+    """
+    change, decayed = due
+    close = 1e-9 * (end - now)
+    while now < end - close:
+        if change <= now + close:
+            change = obey(table, commands, t, now + close, target, upcoming)
+        until = change if change < end - close else end
+        length = until - now
+        if abs(length - decayed) > 1e-9 * length:
+            decayed = length
+            for i in range(target.size):
+                decay[i] = lag_decay(table[i], 0.5 * length)
+        spin(target, decay, rotors)
+        step(flat, facets, length, y, s, rotors, work)
+        now = until
+    return change, decayed
 
 
 @jit

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, lag_decay, settled_state
+from hydro.core.allocation import DELAY, settled_state
 from hydro.core.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
@@ -26,7 +26,7 @@ from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
-from hydro.core.integrate import BODY, NO_HULL, obey, spin, step
+from hydro.core.integrate import BODY, NO_HULL, advance
 from hydro.core.normal import Normal, eliminate
 from hydro.core.recording import Array, Recording, noise, smoothed
 
@@ -321,24 +321,28 @@ def _shoot(
             while row > 0 and clock[row] + table[i, DELAY] > clock[at]:
                 row -= 1
             upcoming[i] = row
-        change, decayed = clock[at], 0.0
+        due = (clock[at], 0.0)
         for k in range(out.shape[1]):
             out[m, k] = y[:BODY]
             if k + 1 == out.shape[1]:
                 break
             h = (clock[at + k + 1] - clock[at + k]) / substeps
-            close = 1e-9 * h
             for j in range(substeps):
                 now, stop = clock[at + k] + j * h, clock[at + k] + (j + 1) * h
-                while now < stop - close:
-                    if change <= now + close:
-                        change = obey(table, demand, clock, now + close, target, upcoming)
-                    until = change if change < stop - close else stop
-                    length = until - now
-                    if abs(length - decayed) > 1e-9 * length:
-                        decayed = length
-                        for i in range(count):
-                            decay[i] = lag_decay(table[i], 0.5 * length)
-                    spin(target, decay, rotors)
-                    step(flat, NO_HULL, length, y, s, rotors, work)
-                    now = until
+                due = advance(
+                    flat,
+                    NO_HULL,
+                    table,
+                    demand,
+                    clock,
+                    now,
+                    stop,
+                    due,
+                    target,
+                    upcoming,
+                    decay,
+                    rotors,
+                    y,
+                    s,
+                    work,
+                )

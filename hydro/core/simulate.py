@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
-from hydro.core.allocation import lag_decay, settled_state
+from hydro.core.allocation import settled_state
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
 from hydro.core.effects import Program, assemble, sensor, velocity_log
@@ -22,7 +22,7 @@ from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
-from hydro.core.integrate import BODY, NO_HULL, obey, spin, step
+from hydro.core.integrate import BODY, NO_HULL, advance
 from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.vehicle import Vehicle
 
@@ -162,7 +162,7 @@ def _march(
     if settled and t.size:
         for i in range(count):
             rotors[2, i] = target[i] = settled_state(table[i], commands[0, i])
-    change, decayed = t[0] if t.size else 0.0, 0.0
+    due = (t[0] if t.size else 0.0, 0.0)
     for k in range(t.size):
         out[k] = y[:BODY]
         if not np.isfinite(y.sum()):
@@ -170,19 +170,9 @@ def _march(
         if k + 1 == t.size:
             break
         h = (t[k + 1] - t[k]) / substeps
-        close = 1e-9 * h
         for j in range(substeps):
             now, end = t[k] + j * h, t[k] + (j + 1) * h
-            while now < end - close:
-                if change <= now + close:
-                    change = obey(table, commands, t, now + close, target, upcoming)
-                until = change if change < end - close else end
-                length = until - now
-                if abs(length - decayed) > 1e-9 * length:
-                    decayed = length
-                    for i in range(count):
-                        decay[i] = lag_decay(table[i], 0.5 * length)
-                spin(target, decay, rotors)
-                step(flat, facets, length, y, s, rotors, work)
-                now = until
+            due = advance(
+                flat, facets, table, commands, t, now, end, due, target, upcoming, decay, rotors, y, s, work
+            )
     return int(t.size)

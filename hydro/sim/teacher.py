@@ -22,7 +22,6 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
-from hydro.core.allocation import lag_decay
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
@@ -34,7 +33,7 @@ from hydro.core.errors import DataError
 from hydro.core.excitation import RATE, Session, demands, holds_heading, plan
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.core.handling import wrench_limits
-from hydro.core.integrate import BODY, obey, spin, step
+from hydro.core.integrate import BODY, advance
 from hydro.core.mixing import Mixing, hold_kernel, mixing, mixing_kernel
 from hydro.core.noise import Noise, disturb
 from hydro.core.panels import Panels, loaded_facets, panels, superellipsoid
@@ -268,7 +267,7 @@ def _march(
     target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
     rotors, work, tau = np.zeros((3, count)), np.zeros((4, y.size)), np.zeros(6)
     t = np.arange(rows) / RATE
-    close, decayed, change = 1e-9 * h, 0.0, 0.0
+    due = (0.0, 0.0)
     for k in range(rows):
         if not np.isfinite(y.sum()):
             return k
@@ -281,17 +280,9 @@ def _march(
         mixing_kernel(allocation, believed, tau, commands[k])
         for j in range(SUBSTEPS):
             now, end = t[k] + j * h, t[k] + (j + 1) * h
-            while now < end - close:
-                if change <= now + close:
-                    change = obey(table, commands, t, now + close, target, upcoming)
-                until = change if change < end - close else end
-                if abs(until - now - decayed) > 1e-9 * h:
-                    decayed = until - now
-                    for i in range(count):
-                        decay[i] = lag_decay(table[i], 0.5 * decayed)
-                spin(target, decay, rotors)
-                step(flat, facets, until - now, y, s, rotors, work)
-                now = until
+            due = advance(
+                flat, facets, table, commands, t, now, end, due, target, upcoming, decay, rotors, y, s, work
+            )
     return int(rows)
 
 
