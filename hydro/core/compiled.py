@@ -1,8 +1,8 @@
 """Compile scalar kernels once per version of the sources, whichever module they stand in.
 
 Numba keys its on-disk cache on the file of the *calling* function alone, so a kernel edited in another
-module would leave stale machine code behind.  The cache folder here is therefore named by a digest of all
-of hydro's sources: same sources, same cache; any edit, a fresh one.
+module would leave stale machine code behind.  The cache folder here is therefore named by a digest of every
+source that a kernel can see: the modules that compile something, and all that these import.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import importlib.metadata
 import os
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,20 +21,48 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+_IMPORTS = re.compile(
+    rb"^\s*(?:from\s+(hydro[\w.]*)\s+import\s+(?:\(([^)]*)\)|(.*))|import\s+(hydro[\w.]*))", re.M
+)
+
+
 def _cache_folder() -> Path:
     """Folder of compiled kernels for exactly these sources."""
-    package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256(numba.__version__.encode())
     # sim's kernels hold offsets into MuJoCo's structs
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("mujoco").encode())
-    for part in ("core", "sim"):
-        for source in sorted((package / part).rglob("*.py")):
-            digest.update(source.read_bytes())
+    for source in kernel_sources():
+        digest.update(source.read_bytes())
     base = (
         os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
     )
     return Path(base) / "hydro" / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def kernel_sources() -> list[Path]:
+    """Sources that compile something, with all of hydro's that they import, in order."""
+    text = {path: path.read_bytes() for part in ("core", "sim") for path in (_PACKAGE / part).rglob("*.py")}
+    waiting = [path for path, source in text.items() if b"hydro.core.compiled" in source]
+    found = set[Path]()
+    while waiting:
+        path = waiting.pop()
+        if path not in found and path in text:
+            found.add(path)
+            waiting += _imported(text[path])
+    return sorted(found)
+
+
+def _imported(source: bytes) -> list[Path]:
+    """Files that the import statements of a module may mean: a module, a package, or a module of one."""
+    files = []
+    for origin, listed, line, whole in _IMPORTS.findall(source):
+        module = _PACKAGE.parent.joinpath(*(origin or whole).decode().split("."))
+        names = re.findall(r"(\w+)(?:\s+as\s+\w+)?", (listed or line).decode())
+        for path in (module, *(module / name for name in names)):
+            files += [path.with_suffix(".py"), path / "__init__.py"]
+    return files
 
 
 _FOLDER = str(_cache_folder())

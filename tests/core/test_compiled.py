@@ -1,0 +1,29 @@
+"""The cache of compiled kernels must see every source that a kernel can see."""
+
+import subprocess
+import sys
+
+from hydro.core import compiled
+
+LOADED = """
+import sys, pathlib
+import hydro.core.shooting, hydro.core.labels, hydro.sim.callbacks, hydro.sim.teacher
+for name, module in sorted(sys.modules.items()):
+    if name.startswith("hydro.") and getattr(module, "__file__", None):
+        print(module.__file__)
+"""
+
+
+def test_the_digest_covers_all_that_kernel_modules_load():
+    """An import that the scan of the sources missed would leave stale machine code behind."""
+    ran = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    loaded = set(ran.stdout.split())
+    seen = {str(path) for path in compiled.kernel_sources()}
+    assert {name for name in loaded - seen if "/core/" in name or "/sim/" in name} == set()
+    assert len(loaded) > 30
+
+
+def test_what_no_kernel_sees_does_not_compile_everything_again():
+    names = {path.name for path in compiled.kernel_sources()}
+    assert "shooting.py" in names
+    assert not names & {"search.py", "diagnose.py", "cli.py"}
