@@ -38,6 +38,7 @@ CHANNELS = 12  # position, attitude, velocity, rates: three each
 NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
 TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 TOGETHER = 64  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
@@ -77,15 +78,21 @@ class Shots:
 
 
 def aim(
-    record: Recording, *, seconds: float = SECONDS, lead: float = 0.0, sigma: Array | None = None
+    record: Recording,
+    *,
+    seconds: float = SECONDS,
+    lead: float = 0.0,
+    sigma: Array | None = None,
+    most: int | None = None,
 ) -> Shots:
-    """Lay shots end to end over a recording.
+    """Lay shots end to end over a recording, or spread some of them evenly over it.
 
     Args:
         record: The recording.
         seconds: Length of what is compared of each [s].
         lead: Predicted before it [s]; at least the greatest delay of a sensor that is to be tried.
         sigma: Noise of the twelve channels; by default found from the recording.
+        most: Shots to keep of a long recording, see `evenly`; by default all.
 
     Raises:
         DataError: No segment is as long as one shot.
@@ -98,7 +105,8 @@ def aim(
         raise DataError(
             f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer sessions"
         )
-    at = np.concatenate(starts)
+    kept = evenly(sum(part.size for part in starts), most)
+    at = np.concatenate(starts)[kept]
     rows = at[:, None] + np.arange(length)
     eta, nu = smoothed(record)
     quaternion = quaternion_from_euler(*record.eta[:, 3:].T)
@@ -107,7 +115,7 @@ def aim(
     return Shots(
         record=record,
         starts=at,
-        segment=np.repeat(np.arange(len(starts)), [part.size for part in starts]),
+        segment=np.repeat(np.arange(len(starts)), [part.size for part in starts])[kept],
         length=length,
         lead=ahead,
         first=calm[at],
@@ -116,6 +124,20 @@ def aim(
         eta=eta,
         nu=nu,
     )
+
+
+def evenly(count: int, most: int | None) -> Rows:
+    """Which of `count` shots in order to keep so that there are at most `most`, rising.
+
+    One of each of `most` equal stretches, at a place within it that the golden ratio moves on from stretch to
+    stretch: no rhythm of sessions or of manoeuvres is met, and the same shots are kept every time.
+    """
+    if most is None or count <= most:
+        return np.arange(count, dtype=np.int64)
+    edges = np.arange(most + 1) * count // most
+    places = np.arange(most) * GOLDEN % 1.0
+    chosen: Rows = edges[:-1] + (places * np.diff(edges)).astype(np.int64)
+    return chosen
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import polars as pl
 import pytest
 from test_fit import damped, moved, noisy
 
@@ -71,6 +72,31 @@ def test_shots_never_reach_over_a_gap():
         assert inside.sum() == 1
     with pytest.raises(DataError, match="record longer sessions"):
         shooting.aim(record, seconds=8.0)
+
+
+@pytest.mark.parametrize(("count", "most"), [(10, 10), (10, 3), (15, 10), (8575, 1000), (7, 1)])
+def test_shots_kept_are_spread_evenly_and_in_no_rhythm(count, most):
+    kept = shooting.evenly(count, most)
+    assert len(kept) == most == len(set(kept))
+    stretch = count / most
+    assert (np.abs(kept - (np.arange(most) + 0.5) * stretch) <= stretch / 2 + 1).all()
+    if stretch > 4:  # a session of as many shots as a stretch shows its beginning, middle and end alike
+        phase = kept % round(stretch)
+        assert np.bincount(phase * 4 // round(stretch), minlength=4).min() > 0.15 * most or most < 10
+
+
+def test_a_thinned_recording_keeps_some_of_the_shots_of_all_its_sessions():
+    part = moved(damped(), rows=500)
+    raw = pl.concat([part.with_columns(session=pl.lit(name)) for name in "abcde"])
+    record = recording(raw, damped())
+    every, some = shooting.aim(record), shooting.aim(record, most=10)
+    assert set(some.starts) < set(every.starts)
+    assert set(some.segment) == set(range(5))
+    at = np.searchsorted(every.starts, some.starts)
+    np.testing.assert_array_equal(some.measured, every.measured[at])
+    np.testing.assert_array_equal(some.first, every.first[at])
+    np.testing.assert_array_equal(some.segment, every.segment[at])
+    assert len(shooting.aim(record, most=1000).starts) == len(every.starts)
 
 
 def test_beginnings_are_taken_out_as_least_squares_would():
