@@ -1,0 +1,135 @@
+"""Run studies of hidden effects, and sum them up.
+
+    python -m benchmarks.hidden_effects run --kind one --studies 200 --first-seed 0 -o results.parquet
+    python -m benchmarks.hidden_effects report results.parquet --plot confusions.png
+
+A results file grows by one row per study; the same command goes on where an earlier one stopped.  Seeds below
+10,000 are for development; a published figure needs seeds that nothing was mended with.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # studies run beside one another
+
+import argparse
+import multiprocessing
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from benchmarks.hidden_effects import cases, report, study, vehicles
+
+Task = tuple[cases.Case, float, Path, bool]
+
+
+def work(task: Task) -> dict[str, Any]:
+    case, seconds, folder, with_oracle = task
+    return study.run(case, seconds, folder, with_oracle=with_oracle)
+
+
+def done(tasks: list[Task], workers: int) -> Iterator[dict[str, Any]]:
+    """Rows of studies as they end."""
+    if workers == 1:
+        yield from map(work, tasks)
+        return
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(work, task) for task in tasks]):
+            yield future.result()
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Run what is not in the results file yet."""
+    out: Path = chosen.out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    table = pl.read_parquet(out) if out.exists() else pl.DataFrame(schema=study.SCHEMA)
+    known = set(table.select("kind", "seed", "seconds").rows())
+    wanted = range(chosen.first_seed, chosen.first_seed + chosen.studies)
+    folder = chosen.folder or out.parent
+    drawn = (
+        cases.draw(kind, seed)
+        for kind in chosen.kind
+        for seed in wanted
+        if (kind, seed, chosen.seconds) not in known
+    )
+    tasks = [
+        (case, chosen.seconds, folder, not chosen.no_oracle)
+        for case in drawn
+        if chosen.only is None or chosen.only in case.title
+        if chosen.source is None or case.source == chosen.source
+    ]
+    for name in sorted({case.preset for case, *_ in tasks if case.source == "teacher"}):
+        vehicles.of_teacher(name, folder)  # before the workers begin, so that only one of them makes it
+    for number, row in enumerate(done(tasks, chosen.workers), 1):
+        table = pl.concat([table, pl.DataFrame([row], schema=study.SCHEMA)])
+        partial = out.with_suffix(".partial")
+        table.write_parquet(partial)
+        partial.replace(out)
+        print(f"{number}/{len(tasks)} {line(row)}", flush=True)
+
+
+def line(row: dict[str, Any]) -> str:
+    """A study in one line, for whoever watches."""
+    where = f"{row['preset']} {row['source']} x{row['noise']:g}"
+    head = f"{row['kind']} {row['seed']} {where}: {row['title'] or '-'}"
+    if row["failure"]:
+        return f"{head} FAILED {row['failure']}"
+    said = [
+        f"{verdict} {'/'.join(dict.fromkeys([effect, *members]))}".strip()
+        for verdict, effect, members in zip(row["verdicts"], row["effects"], row["members"], strict=True)
+    ]
+    errors = " ".join(
+        f"{name} {row[name]:.3g}" for name in ("before", "after", "oracle", "floor") if row[name] is not None
+    )
+    time = f"{row['wall']:.0f} s, cpu {row['cpu']:.0f} s"
+    return f"{head} ({row['share']:.1%}) -> {'; '.join(said)} | {errors} | {time}"
+
+
+def read(paths: Iterable[Path]) -> pl.DataFrame:
+    """Results of several files as one table."""
+    return pl.concat([pl.read_parquet(path) for path in paths]).unique(
+        ["kind", "seed", "seconds"], keep="last", maintain_order=True
+    )
+
+
+def parser() -> argparse.ArgumentParser:
+    about = (__doc__ or "").splitlines()[0]
+    top = argparse.ArgumentParser(prog="python -m benchmarks.hidden_effects", description=about)
+    commands = top.add_subparsers(required=True)
+    one = commands.add_parser("run", help="run studies")
+    one.add_argument(
+        "--kind", action="append", choices=cases.KINDS, help="repeat for several; all by default"
+    )
+    one.add_argument("--studies", type=int, default=25, help="per kind")
+    one.add_argument("--first-seed", type=int, default=0)
+    one.add_argument("--seconds", type=float, default=300.0, help="to diagnose, in four sessions")
+    one.add_argument("--only", help="only studies whose hidden effects' names contain this")
+    one.add_argument("--source", choices=list(cases.SOURCES), help="only studies of this simulator")
+    one.add_argument("--workers", type=int, default=1)
+    one.add_argument("--no-oracle", action="store_true", help="do not fit the true effects")
+    one.add_argument(
+        "--folder", type=Path, help="of the teacher's base models; by default beside the results"
+    )
+    one.add_argument("-o", "--out", type=Path, default=Path("hidden_effects.parquet"))
+    one.set_defaults(action=run)
+    two = commands.add_parser("report", help="sum up results, as Markdown")
+    two.add_argument("results", type=Path, nargs="+")
+    two.add_argument("--plot", type=Path, help="draw the confusion matrix, as .png or .svg")
+    two.set_defaults(action=lambda chosen: report.show(read(chosen.results), chosen.plot))
+    return top
+
+
+def main() -> None:
+    chosen = parser().parse_args()
+    if getattr(chosen, "kind", True) is None:
+        chosen.kind = list(cases.KINDS)
+    chosen.action(chosen)
+
+
+if __name__ == "__main__":
+    main()

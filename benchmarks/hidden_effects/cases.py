@@ -1,0 +1,196 @@
+"""What is hidden in each study: drawn from its kind and seed alone, never from the order of the work."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.hidden_effects import vehicles
+from benchmarks.recovery import TRUTHS
+from hydro.core.effects import validate
+from hydro.core.errors import DataError
+from hydro.core.vehicle import Vehicle
+
+KINDS = ("one", "two", "three", "unknown", "form", "none")
+WEAKEST, STRONGEST = 0.05, 3.0
+"""Bounds of the factor on an effect's usual size, drawn log-uniformly."""
+FIXED = {
+    "tether": ("slack", "attachment", "anchor"),
+    "surface_suction": ("decay",),
+    "fluid_memory": ("rates",),
+    "payload": ("x", "y", "z"),
+}
+"""Parameters that say where or how fast an effect acts, not how strongly."""
+SIZES = (
+    "cubic",
+    "power",
+    "wash",
+    "wash_pitch",
+    "tide",
+    "tide_east",
+    "slosh_mass",
+    "wall",
+    "hysteresis",
+    "swell",
+)
+"""Foreign numbers that say how strongly something acts."""
+WITHIN = {
+    "sensor_delay": 0.4,
+    "thruster_gain": 0.9,
+    "thruster_asymmetry": 0.8,
+    "thruster_deadband": 0.3,
+    "added_mass_coriolis": 0.9,
+}
+"""Greatest size of a parameter that could not be exceeded on a vehicle that still works."""
+CONTAINED = ({"payload", "net_buoyancy"}, {"payload", "buoyancy_offset"}, {"payload", "added_mass"})
+"""Pairs of which one effect can be all that the other is: never hidden together."""
+SOURCES = {"independent": 0.5, "simulate": 0.3, "teacher": 0.2}
+NOISES = (1.0, 2.0, 3.0)
+ATTEMPTS = 200
+
+
+@dataclass(frozen=True)
+class Case:
+    """One study's truth.
+
+    Attributes:
+        kind: One of KINDS.
+        seed: Of everything random.
+        preset: Vehicle.
+        source: Simulator.
+        noise: Times ordinary noise.
+        depth: Where sessions begin [m].
+        hidden: `[[effect]]` tables that the file lacks.
+        foreign: Numbers of the benchmark's simulator that no effect stands for.
+        called: What a diagnosis should call it: effects of the catalogue, none for what it does not have.
+        title: What is hidden, in a few words.
+    """
+
+    kind: str
+    seed: int
+    preset: str
+    source: str
+    noise: float
+    depth: float
+    hidden: tuple[Mapping[str, Any], ...]
+    foreign: Mapping[str, float] = field(default_factory=dict)
+    called: tuple[str, ...] = ()
+    title: str = ""
+
+
+def draw(kind: str, seed: int) -> Case:
+    """The case of a kind and seed.
+
+    Seeds follow one another through the effects, so that as many studies as effects hide each of them once.
+    """
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    source = str(rng.choice(list(SOURCES), p=list(SOURCES.values())))
+    if kind in ("unknown", "form"):
+        source = "independent"
+    noise = float(rng.choice(NOISES))
+    for _ in range(ATTEMPTS):
+        name = str(rng.choice(vehicles.PRESETS))
+        vehicle = vehicles.preset(name)
+        hidden, foreign, called, title = _DRAWS.get(kind, _several)(kind, seed, rng, vehicle)
+        try:
+            validate(vehicles.joined(vehicle, hidden))
+        except DataError:
+            continue
+        if source == "teacher" and set(called) & set(vehicles.DAMPING):
+            source = "independent"  # the teacher has a damping of its own
+        near = any(table["name"] == "surface_suction" for table in hidden)
+        return Case(
+            kind, seed, name, source, noise, 1.5 if near else 15.0, tuple(hidden), foreign, called, title
+        )
+    raise DataError(f"no vehicle can have what seed {seed} of kind {kind} hides")
+
+
+Drawn = tuple[list[dict[str, Any]], dict[str, float], tuple[str, ...], str]
+
+
+def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
+    """None, one, two or three effects of the catalogue."""
+    count = ("none", "one", "two", "three").index(kind)
+    names = [list(TRUTHS)[seed % len(TRUTHS)]] if count else []
+    while len(names) < count:
+        name = str(rng.choice(list(TRUTHS)))
+        if name not in names and not any({name, other} in CONTAINED for other in names):
+            names.append(name)
+    return [strong(name, rng, vehicle) for name in names], {}, tuple(sorted(names)), " + ".join(names)
+
+
+def strong(name: str, rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]:
+    """An effect's table at a random place and of random strength."""
+    table = {"name": name, **TRUTHS[name](rng, vehicle)}
+    factor = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
+    return _times(table, factor)
+
+
+def weaker(case: Case) -> Case:
+    """The case with half of everything that is hidden."""
+    foreign = {k: v * (0.5 if k in SIZES else 1.0) for k, v in case.foreign.items()}
+    return replace(case, hidden=tuple(_times(table, 0.5) for table in case.hidden), foreign=foreign)
+
+
+def _times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """An effect so many times as strong."""
+    fixed, bound = ("name", *FIXED.get(table["name"], ())), WITHIN.get(table["name"], np.inf)
+    return {
+        k: v if k in fixed else np.clip(factor * np.asarray(v, float), -bound, bound).tolist()
+        for k, v in table.items()
+    }
+
+
+def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
+    """What the catalogue does not have."""
+    mass, size = vehicle.rigid_body.mass, float(np.exp(rng.uniform(np.log(0.2), np.log(STRONGEST))))
+    east = float(rng.uniform(-0.3, 0.3))
+    titles: dict[str, dict[str, float]] = {
+        "drag that grows with the cube of speed": {"cubic": 0.5 * size},
+        "drag that grows with |u|^1.5": {"power": 0.5 * size},
+        "propeller wash on the hull": {"wash": 0.2 * size, "wash_pitch": 0.05 * size * vehicle.hull.length},
+        "tidal current": {
+            "tide": 0.25 * size,
+            "tide_east": east * size,
+            "tide_rate": 2 * np.pi / float(rng.uniform(15.0, 60.0)),
+        },
+        "loose mass that swings": {
+            "slosh_mass": 0.15 * size * mass,
+            "slosh_rate": float(rng.uniform(1.5, 4.0)),
+            "slosh_z": 0.1,
+        },
+        "pull of a wall along the way north": {
+            "wall": 0.1 * size * mass,
+            "wall_x": float(rng.uniform(-2.0, 2.0)),
+            "wall_width": float(rng.uniform(1.0, 3.0)),
+        },
+        "force with hysteresis": {"hysteresis": 0.1 * size * mass, "hysteresis_path": 0.3},
+        "swell": {"swell": 0.1 * size * mass, "swell_rate": 2 * np.pi / float(rng.uniform(4.0, 10.0))},
+    }
+    title = list(titles)[seed % len(titles)]
+    return [], titles[title], (), title
+
+
+def _form(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
+    """An effect of the catalogue in another functional form."""
+    titles: dict[str, tuple[str, dict[str, float]]] = {
+        "current that grows with depth": ("ocean_current", {"shear": 0.1, "depth": 15.0}),
+        "thruster gains that drift": ("thruster_gain", {"gain_drift": 0.02}),
+        "second-order thruster lag": ("thruster_lag", {}),
+        "lift that stalls": ("body_lift", {"stall": 0.5}),
+        "buoyancy that falls with depth": ("net_buoyancy", {"compression": -0.1, "depth": 15.0}),
+        "tether that stiffens": ("tether", {"stiffening": 0.1}),
+        "cross-flow drag of a tapered hull": ("crossflow_drag", {"taper": 0.5}),
+    }
+    title = list(titles)[seed % len(titles)]
+    name, foreign = titles[title]
+    table = strong(name, rng, vehicle)
+    if name == "thruster_lag":  # a further lag behind the rotor's takes the place of a longer one
+        return [], {"second_lag": max(float(table["dT"]), 0.01)}, (name,), title
+    return [table], foreign, (name,), title
+
+
+_DRAWS = {"unknown": _unknown, "form": _form}

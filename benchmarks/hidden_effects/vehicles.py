@@ -1,0 +1,113 @@
+"""Vehicles of the benchmark, how wrong their files are, and files with what was hidden from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hydro.core.errors import DataError
+from hydro.core.vehicle import Vehicle
+from hydro.io import vehicle as files
+
+VEHICLES = Path(__file__).resolve().parents[2] / "datasets" / "vehicles"
+PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
+DAMPING = ("linear_damping", "quadratic_damping", "crossflow_drag", "coupled_damping")
+WRONG = 0.25
+"""Greatest relative error of a file's damping."""
+STONEFISH: tuple[dict[str, Any], ...] = (
+    {"name": "linear_damping", "diagonal": [20.0, 45.0, 70.0, 6.0, 12.0, 9.0]},
+    {"name": "quadratic_damping", "diagonal": [110.0, 280.0, 400.0, 12.0, 45.0, 32.0]},
+)
+"""A damping for the vehicle file that has none."""
+SURFACES = 240.0
+"""Seconds of the teacher's motion that a base model of it is fitted to."""
+
+
+def preset(name: str) -> Vehicle:
+    """A vehicle with its true damping."""
+    vehicle, _ = files.read(VEHICLES / f"{name}.toml")
+    if name == "stonefish":
+        vehicle = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *STONEFISH))
+    return vehicle
+
+
+def misjudged(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """The vehicle with each number of its damping up to a quarter wrong."""
+
+    def wrong(value: Any) -> Any:
+        if isinstance(value, list | tuple):
+            return [wrong(inner) for inner in value]
+        return value * rng.uniform(1.0 - WRONG, 1.0 + WRONG)
+
+    tables = [
+        {k: v if k == "name" else wrong(v) for k, v in table.items()} if table["name"] in DAMPING else table
+        for table in vehicle.effect
+    ]
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+
+
+def damping_of(vehicle: Vehicle) -> list[str]:
+    """Names of the file's effects that `misjudged` makes wrong."""
+    return [str(table["name"]) for table in vehicle.effect if table["name"] in DAMPING]
+
+
+def joined(vehicle: Vehicle, hidden: Iterable[Mapping[str, Any]]) -> Vehicle:
+    """The vehicle with hidden effects, added to those of the same name that its file has."""
+    tables = [dict(table) for table in vehicle.effect]
+    for extra in hidden:
+        place = next((i for i, table in enumerate(tables) if table["name"] == extra["name"]), None)
+        if place is None:
+            tables.append(dict(extra))
+        else:
+            tables[place] = _sum(tables[place], extra)
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+
+
+def _sum(table: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, Any]:
+    """Two tables of one effect as one; a diagonal is added to a matrix as one."""
+    out = {k: v for k, v in table.items() if k not in ("standard_error", "fit")}
+    for key, value in extra.items():
+        if key == "name":
+            continue
+        if key == "diagonal" and "matrix" in out:
+            out["matrix"] = (np.array(out["matrix"], float) + np.diag(value)).tolist()
+        elif key == "matrix" and "diagonal" in out:
+            out["matrix"] = (np.diag(out.pop("diagonal")) + np.array(value, float)).tolist()
+        else:
+            out[key] = (np.asarray(out.get(key, 0.0), float) + np.asarray(value, float)).tolist()
+    return out
+
+
+def of_teacher(name: str, folder: Path) -> Vehicle:
+    """The file that describes the embedded teacher of a preset best: its damping and drag fitted to a flight.
+
+    It is kept in `folder`, as it takes a minute to make.
+    """
+    path = folder / f"teacher_{name}.json"
+    if path.exists():
+        return msgspec.json.decode(path.read_bytes(), type=Vehicle)
+    import polars as pl
+
+    from benchmarks.hidden_effects.flights import DT, by_teacher
+    from hydro.core.fit import fit
+    from hydro.sim.teacher import teacher
+
+    believed = preset(name)
+    known = teacher(believed).vehicle
+    flown = pl.concat(
+        by_teacher(believed, (), rows=[round(SURFACES / DT / 4)] * 4, depth=20.0, noise=0.5, seed=90_001)
+    )
+    wanted = ["linear_damping", "quadratic_damping", "crossflow_drag"]
+    found = fit(known, flown, [*wanted, *(["body_lift"] if known.effects("body_lift") else [])])
+    tables = [{k: v for k, v in t.items() if v is not None and k != "standard_error"} for t in found.tables()]
+    if not tables:
+        raise DataError(f"nothing was fitted to the teacher of {name}")
+    rest = [t for t in known.effect if t["name"] not in {t["name"] for t in tables}]
+    vehicle = msgspec.structs.replace(known, effect=(*rest, *tables))
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(msgspec.json.encode(vehicle))
+    return vehicle
