@@ -105,7 +105,7 @@ def _named(
 ) -> Finding:
     """The finding of one effect that joined the model."""
     first = search.first
-    pieces = max(block_length(first.normal), 1)
+    pieces = max(block_length(model.normal.score), 1)
     share, low, high = naming.share(without - model.costs, first.costs - first.normal.freedom, pieces)
     tied = naming.wins(one.rivals, one.effect)
     parameters, errors = _tables(result, one.effect)
@@ -160,7 +160,7 @@ def _left(
         return []
     gain = model.costs - model.normal.freedom
     share, low, high = naming.share(
-        gain, first.costs - first.normal.freedom, max(block_length(model.normal), 1)
+        gain, first.costs - first.normal.freedom, max(block_length(model.normal.score), 1)
     )
     where = unexplained.words(model.vehicle, record, raw)
     return [
@@ -195,7 +195,7 @@ def _retuned(
     reference = {name: dict(table) for name in base for table in vehicle.effects(name)}
     spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
     matrix = model.normal.matrix.sum(axis=0)
-    blocks = len(model.normal.gram) // block_length(model.normal)
+    blocks = len(model.normal.gram) // block_length(model.normal.score)
     for name in base:
         entries = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
         before = _given(model.unknown, entries, reference[name])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +33,12 @@ class Evidence:
         score: X^T e of each piece, (S, P).
         error: e^T e of each piece, (S,).
         size: What each column was divided by, (P,).
-        pieces: Pieces that make one block.
     """
 
     matrix: Array
     score: Array
     error: Array
     size: Array
-    pieces: int
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
@@ -48,33 +47,37 @@ class Evidence:
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
         size[size == 0.0] = 1.0
-        return cls(
-            matrix / size[:, None] / size,
-            score / size,
-            normal.gram[kept, -1, -1],
-            size,
-            block_length(normal),
-        )
+        return cls(matrix / size[:, None] / size, score / size, normal.gram[kept, -1, -1], size)
+
+    @cached_property
+    def total(self) -> Array:
+        """X^T X of all pieces, (P, P)."""
+        return np.asarray(self.matrix.sum(axis=0))
 
     def solve(self, columns: Columns) -> Array:
         """Least-squares amounts of some columns, all others absent, in units of `size`; (p,)."""
-        matrix = self.matrix[:, columns][:, :, columns].sum(axis=0) + RIDGE * np.eye(len(columns))
+        matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
     def amounts(self, columns: Columns) -> Array:
         """The same in the problem's own units."""
         return self.solve(columns) / self.size[list(columns)]
 
-    def left(self, columns: Columns) -> Array:
-        """What those amounts leave of the squared residual in each piece, (S,)."""
-        found = self.solve(columns)
-        explained: Array = 2.0 * self.score[:, columns] @ found
-        explained -= np.einsum("i,sij,j->s", found, self.matrix[:, columns][:, :, columns], found)
-        return self.error - explained
-
     def gain(self, given: Columns, group: Columns) -> float:
-        """How much less is left when a group joins the given columns."""
-        return float((self.left(given) - self.left([*given, *group])).sum())
+        """How much less squared residual is left when a group joins the given columns."""
+        return self._explained([*given, *group]) - self._explained(given)
+
+    def scores(self, columns: Columns) -> Array:
+        """X^T e of each piece for some columns, e what is left with all of them, (S, p)."""
+        found, matrix = self.solve(columns), self.matrix[:, columns][:, :, columns]
+        left: Array = self.score[:, columns] - matrix @ found
+        return left
+
+    def _explained(self, columns: Columns) -> float:
+        """What the least-squares amounts of some columns explain of the squared residual."""
+        found = self.solve(columns)
+        matrix = self.total[np.ix_(columns, columns)]
+        return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
 
     def standard_errors(self, given: Columns, group: Columns, scale: float) -> Array:
         """Of a group's amounts beside the given columns, in the problem's own units.
@@ -85,7 +88,7 @@ class Evidence:
             scale: Mean square of what is left.
         """
         both = [*given, *group]
-        matrix = self.matrix[:, both][:, :, both].sum(axis=0) + RIDGE * np.eye(len(both))
+        matrix = self.total[np.ix_(both, both)] + RIDGE * np.eye(len(both))
         spread = np.diag(np.linalg.inv(matrix))[len(given) :]
         errors: Array = np.sqrt(np.maximum(spread, 0.0) * max(scale, 1.0)) / self.size[list(group)]
         return errors
@@ -101,38 +104,47 @@ def p_values(
     that is left *with* the group, each block's by a fit without that block: so an effect that is plainly
     there does not hide in its own spread, and the level is kept where blocks have leverage.
 
+    Blocks are as long as what the plainest group leaves is correlated: what it explains is no noise.
+    Of a group with more than half as many columns as there are blocks the most striking part counts.
+
     Args:
         evidence: The problem.
         given: Columns in the model already.
-        groups: Columns of each group; one of more than half as many columns as blocks gets 1.
+        groups: Columns of each group.
         seed: Of the flips.
     """
-    starts = np.arange(0, len(evidence.error), evidence.pieces)
+    if not groups:
+        return {}
+    plainest = max(groups.values(), key=lambda group: evidence.gain(given, group))
+    starts = np.arange(0, len(evidence.error), block_length(evidence.scores([*given, *plainest])))
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), size=(FLIPS, len(starts)))
-    struck: dict[str, float] = {}
-    highest = np.full(FLIPS, -np.inf)
+    struck = dict.fromkeys(groups, -np.inf)
+    highest, most = np.full(FLIPS, -np.inf), max(len(starts) // 2, 1)
     for name, group in groups.items():
-        if 2 * len(group) > len(starts):
-            continue
-        score, loose = _scores(evidence, given, group, starts)
-        struck[name] = float(_deviates(score[None], loose)[0])
-        highest = np.maximum(highest, _deviates(signs @ loose, loose))
+        for part in (group[i : i + most] for i in range(0, len(group), most)):
+            score, loose = _scores(evidence, given, part, starts)
+            struck[name] = max(struck[name], float(_deviates(score[None], loose, flipped=False)[0]))
+            highest = np.maximum(highest, _deviates(signs @ loose, loose, flipped=True))
     return {
-        name: (1.0 + np.count_nonzero(highest >= struck[name])) / (FLIPS + 1.0) if name in struck else 1.0
-        for name in groups
+        name: (1.0 + np.count_nonzero(highest >= strength)) / (FLIPS + 1.0)
+        for name, strength in struck.items()
     }
 
 
-def _deviates(sums: Array, blocks: Array) -> Array:
-    """Quadratic form of each sum (F, p) in the blocks' sum of squares, as a normal deviate; (F,)."""
+def _deviates(sums: Array, blocks: Array, *, flipped: bool) -> Array:
+    """How far sums (F, p) are from zero beside the spread of blocks (B, p), as normal deviates; (F,).
+
+    The spread of what is flipped holds its mean, which Hotelling's T^2 takes out: without the group the
+    blocks scatter about their mean, and the observed sum is judged by blocks that have none.
+    """
     spread = blocks.T @ blocks
     spread += (1e-9 * np.trace(spread) + 1e-300) * np.eye(len(spread))
-    form = np.einsum("fi,ij,fj->f", sums, np.linalg.inv(spread), sums)
-    tail = chi2.logsf(np.maximum(form, 0.0), len(spread))
+    form = np.maximum(((sums @ np.linalg.inv(spread)) * sums).sum(axis=1), 0.0)
+    if flipped:
+        form = form / np.maximum(1.0 - form / len(blocks), 1e-12)
+    tail = chi2.logsf(form, len(spread))
     # Beyond what a double can tell the form itself keeps the order.
-    deviates: Array = np.where(
-        tail > -700.0, -norm.ppf(np.exp(np.maximum(tail, -700.0))), np.sqrt(np.maximum(form, 0.0))
-    )
+    deviates: Array = np.where(tail > -700.0, -norm.ppf(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
     return deviates
 
 

@@ -226,8 +226,13 @@ def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tup
     return values, normal, chi2
 
 
-def descend(unknown: Free, start: Array, problem: Problem, iterations: int) -> tuple[Array, Normal, Problem]:
-    """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`."""
+def descend(
+    unknown: Free, start: Array, problem: Problem, iterations: int, enough: float = ENOUGH
+) -> tuple[Array, Normal, Problem]:
+    """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
+
+    It ends where a step would lower the cost by less than `enough` residuals' worth.
+    """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
     begin = x = start / scales
@@ -236,7 +241,7 @@ def descend(unknown: Free, start: Array, problem: Problem, iterations: int) -> t
     for _ in range(iterations):
         matrix = normal.matrix.sum(axis=0) + np.diag(prior)
         score = normal.score.sum(axis=0) - prior * (x - begin)
-        worth = ENOUGH * max(1.0, normal.chi2)
+        worth = enough * max(1.0, normal.chi2)
         # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
         here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
         before = here + float((prior * (x - begin) ** 2).sum())

@@ -1,5 +1,8 @@
 """One Runge-Kutta step of a vehicle in water, and its thrusters through the step.
 
+A step is the classical one of order 4, or the explicit midpoint rule of order 2 at half the price: good for
+differences of two motions, in which most of its error cancels.
+
 The state y is position (3), unit quaternion (4), nu (6) and the internal states of the effects.  The
 thrusters' lags depend on the commands alone and are advanced exactly, to the beginning, middle and end of a
 step; a step should end where a command takes effect, so that delays of any length keep the order.
@@ -21,6 +24,8 @@ from hydro.core.panels import panel_wrench_kernel
 
 BODY = 13
 """Length of the state of the body itself, before the effects' internal states."""
+CLASSICAL, MIDPOINT = 4, 2
+"""Orders of a step."""
 NO_HULL: Array = np.zeros((8, 0))
 """Facets of a vehicle whose file alone says what the water does."""
 
@@ -66,10 +71,13 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 
 @jit
-def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array, work: Array) -> None:
+def step(
+    order: int, flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array, work: Array
+) -> None:
     """Advance the state by one step.
 
     Args:
+        order: `CLASSICAL` or `MIDPOINT`.
         flat: The vehicle's program.
         facets: (8, F) hull of the panel method, or `NO_HULL`.
         h: Step [s].
@@ -81,9 +89,11 @@ def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     total[:] = 0.0
     trial[:] = y
-    for stage in range(4):
+    for stage in range(order):
         _rates(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
+        if order == MIDPOINT:
+            weight = 6.0 * stage
         ahead = h if stage == 2 else 0.5 * h
         for i in range(y.size):
             total[i] += weight * rates[i]
@@ -97,6 +107,7 @@ def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array
 
 @jit
 def advance(
+    order: int,
     flat: Array,
     facets: Array,
     table: Array,
@@ -134,7 +145,7 @@ def advance(
             for i in range(target.size):
                 decay[i] = lag_decay(table[i], 0.5 * length)
         spin(target, decay, rotors)
-        step(flat, facets, length, y, s, rotors, work)
+        step(order, flat, facets, length, y, s, rotors, work)
         now = until
     return change, decayed
 

@@ -33,7 +33,7 @@ def wins(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, flo
     Returns:
         The best and all that are tied with it, the most frequent winner first.
     """
-    size = max(block_length(rivals[best].normal), 2)
+    size = max(block_length(rivals[best].normal.score), 2)
     blocks = _blocks(np.stack([model.penalised for model in rivals.values()], axis=1), size)
     winner = np.argmin(_weights(len(blocks), seed) @ blocks, axis=1)
     part = dict(zip(rivals, np.bincount(winner, minlength=len(rivals)) / RESAMPLES, strict=True))

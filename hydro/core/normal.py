@@ -17,7 +17,7 @@ from scipy.optimize import lsq_linear
 
 Array = NDArray[np.float64]
 
-LEAST_BLOCKS = 8
+LEAST_BLOCKS = 12
 CORRELATION_TIMES = 10
 
 
@@ -97,13 +97,16 @@ def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
     return np.clip(np.asarray(solved.x) * scale, low, high)
 
 
-def block_length(normal: Normal) -> int:
-    """Pieces that belong together: ten correlation times of residual times regressor, at least eight blocks.
+def block_length(scores: Array) -> int:
+    """Pieces that belong together: ten correlation times of residual times regressor, at least twelve blocks.
 
     Scores of neighbouring pieces are correlated where the model errs for longer than a piece lasts; where the
     residual is white noise they are not, and a piece is a block.
+
+    Args:
+        scores: X^T e of each piece, (S, P).
     """
-    scores, pieces = normal.score, len(normal.gram)
+    pieces = len(scores)
     size = np.sqrt((scores**2).sum(axis=0))
     unit = scores[:, size > 0.0] / size[size > 0.0]
     if pieces < 2 * LEAST_BLOCKS or not unit.size:
@@ -133,7 +136,7 @@ def covariance(normal: Normal, prior: Array) -> Array:
     """
     total = normal.matrix.sum(axis=0) + np.diag(prior)
     plain: Array = np.linalg.inv(total) * max(1.0, normal.chi2)
-    size = block_length(normal)
+    size = block_length(normal.score)
     edges = np.arange(0, len(normal.gram), size)
     if len(edges) > 1 and len(normal.gram) - edges[-1] < size:
         edges = edges[:-1]

@@ -22,7 +22,7 @@ from hydro.core.evidence import Columns, Evidence, p_values
 from hydro.core.fit import Problem, descend
 from hydro.core.normal import Normal
 from hydro.core.parameters import Free, free
-from hydro.core.suspects import CURVED, Suspect, suspects
+from hydro.core.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -32,7 +32,9 @@ Wanted = Sequence[str | Mapping[str, Any]]
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
 MATERIAL = 0.05
-"""Share of the error beyond the noise that a finding must explain."""
+"""Share of the squared error beyond the noise that a finding must explain,"""
+TELLING = 0.1
+"""or else by how much of its root it must lower the root of what is left."""
 VISIBLE = 0.01
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
 CONTENDERS = 5
@@ -40,6 +42,7 @@ NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspe
 MOST = 4  # findings
 QUICK = 4  # iterations of a contender's fit
 THOROUGH = 8  # of the base, and of the last joint fit
+COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing
 
 
 @dataclass(frozen=True)
@@ -101,13 +104,15 @@ class Round:
 
     Attributes:
         ranked: Best shape of each effect with its columns, the most telling first.
-        evidence: The linearised problem.
+        normal: The linearised problem, in the units that the columns' steps have.
+        evidence: The same in columns of unit size.
         own: Columns of the model's own entries.
         gains: Squared residual that each effect would explain.
         p_values: Of each effect, over all of them at once.
     """
 
     ranked: Mapping[str, tuple[Suspect, Columns]]
+    normal: Normal
     evidence: Evidence
     own: Columns
     gains: Mapping[str, float]
@@ -133,28 +138,33 @@ class Search:
     base: tuple[str, ...]
     reach: Array
 
-    def material(self, gain: float) -> bool:
-        """Whether explaining so much squared residual matters."""
-        return gain >= MATERIAL * self.first.excess and gain >= VISIBLE * self.first.normal.residuals
+    def material(self, gain: float, before: Model) -> bool:
+        """Whether explaining so much squared residual of a model matters.
+
+        Where others have explained most, a small share of the first error may be most of what is left.
+        """
+        left = max(before.excess - gain, 0.0)
+        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(self.first.excess)
+        seen = gain >= VISIBLE * self.first.normal.residuals
+        return bool(seen and (lower or gain >= MATERIAL * self.first.excess))
 
     def round(self, model: Model, chosen: Sequence[str]) -> Round:
         """Hold all effects that are not in the model against what it leaves."""
-        known = [*self.base, *chosen]
-        vehicle, moved, steps = model.vehicle, list[Vehicle](), list[float]()
-        for i, entry in enumerate(model.unknown.entries):
-            up = model.values[i] + entry.step <= entry.high
-            values = model.values.copy()
-            values[i] += entry.step if up else -entry.step
-            moved.append(model.unknown.at(values))
-            steps.append((entry.step if up else -entry.step) / entry.scale)
-        own, tried = range(len(moved)), list[tuple[Suspect, Columns]]()
-        for suspect in suspects(vehicle, without=[*known, *repeated(vehicle)], reach=self.reach):
-            tried.append((suspect, range(len(moved), len(moved) + len(suspect.steps))))
+        known = [*self.base, *chosen, *repeated(model.vehicle)]
+        return self.hold(model, suspects(model.vehicle, without=known, reach=self.reach))
+
+    def hold(self, model: Model, tried: Sequence[Suspect]) -> Round:
+        """Hold some suspects against what a model leaves."""
+        moved, steps = nudged(model)
+        own, places = range(len(moved)), list[tuple[Suspect, Columns]]()
+        for suspect in tried:
+            places.append((suspect, range(len(moved), len(moved) + len(suspect.steps))))
             moved += suspect.changed
             steps += suspect.steps
-        evidence = Evidence.of(model.problem.linearise(vehicle, moved, steps))
+        normal = model.problem.linearise(model.vehicle, moved, steps)
+        evidence = Evidence.of(normal)
         best: dict[str, tuple[float, Suspect, Columns]] = {}
-        for suspect, columns in tried:
+        for suspect, columns in places:
             gain = evidence.gain(own, columns)
             if suspect.effect not in best or gain > best[suspect.effect][0]:
                 best[suspect.effect] = (gain, suspect, columns)
@@ -162,20 +172,33 @@ class Search:
         ranked = {name: best[name][1:] for name in order}
         gains = {name: best[name][0] for name in order}
         p = p_values(evidence, own, {name: columns for name, (_, columns) in ranked.items()})
-        return Round(ranked, evidence, own, gains, p)
+        return Round(ranked, normal, evidence, own, gains, p)
 
     def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model."""
         most, fits = max(now.gains.values(), default=0.0), dict[str, Model]()
-        for name, (suspect, columns) in now.ranked.items():
+        for name in now.ranked:
             told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
             near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
             if now.p_values[name] > ALPHA or now.gains[name] < near or len(fits) == CONTENDERS:
                 continue
-            table = suspect.begin(now.evidence.amounts([*now.own, *columns])[len(now.own) :])
-            wanted: Wanted = [*self.base, *chosen, table]
-            fits[name] = fitted(model.vehicle, wanted, model.problem, self.reach, QUICK)
+            fine = shapes(model.vehicle, name, reach=self.reach)
+            fits[name] = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
         return fits
+
+    def joined(self, model: Model, chosen: Sequence[str], now: Round, name: str) -> Model:
+        """The model with a suspect, fitted from where the linearised problem says that both should be."""
+        suspect, columns = now.ranked[name]
+        both, step = [*now.own, *columns], np.zeros(len(now.normal.gram[0]) - 1)
+        step[both] = now.evidence.amounts(both)
+        own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
+        vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
+        wanted: Wanted = [*self.base, *chosen, table]
+        begun = msgspec.structs.replace(vehicle, effect=(*without(vehicle, name).effect, table))
+        cost, moved = model.problem.cost(begun, step, now.normal)
+        if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
+            vehicle, moved = model.vehicle, model.problem
+        return fitted(vehicle, wanted, moved, self.reach, QUICK)
 
     def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
         """Let the best effect join until nothing more is significant and material.
@@ -191,11 +214,11 @@ class Search:
             chosen = [one.effect for one in found]
             told(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
             now = self.round(model, chosen)
-            if len(found) == MOST or not self.material(max(now.gains.values(), default=0.0)):
+            if len(found) == MOST or not self.material(max(now.gains.values(), default=0.0), model):
                 return model, found, now
             fits = self.contend(model, chosen, now)
             best = leader(fits)
-            if best is None or not self.material(model.normal.cost - fits[best].normal.cost):
+            if best is None or not self.material(model.normal.cost - fits[best].normal.cost, model):
                 return model, found, now
             found.append(Found(best, now.p_values[best], fits))
             model = fits[best]
@@ -213,7 +236,7 @@ class Search:
                 without[one.effect] = self.first.costs
                 continue
             lesser = self.lesser(model, one.effect, others)
-            if not self.material(lesser.normal.cost - model.normal.cost):
+            if not self.material(lesser.normal.cost - model.normal.cost, lesser):
                 kept.remove(one)
                 model = lesser
                 continue
@@ -230,9 +253,27 @@ class Search:
     def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
         """The model without one of its findings, all others fitted anew."""
         given = [e for e in self.first.vehicle.effect if e["name"] == effect]
-        rest = [e for e in model.vehicle.effect if e["name"] != effect]
+        rest = without(model.vehicle, effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *given))
         return fitted(vehicle, [*self.base, *others], model.problem, self.reach, QUICK)
+
+
+def nudged(model: Model) -> tuple[list[Vehicle], list[float]]:
+    """The model with a little more of each entry, or less at a bound; and how much in scales."""
+    moved, steps = list[Vehicle](), list[float]()
+    for i, entry in enumerate(model.unknown.entries):
+        step = entry.step if model.values[i] + entry.step <= entry.high else -entry.step
+        values = model.values.copy()
+        values[i] += step
+        moved.append(model.unknown.at(values))
+        steps.append(step / entry.scale)
+    return moved, steps
+
+
+def without(vehicle: Vehicle, effect: str) -> Vehicle:
+    """A vehicle without one of its effects."""
+    kept = tuple(table for table in vehicle.effect if table["name"] != effect)
+    return msgspec.structs.replace(vehicle, effect=kept)
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:
@@ -248,7 +289,7 @@ def fitted(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, it
     """
     if effects:
         unknown = free(vehicle, effects, reach=reach)
-        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations)
+        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE)
     else:
         unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
         normal = problem.linearise(vehicle, [], [])

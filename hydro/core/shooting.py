@@ -26,7 +26,7 @@ from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
-from hydro.core.integrate import BODY, NO_HULL, advance
+from hydro.core.integrate import BODY, CLASSICAL, MIDPOINT, NO_HULL, advance
 from hydro.core.normal import Normal, eliminate
 from hydro.core.recording import Array, Recording, noise, smoothed
 
@@ -39,7 +39,7 @@ NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m,
 TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-TOGETHER = 64  # shots of one piece of work: their derivatives stay within some tens of MB
+TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,13 @@ def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
     return Loaded(model, rotors, memory)
 
 
-def predict(loaded: Loaded, shots: Shots, first: Array | None = None, part: slice = slice(None)) -> Array:
+def predict(
+    loaded: Loaded,
+    shots: Shots,
+    first: Array | None = None,
+    part: slice = slice(None),
+    order: int = CLASSICAL,
+) -> Array:
     """What would have been logged, shot by shot.
 
     Args:
@@ -177,6 +183,7 @@ def predict(loaded: Loaded, shots: Shots, first: Array | None = None, part: slic
         shots: The shots.
         first: Other beginnings, (S, 13).
         part: Which shots.
+        order: Of the integration, `core.integrate.CLASSICAL` or `MIDPOINT`.
 
     Returns:
         Position, quaternion, nu of every row, (s, length, 13); not finite where a motion knows no bounds.
@@ -185,6 +192,7 @@ def predict(loaded: Loaded, shots: Shots, first: Array | None = None, part: slic
     starts = np.ascontiguousarray(shots.starts[part])
     out = np.empty((starts.size, shots.length, BODY))
     _shoot(
+        order,
         loaded.model.program.flat,
         record.commands,
         record.t,
@@ -204,12 +212,18 @@ def predict(loaded: Loaded, shots: Shots, first: Array | None = None, part: slic
     return out
 
 
-def residuals(loaded: Loaded, shots: Shots, first: Array | None = None, part: slice = slice(None)) -> Array:
+def residuals(
+    loaded: Loaded,
+    shots: Shots,
+    first: Array | None = None,
+    part: slice = slice(None),
+    order: int = CLASSICAL,
+) -> Array:
     """Measured less predicted in standard deviations of the noise, (s, length - lead, 12).
 
     The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
     """
-    predicted = predict(loaded, shots, first, part)
+    predicted = predict(loaded, shots, first, part, order)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
     _deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
     return out
@@ -225,6 +239,8 @@ def linearise(
 ) -> Normal:
     """The least-squares problem about a candidate, with the beginnings of the shots eliminated.
 
+    Derivatives are differences of motions by the midpoint rule, whose own error cancels in them.
+
     Args:
         base: The candidate.
         moved: The same with one parameter changed, one each.
@@ -239,25 +255,25 @@ def linearise(
     gram = np.empty((len(shots.starts), count + 1, count + 1))
     follow = np.empty((len(shots.starts), CHANNELS, count + 1))
     channels = np.zeros((len(shots.starts), CHANNELS))
+    nudged = [displaced(shots.first, shift[None]) for shift in np.diag(NUDGE)]
 
     def work(begin: int) -> None:
         part = slice(begin, begin + TOGETHER)
         error = residuals(base, shots, None, part)
         pieces, flat = len(error), (len(error), shots.residuals)
-        columns = np.empty((*flat, CHANNELS + count + 1))
-        columns[..., -1] = error.reshape(flat)
-        for i, size in enumerate(NUDGE):
-            shift = np.zeros((1, CHANNELS))
-            shift[:, i] = size
-            changed = residuals(base, shots, displaced(shots.first, shift), part)
-            columns[..., i] = (error - changed).reshape(flat) / size
+        columns = np.empty((pieces, CHANNELS + count + 1, shots.residuals))
+        columns[:, -1] = error.reshape(flat)
+        still = residuals(base, shots, None, part, MIDPOINT)
+        for i, (first, size) in enumerate(zip(nudged, NUDGE, strict=True)):
+            changed = residuals(base, shots, first, part, MIDPOINT)
+            columns[:, i] = (still - changed).reshape(flat) / size
         for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
-            columns[..., i] = (error - residuals(other, shots, None, part)).reshape(flat) / share
+            columns[:, i] = (still - residuals(other, shots, None, part, MIDPOINT)).reshape(flat) / share
         lost = ~np.isfinite(columns).all(axis=(1, 2))
         columns[lost] = 0.0
-        gram[part], follow[part] = eliminate(columns.transpose(0, 2, 1) @ columns, CHANNELS, TRUST**-2)
+        gram[part], follow[part] = eliminate(columns @ columns.transpose(0, 2, 1), CHANNELS, TRUST**-2)
         gram[part][lost, -1, -1] = np.inf
-        left = columns[..., -1:] - columns[..., :CHANNELS] @ follow[part][..., -1:]
+        left = columns[:, -1] - np.einsum("si,sir->sr", follow[part][..., -1], columns[:, :CHANNELS])
         channels[part] = (left.reshape(pieces, -1, CHANNELS) ** 2).sum(axis=1)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
@@ -312,6 +328,7 @@ def _deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> No
 
 @jit
 def _shoot(
+    order: int,
     flat: Array,
     commands: Array,
     t: Array,
@@ -352,6 +369,7 @@ def _shoot(
             for j in range(substeps):
                 now, stop = clock[at + k] + j * h, clock[at + k] + (j + 1) * h
                 due = advance(
+                    order,
                     flat,
                     NO_HULL,
                     table,

@@ -2,7 +2,8 @@
 
 An effect that is linear in its parameters gives one column per parameter.  One that is not (the rate of a
 memory, the place of an anchor) gives several suspects, each with that parameter held at one value of a grid;
-the best of them is where a fit of the effect begins.
+the best of them is where a fit of the effect begins.  A few coarse ones tell whether the effect is worth a
+closer look, and a fine grid (`shapes`) then where to begin.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ CURVED = ("fluid_memory", "surface_suction", "tether", "payload")
 """Effects that are not linear in all of their parameters."""
 CHOICES = {"sensor_scale": "sensor_scale.axes"}
 """Which form of an effect that the vehicle has not is tried, where the first is not the most general."""
+COARSE_RATES = (0.5, 4.0)  # 1/s
 LEVER = 0.25  # of the hull's length: where a payload is tried besides CO
 
 
@@ -58,10 +60,15 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
         if name in without:
             continue
         if name in CURVED and not vehicle.effects(name):
-            found += _SHAPES[name](vehicle, reach)
+            found += _COARSE[name](vehicle, reach)
         elif name not in CURVED:
             found.append(_linear(vehicle, CHOICES.get(name, name) if not vehicle.effects(name) else name))
     return found
+
+
+def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
+    """A finer grid of one effect than `suspects` has; empty of those that need none."""
+    return list(_FINE[effect](vehicle, reach)) if effect in _FINE else []
 
 
 def _linear(vehicle: Vehicle, choice: str) -> Suspect:
@@ -86,12 +93,21 @@ def _linear(vehicle: Vehicle, choice: str) -> Suspect:
     )
 
 
+def _few_memories(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
+    """Six strengths for a slow and a quick memory."""
+    for rate in COARSE_RATES:
+        yield _memory(vehicle, {"K": [[0.0] * 6], "rates": [rate]})
+
+
 def _memories(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
     """Six strengths for each rate of the grid."""
     for table in GRIDS["fluid_memory"]:
-        unknown = free(vehicle, [{"name": "fluid_memory"} | table])
-        strengths = [i for i, entry in enumerate(unknown.entries) if entry.parameter == "K"]
-        yield _some(unknown, strengths)
+        yield _memory(vehicle, table)
+
+
+def _memory(vehicle: Vehicle, table: dict[str, Any]) -> Suspect:
+    unknown = free(vehicle, [{"name": "fluid_memory"} | table])
+    return _some(unknown, [i for i, entry in enumerate(unknown.entries) if entry.parameter == "K"])
 
 
 def _suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
@@ -120,6 +136,36 @@ def _some(unknown: Free, chosen: Sequence[int]) -> Suspect:
         tuple(entries[i].step / entries[i].scale for i in chosen),
         begin,
     )
+
+
+def _spring(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
+    """A cable without slack: the stiffness k, k times the anchor, and the moments of k at one anchor.
+
+    Without slack the force is k (anchor - position), linear in all of them, so that anchors amid the track
+    and to three sides of it stand for any.
+    """
+    unknown = free(vehicle, ["tether"], reach=reach)
+    names = [(entry.parameter, entry.index) for entry in unknown.entries]
+    stiffness, slack = names.index(("k", ())), names.index(("slack", ()))
+    places = [names.index(("attachment", (i,))) for i in range(3)]
+    corners = [names.index(("anchor", (i,))) for i in range(3)]
+    scale, lever, little = unknown.entries[stiffness].scale, LEVER * vehicle.hull.length, 0.01
+    held = np.array(unknown.starts[0])
+    held[stiffness], held[slack] = little * scale, 0.0
+    side = max(float(np.ptp(reach, axis=0).max()), 2.0) if reach is not None else 2.0
+    ways = [held] + [held + side * np.eye(len(held))[corner] for corner in corners]
+    ways += [held + lever * np.eye(len(held))[place] for place in places]
+    low, high = unknown.bounds
+
+    def begin(amounts: Array) -> dict[str, Any]:
+        stiff = max(float(amounts.sum()), 1e-3)
+        begun = held.copy()
+        begun[stiffness] = stiff * scale
+        begun[corners] += np.clip(amounts[1:4] / stiff, -3.0, 3.0) * side
+        begun[places] = np.clip(amounts[4:] / stiff, -4.0, 4.0) * lever
+        return {"name": "tether"} | effect_table(unknown, "tether", np.clip(begun, low, high))
+
+    yield Suspect("tether", tuple(unknown.at(v) for v in ways), (little,) * 7, begin)
 
 
 def _tethers(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
@@ -170,9 +216,13 @@ def _payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Suspect]:
     yield Suspect("payload", changed, (little,) * 5, begin)
 
 
-_SHAPES: dict[str, Callable[[Vehicle, Array | None], Iterator[Suspect]]] = {
-    "fluid_memory": _memories,
+_COARSE: dict[str, Callable[[Vehicle, Array | None], Iterator[Suspect]]] = {
+    "fluid_memory": _few_memories,
     "surface_suction": _suctions,
-    "tether": _tethers,
+    "tether": _spring,
     "payload": _payloads,
+}
+_FINE: dict[str, Callable[[Vehicle, Array | None], Iterator[Suspect]]] = {
+    "fluid_memory": _memories,
+    "tether": _tethers,
 }

@@ -137,5 +137,5 @@ def test_covariance_is_the_scatter_of_estimates(correlated):
         normal = pieces(rng, 400, correlated)
         estimate = np.linalg.solve(normal.matrix.sum(axis=0), normal.score.sum(axis=0))
         scores.append(estimate / np.sqrt(np.diag(covariance(normal, np.full(2, 1e-9)))))
-    assert (block_length(normal) > 5) == correlated
+    assert (block_length(normal.score) > 5) == correlated
     assert 0.6 < np.mean(np.square(scores)) < 1.35
