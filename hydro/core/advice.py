@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydro.core.effects import CATALOGUE
+from hydro.core.manoeuvres import SECONDS, Flight
 
 ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
+CLEAR = 10.0
+"""Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
 MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
     (
@@ -58,13 +61,34 @@ MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
 """Effects that are taken for one another, and the motion that parts them."""
 
 
-def separating(members: Sequence[str]) -> str:
-    """The manoeuvre that tells the members of a tie set apart."""
+def separating(members: Sequence[str], flight: Flight | None = None) -> str:
+    """The manoeuvre that tells the members of a tie set apart.
+
+    Args:
+        members: Names of the effects.
+        flight: What `manoeuvres.best` predicts for them; without, what is known of such effects in general.
+    """
+    if flight is not None and flight.difference > 0.0:
+        return f"to tell them apart: {_predicted(flight)}"
     count, words = max((len(group & set(members)), words) for group, words in MANOEUVRES)
     if count >= 2:
         return f"to tell them apart: {words}"
     needs = "; ".join(f"for {name}, {CATALOGUE[name].excitation}" for name in members)
     return f"to tell them apart: {needs}"
+
+
+def _predicted(flight: Flight) -> str:
+    """What to fly for how long, and what it is expected to show."""
+    words, seen = flight.manoeuvre.words, flight.difference
+    told = f"predicted difference in {SECONDS:g} s: {seen:.2g} times the sensors' noise"
+    if seen >= CLEAR:
+        return f"{words} ({told})"
+    minutes = SECONDS / 60.0 * (CLEAR / seen) ** 2
+    return (
+        f"{words}, for {minutes:.0f} min or more ({told})"
+        if minutes < 120.0
+        else f"{words} ({told}, too little)"
+    )
 
 
 def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
@@ -82,7 +106,16 @@ def retuning(effect: str) -> str:
     return f"the recording asks for other values of {effect}; `hydro add` replaces them"
 
 
-def exciting(effect: str, entries: Sequence[str], of: int) -> str:
-    """Which motion would show an effect that the recording does not."""
+def exciting(effect: str, entries: Sequence[str], of: int, flight: Flight | None = None) -> str:
+    """Which motion would show an effect that the recording does not.
+
+    Args:
+        effect: Its name.
+        entries: What of it is not determined, in words.
+        of: Number of all that it has.
+        flight: What `manoeuvres.showing` predicts for it at plain size.
+    """
     what = "it" if len(entries) == of else ", ".join(entries)
-    return f"this recording could not show {what}; fly {CATALOGUE[effect].excitation}"
+    shows = flight is not None and flight.difference >= CLEAR
+    motion = _predicted(flight) if flight is not None and shows else CATALOGUE[effect].excitation
+    return f"this recording could not show {what}; fly {motion}"
