@@ -170,7 +170,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         log[DELAY] = np.clip(log[DELAY], -LATEST, LATEST)
         if (np.abs(step) < SETTLED * np.sqrt(np.diag(spread))).all():
             break
-    blocks = len(normal.gram) // block_length(normal)
+    blocks = len(normal.gram) // block_length(normal.score)
     return {
         name: KinematicTest(
             name, log[place], spread[place, place], blocks, NEGLIGIBLE.get(name, 0.5 * record.dt)
