@@ -26,6 +26,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -40,7 +41,7 @@ from hydro.core.vehicle import Vehicle
 from hydro.io import vehicle as files
 from hydro.sim import mjcf, native
 from hydro.sim.control import Control
-from hydro.sim.network import ACTIVATIONS, Network
+from hydro.sim.network import Network
 from hydro.sim.teacher import collect, teacher
 from hydro.sim.water import PREFIX, residual, wet
 
@@ -60,15 +61,20 @@ Work = Callable[[], int]
 def random_network(widths: tuple[int, ...] = PHYSFEAT) -> Network:
     """PhysicsFeature-MLP with random weights and a weak output: what it costs does not depend on them."""
     rng = np.random.default_rng(0)
-    layers = [rng.normal(size=(a + 1, b)).ravel() / np.sqrt(a) for a, b in pairwise(widths)]
-    inputs, outputs = widths[0], widths[-1]
-    scalers = [np.zeros(inputs), np.ones(inputs), np.zeros(outputs), np.ones(outputs)]
-    return Network(
-        widths=np.array(widths, dtype=np.int64),
-        weights=np.concatenate(layers).astype(np.float32),
-        activation=ACTIVATIONS["silu"],
-        physfeat=True,
-        scalers=np.concatenate(scalers),
+    tensors = {}
+    for i, (wide, next_wide) in enumerate(pairwise(widths)):
+        tensors[f"layers.{i}.weight"] = rng.normal(size=(next_wide, wide)) / np.sqrt(wide)
+        tensors[f"layers.{i}.bias"] = rng.normal(size=next_wide) / np.sqrt(wide)
+    scalers = {
+        f"{side}_{what}": np.full(length, value)
+        for side, length in (("input", widths[0]), ("output", widths[-1]))
+        for what, value in (("mean", 0.0), ("scale", 1.0))
+    }
+    architecture = {"model": "physfeat", "features": "physfeat", "layers": widths, "activation": "silu"}
+    return Network.of(
+        SimpleNamespace(
+            name="physfeat", architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
+        )
     )
 
 

@@ -10,11 +10,10 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import features, names
+from hydro.core.features import features
 from hydro.core.metrics import consecutive, measure
 from hydro.io.model import Model
-from hydro.learn import rows
-from hydro.learn.networks import load
+from hydro.learn import networks, rows
 
 Array = NDArray[np.float64]
 
@@ -22,12 +21,14 @@ BLOCK = 150
 ROWS_PER_PASS = 16384
 
 
-def predict(model: Model, states: ArrayLike) -> Array:
+def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> Array:
     """Predict the residual wrench of many states.
 
     Args:
         model: a trained model.
         states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+        past: past velocities of a model that remembers, see `core.history.past`; by default the vehicle has
+            moved at nu for long.
 
     Returns:
         tau_res (N, 6) [N and N m], body FRD; it stands on the left-hand side of the balance: the wrench on
@@ -36,14 +37,39 @@ def predict(model: Model, states: ArrayLike) -> Array:
     Raises:
         DataError: If the model's tensors or features are not those that its architecture asks for.
     """
-    if tuple(model.inputs) != tuple(names(model.features)):
+    given = np.asarray(states, dtype=np.float64).reshape(-1, 12)
+    made = features(given, model.features)
+    window = model.architecture.get("window", 1)
+    before = np.tile(given[:, :6], window - 1) if past is None else np.asarray(past, dtype=np.float64)
+    return _predict(model, np.hstack([made, before]))
+
+
+def predict_rows(model: Model, table: pl.DataFrame, part: str = "test") -> tuple[pl.DataFrame, Array]:
+    """Predict the residual wrench of the rows of one side of the split.
+
+    Args:
+        model: a trained model.
+        table: labels, all rows of their sessions in order where the model remembers.
+        part: `test`, `train`, or `all` rows, guard rows included.
+
+    Returns:
+        Those rows, and tau_res (N, 6) [N and N m] as `predict` gives it.
+
+    Raises:
+        DataError: If the rows are not there, a column is missing or not finite, or the model is broken.
+    """
+    chosen, inputs = rows.inputs(table, part, model.architecture)
+    return chosen, _predict(model, inputs)
+
+
+def _predict(model: Model, inputs: Array) -> Array:
+    if tuple(model.inputs) != networks.inputs(model.architecture):
         raise DataError(f"model {model.name}: its features are not those of this version: train it again")
-    network = load(model)
-    inputs = np.asarray(states, dtype=np.float64).reshape(-1, 12)
+    network = networks.load(model)
     wrenches = np.empty((len(inputs), 6))
     with torch.inference_mode():
         for start in range(0, len(inputs), ROWS_PER_PASS):
-            part = features(inputs[start : start + ROWS_PER_PASS], model.features).astype(np.float32)
+            part = inputs[start : start + ROWS_PER_PASS].astype(np.float32)
             wrenches[start : start + ROWS_PER_PASS] = network(torch.from_numpy(part)).numpy()
     return wrenches
 
@@ -70,9 +96,9 @@ def evaluate(
     repeated = [model.name for model in models if sum(other.name == model.name for other in models) > 1]
     if repeated:
         raise UsageError(f"two models are called '{repeated[0]}': evaluate them one by one")
-    chosen = rows.of_part(table, part)
-    inputs, truth = rows.states(chosen), rows.wrenches(chosen)
-    blocks = chosen["block"] if "block" in chosen.columns else consecutive(chosen.height, BLOCK)
-    return pl.concat(
-        measure(truth, predict(model, inputs), blocks, model=model.name, dataset=dataset) for model in models
-    )
+    measured = []
+    for model in models:
+        chosen, predicted = predict_rows(model, table, part)
+        blocks = chosen["block"] if "block" in chosen.columns else consecutive(chosen.height, BLOCK)
+        measured.append(measure(rows.wrenches(chosen), predicted, blocks, model=model.name, dataset=dataset))
+    return pl.concat(measured)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core import history
 from hydro.core.errors import DataError
-from hydro.core.features import INPUTS, OUTPUTS
+from hydro.core.features import INPUTS, OUTPUTS, features
+from hydro.core.segments import sample_time, segments
 
 Array = NDArray[np.float64]
 
@@ -42,6 +45,33 @@ def states(rows: pl.DataFrame) -> Array:
         DataError: If a column is missing or not finite.
     """
     return _columns(rows, INPUTS)
+
+
+def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> tuple[pl.DataFrame, Array]:
+    """Return the rows of one side of the split and what a network of this description is given for them.
+
+    A window of past velocities may reach into rows of another part, guard rows at first, but never across a
+    gap or the start of a session: velocities are looked at there, labels are not.
+
+    Args:
+        table: labels, all rows of their sessions in order where the network remembers.
+        part: as for `of_part`.
+        architecture: description of the network.
+
+    Raises:
+        DataError: If there is no such row, a column is missing or not finite, or the sample time does not fit
+            the network's period.
+    """
+    chosen = of_part(table, part)
+    made = features(states(chosen), architecture["features"])
+    if (window := architecture.get("window", 1)) == 1:
+        return chosen, made
+    _require(table, ("session", "t"))
+    steps = history.stride(architecture["period"], sample_time(table))
+    past = history.past(_columns(table, INPUTS[:6]), segments(table), window, steps)
+    if part != "all":
+        past = past[(table["part"] == part).to_numpy()]
+    return chosen, np.hstack([made, past])
 
 
 def wrenches(rows: pl.DataFrame) -> Array:
@@ -81,9 +111,7 @@ def _fraction(block: str) -> float:
 
 
 def _columns(rows: pl.DataFrame, names: Sequence[str]) -> Array:
-    missing = [name for name in names if name not in rows.columns]
-    if missing:
-        raise DataError(f"labels: column {missing[0]} is missing: make the labels with `hydro labels`")
+    _require(rows, names)
     values = rows.select(pl.col(names).cast(pl.Float64)).to_numpy(order="c")
     finite = np.isfinite(values)
     if not finite.all():
@@ -94,3 +122,9 @@ def _columns(rows: pl.DataFrame, names: Sequence[str]) -> Array:
             f"(first: row {bad[0]}): make the labels again with `hydro labels`"
         )
     return values
+
+
+def _require(rows: pl.DataFrame, names: Sequence[str]) -> None:
+    missing = [name for name in names if name not in rows.columns]
+    if missing:
+        raise DataError(f"labels: column {missing[0]} is missing: make the labels with `hydro labels`")

@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import OUTPUTS, features, names
+from hydro.core.features import OUTPUTS
 from hydro.io import schema
 from hydro.io.model import Model
-from hydro.learn import rows
-from hydro.learn.networks import Residual, architecture, build, parameter_count
+from hydro.learn import networks, rows
+from hydro.learn.networks import architecture, build, parameter_count
+from hydro.learn.networks.residual import Residual
 
 EPOCHS = 60
 LEARNING_RATE = 1e-3
@@ -90,7 +91,7 @@ def train(
 
     Args:
         table: labels with `block` and `part`, see `core.split`; guard and test rows are left alone.
-        model: name of an architecture, see `networks.ARCHITECTURES`.
+        model: name of an architecture, see `learn.networks`.
         seed: of the first weights and of the order of the rows.
         epochs: passes over the rows at most; early stopping may end sooner.
         device: `cpu`, or `cuda` where there is one.
@@ -108,9 +109,8 @@ def train(
         raise UsageError(f"epochs must be at least 1, not {epochs}")
     description = architecture(model)
     target_device = _device(device)
-    training = rows.of_part(table, "train")
+    training, inputs = rows.inputs(table, "train", description)
     validating = rows.validation(training)
-    inputs = features(rows.states(training), description["features"])
     targets = rows.wrenches(training)
     scalers = _scalers(inputs[~validating], targets[~validating])
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
@@ -234,7 +234,7 @@ def _model(
     scalers: dict[str, NDArray[np.float64]],
     summary: dict[str, Any],
 ) -> Model:
-    made_of = names(description["features"])
+    made_of = networks.inputs(description)
     units = {field.name: field.unit or "1" for field in schema.load("features").fields}
     return Model(
         name=name,
@@ -244,7 +244,7 @@ def _model(
         scalers=scalers,
         inputs=made_of,
         outputs=OUTPUTS,
-        units={column: units[column] for column in (*made_of, *OUTPUTS)},
+        units={column: units[column.split("-")[0]] for column in (*made_of, *OUTPUTS)},
         training=summary,
     )
 

@@ -222,7 +222,8 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
     if at >= 0:
         _take(numbers(data, _USERDATA, at, 6), tau)
     if vehicle[water.AT_CONTROL] > 0.0:
-        _take(numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]) + control.HELD, 6), tau)
+        block = vehicle[int(vehicle[water.AT_CONTROL]) :]
+        control.exert(block, _control_states(data, vehicle), nu, part, tau)
     at = int(vehicle[water.AT_INERTIA])
     if at:
         A = vehicle[at : at + 36]
@@ -237,6 +238,14 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
             numbers(data, _M, 0, addresses[5] + 6),
         )
     _exert(P, tau, numbers(data, _QFRC_PASSIVE, dof, 6))
+
+
+@jit
+def _control_states(data: int, vehicle: Array) -> Array:
+    """States of the network's control, none (length 0) where there is none."""
+    at = int(vehicle[water.AT_CONTROL])
+    count = int(vehicle[at + control.AT_STATES]) if at else 0
+    return numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), count)
 
 
 @jit
@@ -312,8 +321,8 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
     flag = numbers(data, _ACT, started, 1)
     block = vehicle[int(vehicle[water.AT_CONTROL]) :]
     time = number(data, _TIME)
-    states = numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), control.STATES)
-    renew = vehicle[water.AT_CONTROL] > 0.0 and control.due(block, states, time)
+    states = _control_states(data, vehicle)
+    renew = states.size > 0 and control.due(block, states, time)
     if flag[0] != 0.0 and not renew:
         return
     room = carray(stack(), (ROOM,), np.float64)

@@ -1,7 +1,13 @@
 """A residual network inside the simulation, evaluated at the control step and held in between (paper III-B).
 
 At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench
-stands on the left-hand side of the balance, as the label does.  All that is remembered from one control step
+stands on the left-hand side of the balance, as the label does.
+
+A passive model (`learn.networks.structured`) is not held as a wrench, for a wrench that was right 40 ms ago
+can drive the vehicle.  Its D is held, its inertia is constant, and between control steps the wrench goes on
+from the held one by D nu + C(nu) nu of the present nu: damping keeps taking power between control steps.
+
+All that is remembered from one control step
 to the next lies in MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of
 the state.
 """
@@ -13,9 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core import history
 from hydro.core.compiled import jit
 from hydro.core.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
+from hydro.core.errors import UsageError
+from hydro.core.rigid_body import coriolis_kernel
 from hydro.core.smoothing import Design, filter_step, gains
+from hydro.sim.layers import COLUMNS, damping
 from hydro.sim.network import Network, network_kernel
 
 Array = NDArray[np.float64]
@@ -31,11 +41,15 @@ FILTER = 7  # nu and nu_dot of each axis, 12
 LOW_PASS = 19  # 6
 COUNTED = 25  # how often the conditioning acted, 8
 STATES = COUNTED + COUNTS
+# After these come the past velocities of a network that remembers, and of a passive one:
+DAMPING, OFFSET, PASSIVE_STATES = 0, 36, 42  # D, and D nu + C(nu) nu at the control step
 
 # The block of parameters.
-AT_PERIOD, AT_GAINS, AT_GAIN_ROWS, AT_WIDTHS, AT_WIDTH_COUNT = range(5)
-AT_ACTIVATION, AT_PHYSFEAT, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING = range(5, 11)
-HEADER = 12
+AT_PERIOD, AT_GAINS, AT_GAIN_ROWS, AT_PROGRAM, AT_STEPS, AT_INPUTS, AT_ROOM = range(7)
+AT_PHYSFEAT, AT_MEMORY, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING = range(7, 13)
+AT_STATES = 13  # in all
+AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no inertia: it is none
+HEADER = 17
 
 
 @dataclass(frozen=True)
@@ -54,6 +68,24 @@ class Control:
     design: Design | None = None
     conditioning: Conditioning = OFF
 
+    def __post_init__(self) -> None:
+        """Refuse a control step that is not the one a network remembers by.
+
+        Raises:
+            UsageError: It is another.
+        """
+        wanted = self.network.period
+        if wanted is not None and abs(self.period - wanted) > 1e-9:
+            raise UsageError(
+                f"the network remembers velocities {wanted:g} s apart: its control step cannot be "
+                f"{self.period:g} s"
+            )
+
+    @property
+    def states(self) -> int:
+        """Numbers that one vehicle's control keeps between control steps."""
+        return STATES + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
+
     def encode(self) -> Array:
         """The block of parameters; weights are packed two float32 to a double."""
         design = self.design or Design(self.period, (NOISELESS,) * 6, (0.0,) * 6)
@@ -63,17 +95,24 @@ class Control:
         weights = np.concatenate([network.weights, odd]).view(np.float64)
         header = np.zeros(HEADER)
         header[[AT_PERIOD, AT_GAIN_ROWS]] = self.period, len(forward)
-        header[[AT_WIDTH_COUNT, AT_WEIGHT_COUNT]] = len(network.widths), len(network.weights)
-        header[[AT_ACTIVATION, AT_PHYSFEAT]] = network.activation, network.physfeat
+        header[[AT_STEPS, AT_WEIGHT_COUNT]] = len(network.program), len(network.weights)
+        header[[AT_INPUTS, AT_ROOM]] = network.inputs, network.room
+        header[[AT_PHYSFEAT, AT_MEMORY]] = network.physfeat, network.memory
+        header[AT_STATES] = self.states
+        inertia = np.empty(0)
+        if network.passive is not None:
+            header[[AT_ROOT, AT_ROOT_WEIGHTS]] = network.passive
+            inertia = network.weights[network.passive[1] :][:36].astype(np.float64)
         blocks = [header]
         for entry, block in (
+            (AT_INERTIA, inertia),
             (AT_GAINS, forward.ravel()),
-            (AT_WIDTHS, network.widths.astype(np.float64)),
+            (AT_PROGRAM, network.program.ravel()),
             (AT_SCALERS, network.scalers),
             (AT_CONDITIONING, self.conditioning.parameters()),
             (AT_WEIGHTS, weights),
         ):
-            header[entry] = sum(map(len, blocks))
+            header[entry] = sum(map(len, blocks)) if len(block) else 0
             blocks.append(block)
         return np.concatenate(blocks)
 
@@ -99,28 +138,35 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
         filter_step(filters, nu, block[begin : begin + 12].reshape(6, 2), block[AT_PERIOD])
     states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
 
-    count, begin = int(block[AT_WIDTH_COUNT]), int(block[AT_WIDTHS])
-    widths = np.empty(count, np.int64)
-    widest = 0
-    for i in range(count):
-        widths[i] = int(block[begin + i])
-        widest = max(widest, widths[i])
+    memory = states[STATES : STATES + int(block[AT_MEMORY])]
+    if first:
+        history.begin(nu, memory)
     state, wrench = np.empty(12), np.empty(6)
     for i in range(6):
         state[i] = nu[i]
         state[6 + i] = filters[i, 1]
+    inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
     begin = int(block[AT_SCALERS])
+    work = np.empty(int(block[AT_ROOM]), np.float32)
     network_kernel(
-        widths,
+        block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
         weights,
-        int(block[AT_ACTIVATION]),
         block[AT_PHYSFEAT] > 0.0,
-        block[begin : begin + 2 * widths[0] + 12],
+        block[begin : begin + 2 * inputs + 12],
         state,
-        np.empty(widths[0]),
-        np.empty((2, widest), np.float32),
+        memory,
+        np.empty(inputs),
+        work,
         wrench,
     )
+    history.remember(nu, memory)
+    if block[AT_INERTIA] > 0.0:
+        held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]
+        root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]
+        damping(weights, int(block[AT_ROOT_WEIGHTS]), root, nu, held[DAMPING : DAMPING + 36])
+        for i in range(6):
+            held[OFFSET + i] = 0.0
+        _add_passive(block, held, nu, held[OFFSET : OFFSET + 6])
     begin = int(block[AT_CONDITIONING])
     condition_kernel(
         wrench,
@@ -130,3 +176,28 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
         states[COUNTED : COUNTED + COUNTS],
         states[HELD : HELD + 6],
     )
+
+
+@jit
+def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
+    """Take the wrench that acts at velocity nu (6,) now off `tau` (6,); `part` (6,) is scratch."""
+    for i in range(6):
+        tau[i] -= states[HELD + i]
+    if block[AT_INERTIA] > 0.0:
+        first = STATES + int(block[AT_MEMORY])
+        held = states[first : first + PASSIVE_STATES]
+        for i in range(6):
+            part[i] = -held[OFFSET + i]
+        _add_passive(block, held, nu, part)
+        for i in range(6):
+            tau[i] -= part[i]
+
+
+@jit
+def _add_passive(block: Array, held: Array, nu: Array, tau: Array) -> None:
+    """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
+    begin = int(block[AT_INERTIA])
+    coriolis_kernel(block[begin : begin + 36], nu, tau)
+    for i in range(6):
+        for j in range(6):
+            tau[i] += held[DAMPING + 6 * i + j] * nu[j]

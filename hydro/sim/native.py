@@ -107,7 +107,8 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
     data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     if states or data[water.AT_CONTROL]:
         first = int(model.actuator_actadr[actuators[0]])
-        controls = control.STATES if data[water.AT_CONTROL] else 0
+        block = int(data[water.AT_CONTROL])
+        controls = int(data[block + control.AT_STATES]) if block else 0
         data[water.AT_STATES], data[water.AT_CONTROL_STATES] = first, first + states
         data[water.AT_STARTED] = first + states + controls
     field.data[:] = data

@@ -20,7 +20,8 @@ from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.smoothing import Design
 from hydro.core.vehicle import Vehicle
 from hydro.sim.control import Control
-from hydro.sim.network import Network, TrainedModel
+from hydro.sim.lowering import TrainedModel
+from hydro.sim.network import Network
 from hydro.sim.student import Physics, Student
 from hydro.sim.water import Water, dry, residual, wet
 

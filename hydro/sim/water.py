@@ -19,7 +19,6 @@ from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix
 from hydro.core.effects.program import thrusters_of
 from hydro.core.rigid_body import mass_matrix
 from hydro.core.vehicle import Vehicle
-from hydro.sim.control import STATES as CONTROL_STATES
 from hydro.sim.control import Control
 
 Array = NDArray[np.float64]
@@ -28,7 +27,7 @@ PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
 MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
-VERSION = 2.0
+VERSION = 3.0
 AT_MAGIC, AT_VERSION = 0, 1
 AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
 AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
@@ -71,7 +70,7 @@ class Water:
         """Numbers that this vehicle keeps in MuJoCo's activations beside the thrusters' lags."""
         count = self.program.states
         if self.control is not None:
-            count += CONTROL_STATES
+            count += self.control.states
         return count + 1 if count else 0
 
     def encode(self, held: int = -1) -> Array:

@@ -39,6 +39,8 @@ def table() -> Callable[..., pl.DataFrame]:
         return pl.DataFrame(
             dict(zip((*INPUTS, *OUTPUTS), np.hstack([states, wrench(states)]).T, strict=True))
         ).with_columns(
+            session=pl.lit("s"),
+            t=pl.Series(0.02 * np.arange(count)),
             block=pl.Series([ids[block] for block in number]),
             part=pl.Series([parts[block % len(parts)] for block in number]),
         )

@@ -12,12 +12,31 @@ import torch
 from hydro.core.errors import DataError, UsageError
 from hydro.core.features import names
 from hydro.io.model import Model
+from hydro.learn import networks
 from hydro.learn.networks import ARCHITECTURES, architecture, build, load, parameter_count
 
+COUNTS = {
+    "mlp": 68_358,
+    "resmlp": 129_542,
+    "multihead": 114_390,
+    "moe": 76_892,
+    "physfeat": 72_582,
+    "structured": 32_712,
+    "temporal": 73_734,
+}
 
-@pytest.mark.parametrize(("name", "parameters"), [("mlp", 68_358), ("physfeat", 72_582)])
-def test_widths_of_the_paper_give_these_counts(name, parameters):
-    assert parameter_count(build(architecture(name))) == parameters
+
+@pytest.mark.parametrize("name", list(ARCHITECTURES))
+def test_counts_are_those_of_the_table(name):
+    assert parameter_count(build(architecture(name))) == COUNTS[name]
+    assert f"{COUNTS[name]:,}" in (networks.__doc__ or "")
+
+
+@pytest.mark.parametrize(
+    ("name", "paper"), [("resmlp", 130), ("multihead", 114), ("moe", 77), ("physfeat", 73)]
+)
+def test_counts_are_the_paper_s_to_a_thousand(name, paper):
+    assert round(COUNTS[name] / 1000) == paper
 
 
 @pytest.mark.parametrize("name", sorted(ARCHITECTURES))
@@ -26,7 +45,7 @@ def test_every_architecture_leads_from_its_features_to_six_axes(name):
     network = build(description)
     assert description["model"] == name
     assert network.features == description["features"]
-    assert network.inputs == len(names(description["features"]))
+    assert network.inputs == len(networks.inputs(description))
     assert network(torch.zeros(3, network.inputs)).shape == (3, 6)
 
 
@@ -79,7 +98,7 @@ def test_forward_pass_is_the_textbook_formula_in_physical_units(activation, func
 
 
 def test_unknown_model_lists_those_there_are():
-    with pytest.raises(UsageError, match=r"'resnet'.*mlp, physfeat"):
+    with pytest.raises(UsageError, match=r"'resnet'.*mlp, resmlp.*physfeat"):
         architecture("resnet")
 
 
@@ -97,6 +116,56 @@ def test_a_description_that_does_not_fit_is_refused_in_one_line(change, message)
     with pytest.raises(DataError, match=message) as caught:
         build(architecture("mlp") | change)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("moe", {"gate": [12, 64, 3]}, "gate"),
+        ("multihead", {"trunk": [12]}, "two widths"),
+        ("resmlp", {"features": "none"}, "feature set 'none'"),
+        ("structured", {"features": "physfeat"}, "must lead from 6 velocities"),
+        ("structured", {"layers": [6, 8, 6]}, "must lead from 6 velocities"),
+        ("temporal", {"window": 4}, "must begin with 30"),
+        ("temporal", {"period": 0.0}, "two at least"),
+    ],
+)
+def test_every_description_is_checked(name, change, message):
+    with pytest.raises(DataError, match=message) as caught:
+        build(architecture(name) | change)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_gate_s_shares_add_up_to_one():
+    network = build(architecture("moe"))
+    with torch.no_grad():
+        shares = network.shares(torch.randn(7, 12))
+    np.testing.assert_allclose(shares.sum(dim=1), 1.0, rtol=1e-6)
+    assert shares.shape == (7, 4)
+
+
+def test_with_its_other_experts_shut_out_a_mixture_is_one_network():
+    network = build(architecture("moe"))
+    x = torch.randn(9, 12)
+    with torch.no_grad():
+        network.gate[-1].weight.zero_()
+        network.gate[-1].bias.copy_(torch.tensor([-1e4, -1e4, 1e4, -1e4]))
+        alone = x
+        for layer in network.experts:
+            alone = alone @ layer.weight[2].T + layer.bias[2]
+            alone = alone if layer is network.experts[-1] else torch.nn.functional.silu(alone)
+        np.testing.assert_allclose(network.standardised(x), alone, rtol=1e-4, atol=1e-5)
+
+
+def test_a_head_moves_its_own_axis_alone():
+    network = build(architecture("multihead"))
+    x = torch.randn(5, 12)
+    with torch.no_grad():
+        before = network.standardised(x)
+        network.out[3] += 1.0
+        changed = (network.standardised(x) - before).abs().amax(dim=0)
+    assert changed[3] > 0.0
+    assert not changed[[0, 1, 2, 4, 5]].any()
 
 
 @pytest.mark.parametrize("fault", ["missing", "shape", "extra"])

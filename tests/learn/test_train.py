@@ -15,7 +15,8 @@ from hydro.io import table as tables
 from hydro.io.model import from_artefact, to_artefact
 from hydro.learn import rows
 from hydro.learn import train as training
-from hydro.learn.evaluate import predict
+from hydro.learn.evaluate import predict, predict_rows
+from hydro.learn.networks import ARCHITECTURES
 from hydro.learn.train import train
 
 
@@ -39,7 +40,7 @@ def with_bad(split: pl.DataFrame, part: str, column: str, value: float) -> pl.Da
     )
 
 
-@pytest.mark.parametrize("model", ["mlp", "physfeat"])
+@pytest.mark.parametrize("model", list(ARCHITECTURES))
 def test_same_seed_same_bytes_whatever_torch_was_set_to(table, model):
     split = table(600)
     before = torch.get_num_threads()
@@ -72,6 +73,48 @@ def test_physfeat_learns_fossen_damping_and_coriolis_from_few_rows(table):
     truth = rows.wrenches(test)
     error = predict(model, rows.states(test)) - truth
     assert np.all(np.sqrt((error**2).mean(axis=0)) < 0.08 * truth.std(axis=0))
+
+
+def test_the_structured_model_learns_them_from_few_rows_too(table):
+    model = train(table(3000), model="structured", seed=1, epochs=20)
+    held_back = rows.of_part(table(3000), "test")
+    truth = rows.wrenches(held_back)
+    error = predict(model, rows.states(held_back)) - truth
+    assert (np.sqrt((error**2).mean(axis=0)) < 0.3 * truth.std(axis=0)).all()
+
+
+def remembering(count: int = 1600) -> pl.DataFrame:
+    """Labels that are the surge velocity of 0.08 s before, which nothing in (nu, nu_dot) tells."""
+    rng = np.random.default_rng(2)
+    states = rng.normal(size=(count, 12))
+    targets = np.zeros((count, 6))
+    targets[4:, 0] = 10.0 * states[:-4, 0]
+    blocks = [f"{number // 100}" for number in range(count)]
+    parts = ["test" if number // 100 % 4 == 3 else "train" for number in range(count)]
+    columns = dict(zip((*INPUTS, *OUTPUTS), np.hstack([states, targets]).T, strict=True))
+    return pl.DataFrame(columns | {"block": blocks, "part": parts}).with_columns(
+        session=pl.lit("s"), t=pl.Series(0.02 * np.arange(count))
+    )
+
+
+def test_only_the_temporal_model_sees_the_past():
+    split = remembering()
+    for model, share in (("temporal", (0.0, 0.5)), ("mlp", (0.9, 2.0))):
+        trained = train(split, model=model, epochs=12)
+        chosen, predicted = predict_rows(trained, split)
+        truth = rows.wrenches(chosen)[:, 0]
+        error = np.sqrt(((predicted[:, 0] - truth) ** 2).mean()) / truth.std()
+        assert share[0] <= error < share[1], model
+    names = train(split, model="temporal", epochs=1).inputs
+    assert names[11:14] == ("r_dot", "u-1", "v-1")
+
+
+def test_the_temporal_model_needs_its_sample_time():
+    split = remembering(400)
+    with pytest.raises(DataError, match=r"no multiple of the sample time of 0\.03 s"):
+        train(split.with_columns(t=pl.col("t") * 1.5), model="temporal", epochs=1)
+    with pytest.raises(DataError, match="column session is missing"):
+        train(split.drop("session"), model="temporal", epochs=1)
 
 
 def test_stored_model_predicts_what_the_trained_one_did(table):

@@ -8,7 +8,10 @@ import pytest
 from mujoco import batch, rollout
 from sim.trained import trained
 
+from hydro.core import history
 from hydro.core.conditioning import COUNTS, Conditioning, condition
+from hydro.core.errors import UsageError
+from hydro.core.rigid_body import coriolis_matrix
 from hydro.core.smoothing import Design, smooth
 from hydro.io import vehicle as vehicle_file
 from hydro.sim import control, mjcf, native, states
@@ -31,11 +34,20 @@ def craft(datasets):
     return vehicle_file.read(datasets / "vehicles" / "auv151.toml")[0]
 
 
-@pytest.fixture(scope="module")
-def residual_control():
-    _, artefact = trained("physfeat")
+def controlled(name):
+    _, artefact = trained(name)
     artefact.scalers = artefact.scalers | {"output_mean": np.full(6, 2.0), "output_scale": np.full(6, 9.0)}
     return Control(Network.of(artefact), 0.04, DESIGN, CONDITIONING)
+
+
+@pytest.fixture(scope="module", params=["physfeat", "temporal"])
+def held_control(request):
+    return controlled(request.param)
+
+
+@pytest.fixture(scope="module", params=["physfeat", "temporal", "structured"])
+def residual_control(request):
+    return controlled(request.param)
 
 
 def compiled(craft, control=None, integrator="implicitfast"):
@@ -50,8 +62,8 @@ def started(model, nu=NU):
 
 
 @pytest.mark.parametrize("integrator", ["implicitfast", "rk4"])
-def test_every_control_step_is_filter_network_and_conditioning(craft, residual_control, integrator):
-    inside, outside = compiled(craft, residual_control, integrator), compiled(craft, None, integrator)
+def test_every_control_step_is_filter_network_and_conditioning(craft, held_control, integrator):
+    inside, outside = compiled(craft, held_control, integrator), compiled(craft, None, integrator)
     first = control_states(inside, craft.name)
     data, twin = started(inside), started(outside)
     nus, held, counted = [], [], None
@@ -67,7 +79,9 @@ def test_every_control_step_is_filter_network_and_conditioning(craft, residual_c
 
     nus = np.array(nus)
     filtered = smooth(nus, [[0, TICKS]], DESIGN.at(0.04), "kalman")
-    wrenches = residual_control.network.wrench(np.hstack([nus, filtered[:, :, 1]]))
+    network = held_control.network
+    past = history.past(nus, [(0, TICKS)], 1 + network.memory // 6, 1)
+    wrenches = network.wrench(np.hstack([nus, filtered[:, :, 1]]), past)
     expected, counts = condition(wrenches, nus, CONDITIONING)
     np.testing.assert_allclose(held, expected, atol=1e-9)
     assert tuple(counted) == (counts.steps, *counts.clipped, counts.held_back)
@@ -122,3 +136,45 @@ def test_a_saved_model_keeps_its_network(craft, residual_control, tmp_path):
     mujoco.mj_step(model, data, 100)
     mujoco.mj_step(loaded, again, 100)
     np.testing.assert_array_equal(data.qpos, again.qpos)
+
+
+def test_a_network_that_remembers_keeps_its_control_step():
+    network = Network.of(trained("temporal")[1])
+    assert Control(network).states == control.STATES + 42
+    with pytest.raises(UsageError, match=r"0\.04 s apart: its control step cannot be 0\.02 s"):
+        Control(network, 0.02)
+
+
+def test_a_passive_model_goes_on_from_its_held_wrench_with_the_present_velocity(craft):
+    """Between control steps the vehicle feels D of the last one, times the velocity of now."""
+    passive = controlled("structured")
+    free = Control(passive.network, 0.04, DESIGN)
+    network, model = passive.network, compiled(craft, free)
+    first = control_states(model, craft.name)
+    data = started(model)
+    mujoco.mj_step(model, data, STEPS)
+    mujoco.mj_step(model, data, 7)
+    block = data.act[first : first + free.states]
+    D = block[control.STATES : control.STATES + 36].reshape(6, 6)
+    np.testing.assert_allclose(D, D.T, rtol=1e-12)
+    assert np.linalg.eigvalsh(D).min() > 0.0
+    nu = states.from_mujoco(data.qpos, data.qvel)[1]
+    inertia = network.weights[network.passive[1] :][:36].reshape(6, 6).astype(float)
+    wanted = D @ nu + coriolis_matrix(inertia, nu) @ nu
+    felt = np.zeros(6)
+    control.exert(free.encode(), block, nu, np.zeros(6), felt)
+    np.testing.assert_allclose(-felt, wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_a_passive_wrench_at_a_control_step_is_the_network_s(craft):
+    free = Control(controlled("structured").network, 0.04, DESIGN)
+    model = compiled(craft, free)
+    data = started(model)
+    mujoco.mj_step(model, data, 1)
+    first = control_states(model, craft.name)
+    block = data.act[first : first + free.states].copy()
+    expected = free.network.wrench(np.concatenate([NU, np.zeros(6)]))[0]
+    np.testing.assert_allclose(block[control.HELD : control.HELD + 6], expected, rtol=1e-12)
+    felt = np.zeros(6)
+    control.exert(free.encode(), block, NU, np.zeros(6), felt)
+    np.testing.assert_allclose(-felt, expected, rtol=1e-6)

@@ -16,7 +16,7 @@ def trained(name, seed=0, **changes):
     rng = np.random.default_rng(seed)
     architecture = networks.architecture(name) | changes
     network = networks.build(architecture)
-    inputs = architecture["layers"][0]
+    inputs = network.inputs
     scalers = {
         "input_mean": rng.normal(size=inputs),
         "input_scale": rng.uniform(0.5, 3.0, inputs),

@@ -1,0 +1,138 @@
+"""Residual networks: features in, the residual wrench tau_res out, both in physical units.
+
+Every network is described by a plain dict, which the model artefact stores, and is made from it by `build`.
+A network carries the means and scales of its inputs and outputs as buffers, so that standardising (paper
+IV-C) is its own affair and nobody else's: callers hand over features as `hydro.core.features` makes them and
+receive newtons and newton metres.
+
+The paper gives counts of weights beside its models (Table I), though not all widths; where it gives none,
+those here come as near as their shape allows:
+
+| name       | network                                  | weights | the paper |
+|------------|------------------------------------------|---------|-----------|
+| mlp        | 12-128-256-128-6                         | 68,358  | "42K"     |
+| resmlp     | 192 wide, 4 blocks of 80, layer norms    | 129,542 | "130K"    |
+| multihead  | 12-128-256-128 and 6 heads of 60         | 114,390 | "114K"    |
+| moe        | 4 experts 12-128-128-6, gate 12-64-4     | 76,892  | "77K"     |
+| physfeat   | 45-128-256-128-6 on 45 features          | 72,582  | "73K"     |
+| structured | C and D >= 0, D from 6-160-160-36        | 32,712  | -         |
+| temporal   | 54-128-256-128-6 on 8 velocities         | 73,734  | -         |
+
+The paper's widths of its baseline do not give the count that it states.
+
+To add a model: write a `Residual` in a file of its own, enter it in `NETWORKS`, describe its default in
+`ARCHITECTURES`, and say in `sim.lowering` how the simulation runs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import torch
+from torch import nn
+
+from hydro.core import history
+from hydro.core.errors import DataError, UsageError
+from hydro.core.features import names
+from hydro.io.model import Model
+from hydro.learn.networks.mlp import MLP
+from hydro.learn.networks.moe import MixtureOfExperts
+from hydro.learn.networks.multihead import MultiHead
+from hydro.learn.networks.residual import AXES, Residual
+from hydro.learn.networks.resmlp import ResMLP
+from hydro.learn.networks.structured import Structured
+from hydro.learn.networks.temporal import Temporal
+
+NETWORKS: dict[str, type[Residual]] = {
+    "mlp": MLP,
+    "resmlp": ResMLP,
+    "multihead": MultiHead,
+    "moe": MixtureOfExperts,
+    "physfeat": MLP,
+    "structured": Structured,
+    "temporal": Temporal,
+}
+
+ARCHITECTURES: dict[str, dict[str, Any]] = {
+    "mlp": {"features": "raw", "layers": [12, 128, 256, 128, AXES], "activation": "silu"},
+    "resmlp": {"features": "raw", "width": 192, "hidden": 80, "blocks": 4, "activation": "silu"},
+    "multihead": {"features": "raw", "trunk": [12, 128, 256, 128], "head": 60, "activation": "silu"},
+    "moe": {
+        "features": "raw",
+        "experts": 4,
+        "layers": [12, 128, 128, AXES],
+        "gate": [12, 64, 4],
+        "activation": "silu",
+    },
+    "physfeat": {"features": "physfeat", "layers": [45, 128, 256, 128, AXES], "activation": "silu"},
+    "structured": {"features": "raw", "layers": [AXES, 160, 160, AXES * AXES]},
+    "temporal": {
+        "features": "raw",
+        "layers": [54, 128, 256, 128, AXES],
+        "activation": "silu",
+        "window": 8,
+        "period": 0.04,
+    },
+}
+
+
+def architecture(name: str) -> dict[str, Any]:
+    """Return the default description of the model `name`, free to be changed.
+
+    Raises:
+        UsageError: If there is no such model; the message lists those there are.
+    """
+    if name not in ARCHITECTURES:
+        raise UsageError(f"no model is called '{name}': choose one of {', '.join(ARCHITECTURES)}")
+    return {"model": name} | deepcopy(ARCHITECTURES[name])
+
+
+def inputs(architecture: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of what goes into the network of a description: its features, then past velocities, if any."""
+    return names(architecture["features"]) + history.names(architecture.get("window", 1))
+
+
+def build(architecture: Mapping[str, Any]) -> Residual:
+    """Build the untrained network of a description such as `architecture('physfeat')`.
+
+    Weights come from torch's global generator: seed it first.
+
+    Raises:
+        DataError: If the description names an unknown model or does not fit its constructor.
+    """
+    options = dict(architecture)
+    name = options.pop("model", None)
+    if name not in NETWORKS:
+        raise DataError(f"model architecture: unknown model '{name}': known are {', '.join(NETWORKS)}")
+    try:
+        return NETWORKS[name](**options)
+    except (TypeError, ValueError, RuntimeError, IndexError) as error:
+        raise DataError(f"model architecture: the description of '{name}' does not fit: {error}") from None
+
+
+def load(model: Model) -> Residual:
+    """Build the network of a model artefact, with its weights and scalers, ready to predict.
+
+    Raises:
+        DataError: If the tensors are not those that the architecture asks for.
+    """
+    network = build(model.architecture)
+    wanted = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+    found = {name: tensor.shape for name, tensor in model.tensors.items()}
+    for name in sorted(wanted.keys() | found.keys()):
+        shape, asked = found.get(name, "missing"), wanted.get(name, "none")
+        if shape != asked:
+            raise DataError(
+                f"model {model.name}: tensor {name} is {shape}, the architecture asks for {asked}: "
+                "train the model again"
+            )
+    network.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in model.tensors.items()})
+    network.standardise(model.scalers)
+    return network.eval()
+
+
+def parameter_count(network: nn.Module) -> int:
+    """Count the trainable numbers of a network."""
+    return sum(parameter.numel() for parameter in network.parameters())

@@ -1,0 +1,32 @@
+"""The feedforward network: the paper's Baseline MLP and, on its features, PhysicsFeature-MLP (III-C)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from torch import Tensor
+
+from hydro.learn.networks.residual import AXES, Residual, chain, function
+
+
+class MLP(Residual):
+    """Affine maps with an activation after every one but the last.
+
+    Tensors `layers.<i>.weight` (out, in) and `layers.<i>.bias` (out,).
+    """
+
+    def __init__(self, *, features: str, layers: Sequence[int], activation: str) -> None:
+        if len(layers) < 2 or layers[-1] != AXES:
+            raise ValueError(f"layers {list(layers)} must end in {AXES}")
+        super().__init__(inputs=layers[0], features=features)
+        self.activation = function(activation)
+        self.layers = chain(layers)
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """Alternate affine maps and the activation."""
+        *hidden_layers, last = self.layers
+        hidden = inputs
+        for layer in hidden_layers:
+            hidden = self.activation(layer(hidden))
+        wrench: Tensor = last(hidden)
+        return wrench

@@ -1,0 +1,64 @@
+"""Mixture of experts: feedforward networks for regimes of motion, and a gate between them (paper III-C)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+
+from hydro.learn.networks.residual import AXES, Residual, chain, function
+
+
+class Experts(nn.Module):
+    """One affine map per expert: tensors `weight` (E, out, in) and `bias` (E, out), drawn as in nn.Linear."""
+
+    def __init__(self, experts: int, wide: int, next_wide: int) -> None:
+        super().__init__()
+        reach = wide**-0.5
+        self.weight = nn.Parameter(torch.empty(experts, next_wide, wide).uniform_(-reach, reach))
+        self.bias = nn.Parameter(torch.empty(experts, next_wide).uniform_(-reach, reach))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (E, N, in) to (E, N, out)."""
+        return torch.baddbmm(self.bias.unsqueeze(1), x, self.weight.transpose(1, 2))
+
+
+class MixtureOfExperts(Residual):
+    """The wrench is the experts' mean, weighted by the softmax of the gate.
+
+    Tensors `experts.<i>.*` (see `Experts`) and `gate.<i>.*`.
+    """
+
+    def __init__(
+        self, *, features: str, experts: int, layers: Sequence[int], gate: Sequence[int], activation: str
+    ) -> None:
+        if layers[-1] != AXES or gate[0] != layers[0] or gate[-1] != experts:
+            raise ValueError(
+                f"layers {list(layers)} must end in {AXES} and gate {list(gate)} lead from "
+                f"{layers[0]} to {experts}"
+            )
+        super().__init__(inputs=layers[0], features=features)
+        self.activation = function(activation)
+        self.experts = nn.ModuleList(Experts(experts, wide, narrow) for wide, narrow in pairwise(layers))
+        self.gate = chain(gate)
+        self.count = experts
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """Ask every expert, and weigh what they say."""
+        *hidden_layers, last = self.experts
+        x = inputs.unsqueeze(0).expand(self.count, -1, -1)
+        for layer in hidden_layers:
+            x = self.activation(layer(x))
+        share = self.shares(inputs).transpose(0, 1).unsqueeze(2)
+        wrench: Tensor = (last(x) * share).sum(dim=0)
+        return wrench
+
+    def shares(self, inputs: Tensor) -> Tensor:
+        """The gate's weights of the experts (N, E), which add up to 1, from standardised features."""
+        *hidden_layers, last = self.gate
+        x = inputs
+        for layer in hidden_layers:
+            x = self.activation(layer(x))
+        return torch.softmax(last(x), dim=1)

@@ -1,0 +1,75 @@
+"""What every residual network is: standardising and physical units around a map of plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from hydro.io.model import SCALERS
+
+AXES = 6
+ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {
+    "relu": nn.functional.relu,
+    "silu": nn.functional.silu,
+    "tanh": torch.tanh,
+}
+
+
+class Residual(nn.Module):
+    """A network between standardised features and the standardised wrench, dressed in physical units.
+
+    Subclasses implement `standardised`. Until `standardise` is called, means are 0 and scales 1.
+    """
+
+    input_mean: Tensor
+    input_scale: Tensor
+    output_mean: Tensor
+    output_scale: Tensor
+
+    def __init__(self, inputs: int, features: str) -> None:
+        super().__init__()
+        self.inputs = inputs
+        self.features = features
+        for side, length in (("input", inputs), ("output", AXES)):
+            self.register_buffer(f"{side}_mean", torch.zeros(length), persistent=False)
+            self.register_buffer(f"{side}_scale", torch.ones(length), persistent=False)
+
+    def standardise(self, scalers: Mapping[str, np.ndarray]) -> None:
+        """Take over `input_mean`, `input_scale` (k,) and `output_mean`, `output_scale` (6,)."""
+        for name in SCALERS:
+            self.get_buffer(name).copy_(torch.from_numpy(np.asarray(scalers[name], dtype=np.float32)))
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """Map standardised features (N, k) to the standardised wrench (N, 6)."""
+        raise NotImplementedError
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Map features (N, k) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        inputs = (features - self.input_mean) / self.input_scale
+        return self.output_mean + self.output_scale * self.standardised(inputs)
+
+
+def function(name: str) -> Callable[[Tensor], Tensor]:
+    """The activation of this name.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    if name not in ACTIVATIONS:
+        raise ValueError(f"activation '{name}' is none of {', '.join(ACTIVATIONS)}")
+    return ACTIVATIONS[name]
+
+
+def chain(widths: Sequence[int]) -> nn.ModuleList:
+    """Affine maps one after the other, from widths[0] numbers to widths[-1].
+
+    Raises:
+        ValueError: If there are fewer than two widths.
+    """
+    if len(widths) < 2:
+        raise ValueError(f"layers {list(widths)} need two widths or more")
+    return nn.ModuleList(nn.Linear(wide, next_wide) for wide, next_wide in pairwise(widths))

@@ -1,0 +1,48 @@
+"""ResMLP: a projection, residual blocks with layer norms, and a way out (paper III-C, ResMLP-12x6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torch import Tensor, nn
+
+from hydro.core.features import names
+from hydro.learn.networks.residual import AXES, Residual, function
+
+
+class Block(nn.Module):
+    """x + down(activation(up(norm(x)))): what the block adds passes through a narrower layer."""
+
+    def __init__(self, width: int, hidden: int, activation: Callable[[Tensor], Tensor]) -> None:
+        super().__init__()
+        self.norm = nn.LayerNorm(width)
+        self.up = nn.Linear(width, hidden)
+        self.down = nn.Linear(hidden, width)
+        self.activation = activation
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (N, width) to (N, width)."""
+        added: Tensor = self.down(self.activation(self.up(self.norm(x))))
+        return x + added
+
+
+class ResMLP(Residual):
+    """Blocks of the pre-norm kind, a layer norm after the last.
+
+    Tensors `project.*`, `blocks.<i>.{norm,up,down}.*`, `norm.*` and `out.*`.
+    """
+
+    def __init__(self, *, features: str, width: int, hidden: int, blocks: int, activation: str) -> None:
+        super().__init__(inputs=len(names(features)), features=features)
+        self.project = nn.Linear(self.inputs, width)
+        self.blocks = nn.ModuleList(Block(width, hidden, function(activation)) for _ in range(blocks))
+        self.norm = nn.LayerNorm(width)
+        self.out = nn.Linear(width, AXES)
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """Project, let every block add its part, and read the wrench out."""
+        x = self.project(inputs)
+        for block in self.blocks:
+            x = block(x)
+        wrench: Tensor = self.out(self.norm(x))
+        return wrench

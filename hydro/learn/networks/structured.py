@@ -1,0 +1,85 @@
+"""The structured model: a wrench that cannot drive the vehicle, whatever the weights.
+
+    tau_res = C(nu) nu + D(nu) nu,      D = (1 + |nu|) A(nu) A(nu)^T
+
+C is made from a learned symmetric inertia by the skew parametrisation (Fossen theorem 3.2), so that
+nu^T C nu = 0; D is positive semi-definite by construction, so that the vehicle, which feels -D nu, loses the
+power |A^T nu|^2 (1 + |nu|) or more than nothing. A network of nu makes A. Its last hidden layer is bounded,
+so that drag grows as the square of the speed beyond the speeds of the training data, as it does in water.
+
+Nothing is added to the wrench that is not one of these two, a mean least of all: at rest it is 0. The
+acceleration is no input, for a force that follows a filtered acceleration can do work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from hydro.core.features import names
+from hydro.learn.networks.residual import AXES, Residual, chain
+
+
+class Structured(Residual):
+    """C(nu) nu + D(nu) nu with a learned inertia and a learned root of D.
+
+    Tensors `layers.<i>.*`, from six velocities to the 36 numbers of A row by row, with tanh between; and
+    `inertia` (6, 6), whose symmetric part counts. Both are in units of the scalers: with o the scales of the
+    wrench and v those of nu, r = sqrt(o / v) makes the physical A from A[i, j] as r[i] A[i, j] and the
+    inertia as r[i] inertia[i, j] r[j] x 1 s.
+    """
+
+    def __init__(self, *, features: str, layers: Sequence[int]) -> None:
+        if features != "raw" or layers[0] != AXES or layers[-1] != AXES * AXES:
+            raise ValueError(f"layers {list(layers)} must lead from 6 velocities of features raw to 36")
+        super().__init__(inputs=len(names(features)), features=features)
+        self.layers = chain(layers)
+        self.inertia = nn.Parameter(torch.zeros(AXES, AXES))
+        with torch.no_grad():  # begin with the drag that the scales suggest
+            self.get_parameter(f"layers.{len(self.layers) - 1}.bias").copy_(0.5 * torch.eye(AXES).flatten())
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """The wrench of `forward` in units of its scales, from standardised features."""
+        return (self.wrench(inputs) - self.output_mean) / self.output_scale
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        return self.wrench((features - self.input_mean) / self.input_scale)
+
+    def wrench(self, inputs: Tensor) -> Tensor:
+        """The wrench (N, 6) [N and N m] of standardised features (N, 12)."""
+        nu = self._velocity(inputs)
+        return self.coriolis(nu) + self.dissipation(inputs, nu)
+
+    def coriolis(self, nu: Tensor) -> Tensor:
+        """C(nu) nu (N, 6) [N and N m] of the learned inertia, at right angles to nu (N, 6)."""
+        root = self.root()
+        momentum = nu @ (root[:, None] * 0.5 * (self.inertia + self.inertia.T) * root)
+        linear, angular = momentum[:, :3], momentum[:, 3:]
+        v, omega = nu[:, :3], nu[:, 3:]
+        force = torch.linalg.cross(omega, linear)
+        moment = torch.linalg.cross(v, linear) + torch.linalg.cross(omega, angular)
+        return torch.cat([force, moment], dim=1)
+
+    def dissipation(self, inputs: Tensor, nu: Tensor) -> Tensor:
+        """D(nu) nu (N, 6) [N and N m] from standardised features (N, 12) and nu (N, 6) itself."""
+        *hidden_layers, last = self.layers
+        x = inputs[:, :AXES]
+        for layer in hidden_layers:
+            x = torch.tanh(layer(x))
+        A: Tensor = last(x).reshape(-1, AXES, AXES)
+        root = self.root()
+        speed = (nu / self.input_scale[:AXES]).square().mean(dim=1, keepdim=True).sqrt()
+        projected = (A * (root * nu).unsqueeze(2)).sum(dim=1, keepdim=True)
+        drag: Tensor = (1.0 + speed) * root * (A * projected).sum(dim=2)
+        return drag
+
+    def root(self) -> Tensor:
+        """Square roots of the damping (6,) that the scales of wrench and velocity suggest [sqrt(N s/m)]."""
+        return (self.output_scale / self.input_scale[:AXES]).sqrt()
+
+    def _velocity(self, inputs: Tensor) -> Tensor:
+        """The velocity nu (N, 6) [m/s, rad/s] of standardised features (N, 12)."""
+        return self.input_mean[:AXES] + self.input_scale[:AXES] * inputs[:, :AXES]

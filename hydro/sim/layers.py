@@ -1,0 +1,183 @@
+"""The steps that residual networks are made of, and the interpreter that runs a program of them.
+
+A program is a table of doubles, one row per step: what to do, from where to where in a workspace of float32,
+how many numbers, and where its weights begin.  Weights are float32 as torch trained them, matrices transposed
+so that the inner loop runs along a row.  Every sum has a fixed order, so a wrench does not depend on how many
+vehicles are computed together or on which thread; it agrees with torch to a few float32 roundings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+# What a step does with `length` numbers at `to`, from `width` numbers at `source`.
+DENSE = 0  # W x + b
+ACTIVATE = 1  # in place, by the function `ARGUMENT`
+NORM = 2  # layer norm of x
+ADD = 3  # x is added to what is there
+MIX = 4  # the mean of `width` vectors that lie one after the other at `source`, weighted from ARGUMENT on
+PASSIVE = 5  # C(nu) nu + D(nu) nu from the 36 numbers of A at `source`; see `_passive`
+
+# Columns of a program.
+OPERATION, SOURCE, WIDTH, TO, LENGTH, WEIGHTS, ARGUMENT, COLUMNS = range(8)
+
+FUNCTIONS = {"relu": 0, "silu": 1, "tanh": 2, "softmax": 3}
+EPSILON = 1e-5
+"""Added to the variance in a layer norm, torch's default."""
+
+
+@jit
+def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
+    """Run a program (steps, COLUMNS) on a workspace whose inputs are in place; nu (6,) is the velocity."""
+    for step in range(program.shape[0]):
+        row = program[step]
+        operation, width = int(row[OPERATION]), int(row[WIDTH])
+        source, at = int(row[SOURCE]), int(row[WEIGHTS])
+        out = work[int(row[TO]) : int(row[TO]) + int(row[LENGTH])]
+        if operation == DENSE:
+            _affine(weights, at, width, work[source : source + width], out)
+        elif operation == ACTIVATE:
+            _activate(int(row[ARGUMENT]), out)
+        elif operation == NORM:
+            _norm(weights, at, work[source : source + width], out)
+        elif operation == ADD:
+            for j in range(out.size):
+                out[j] += work[source + j]
+        elif operation == MIX:
+            shares = int(row[ARGUMENT])
+            _mix(work[shares : shares + width], work[source : source + width * out.size], out)
+        elif operation == PASSIVE:
+            _passive(weights, at, work[source : source + 36], nu, out)
+
+
+@jit
+def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -> None:
+    """Write W^T x + b to `out`, four inputs per pass over it."""
+    length = out.size
+    bias = weights[start + wide * length : start + (wide + 1) * length]
+    for j in range(length):
+        out[j] = bias[j]
+    fours = wide - wide % 4
+    for i in range(0, fours, 4):
+        at = start + i * length
+        a, b, c, d = x[i], x[i + 1], x[i + 2], x[i + 3]
+        first, second = weights[at : at + length], weights[at + length : at + 2 * length]
+        third, fourth = weights[at + 2 * length : at + 3 * length], weights[at + 3 * length : at + 4 * length]
+        for j in range(length):
+            out[j] += (a * first[j] + b * second[j]) + (c * third[j] + d * fourth[j])
+    for i in range(fours, wide):
+        row = weights[start + i * length : start + (i + 1) * length]
+        for j in range(length):
+            out[j] += x[i] * row[j]
+
+
+@jit
+def _activate(function: int, x: Array32) -> None:
+    """Apply a function of `FUNCTIONS` in place."""
+    one, two = np.float32(1.0), np.float32(2.0)
+    if function == 0:
+        for j in range(x.size):
+            x[j] = max(x[j], np.float32(0.0))
+    elif function == 1:
+        for j in range(x.size):
+            x[j] = x[j] / (one + np.exp(-x[j]))
+    elif function == 2:
+        for j in range(x.size):
+            x[j] = one - two / (np.exp(two * x[j]) + one)
+    else:
+        largest = x[0]
+        for j in range(1, x.size):
+            largest = max(largest, x[j])
+        total = np.float32(0.0)
+        for j in range(x.size):
+            x[j] = np.exp(x[j] - largest)
+            total += x[j]
+        for j in range(x.size):
+            x[j] /= total
+
+
+@jit
+def _norm(weights: Array32, start: int, x: Array32, out: Array32) -> None:
+    """Write scale (x - mean) / sqrt(variance + EPSILON) + shift to `out`; its weights are scale, shift."""
+    length = x.size
+    mean, variance = 0.0, 0.0
+    for j in range(length):
+        mean += x[j]
+    mean /= length
+    for j in range(length):
+        variance += (x[j] - mean) ** 2
+    root = np.sqrt(variance / length + EPSILON)
+    for j in range(length):
+        value = weights[start + j] * ((x[j] - mean) / root) + weights[start + length + j]
+        out[j] = np.float32(value)
+
+
+@jit
+def _mix(shares: Array32, vectors: Array32, out: Array32) -> None:
+    """Write the sum of shares[k] vectors[k] to `out`."""
+    for j in range(out.size):
+        out[j] = shares[0] * vectors[j]
+    for k in range(1, shares.size):
+        for j in range(out.size):
+            out[j] += shares[k] * vectors[k * out.size + j]
+
+
+@jit
+def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) -> None:
+    """Write C(nu) nu + D nu to `out`, with the D of `damping`.
+
+    The weights are the inertia (36) row by row, whose C it is (Fossen theorem 3.2), r (6), and 1 / (6 v^2) of
+    the velocity scales v.
+    """
+    factor = _growth(weights, start, nu)
+    for i in range(6):
+        out[i] = np.float32(0.0)
+    for j in range(6):
+        projected = 0.0
+        for i in range(6):
+            projected += A[6 * i + j] * (weights[start + 36 + i] * nu[i])
+        projected *= factor
+        for i in range(6):
+            out[i] += np.float32(weights[start + 36 + i] * A[6 * i + j] * projected)
+    for k in range(3):
+        one, two = (k + 1) % 3, (k + 2) % 3
+        a, b = _row(weights, start + 6 * one, nu), _row(weights, start + 6 * two, nu)
+        c, d = _row(weights, start + 6 * (3 + one), nu), _row(weights, start + 6 * (3 + two), nu)
+        out[k] += np.float32(nu[3 + one] * b - nu[3 + two] * a)
+        out[3 + k] += np.float32(nu[one] * b - nu[two] * a + nu[3 + one] * d - nu[3 + two] * c)
+
+
+@jit
+def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> None:
+    """Write D = (1 + |nu|) R A A^T R to `D` (36,), R = diag(r); |nu| is the root mean square of nu / v."""
+    factor = _growth(weights, start, nu)
+    for i in range(6):
+        for k in range(6):
+            total = 0.0
+            for j in range(6):
+                total += float(A[6 * i + j]) * A[6 * k + j]
+            D[6 * i + k] = factor * weights[start + 36 + i] * total * weights[start + 36 + k]
+
+
+@jit
+def _growth(weights: Array32, start: int, nu: Array) -> float:
+    """1 + |nu|."""
+    square = 0.0
+    for i in range(6):
+        square += weights[start + 42 + i] * nu[i] ** 2
+    return 1.0 + float(np.sqrt(square))
+
+
+@jit
+def _row(weights: Array32, at: int, nu: Array) -> float:
+    """One row of a matrix times nu."""
+    total = 0.0
+    for j in range(6):
+        total += weights[at + j] * nu[j]
+    return total
