@@ -18,6 +18,7 @@ from hydro.commands import (
     data,
     demo,
     diagnose,
+    explain,
     files,
     fit,
     imports,
@@ -35,7 +36,7 @@ and so commands compose in a pipe:
   hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 """
 
-GROUPS = (demo, files, collect, imports, data, models, replay, physics, fit, compare, diagnose)
+GROUPS = (demo, files, collect, imports, data, models, replay, physics, fit, compare, diagnose, explain)
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
 app = typer.Typer(

@@ -17,6 +17,7 @@ from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     import polars as pl
+    from rich.console import Console
 
     from hydro.core.noise import Noise
     from hydro.core.vehicle import Vehicle
@@ -177,7 +178,14 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
         yield lambda done, total, text="": bar.update(task, completed=done, total=total, text=text)
 
 
-def print_table(frame: pl.DataFrame, title: str = "") -> None:
+def person() -> Console:
+    """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
+    from rich.console import Console
+
+    return Console(stderr=not sys.stdout.isatty(), highlight=False, markup=False)
+
+
+def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = None) -> None:
     """Print a table for a person: numbers to the right with three significant figures, gaps as dashes.
 
     Where the terminal is narrow, sentences wrap first: numbers and names stay whole.
@@ -192,7 +200,7 @@ def print_table(frame: pl.DataFrame, title: str = "") -> None:
         table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=words)
     for row in frame.iter_rows():
         table.add_row(*[_cell(value) for value in row])
-    console = Console(highlight=False, markup=False)
+    console = console or Console(highlight=False, markup=False)
     console.print(*["", title] if title else [""], sep="\n", style="bold")
     console.print(table, width=console.width if console.is_terminal else 160)
 

@@ -48,6 +48,7 @@ KINDS = (
     "commands",
     "comparison",
     "diagnosis",
+    "ladder",
 )
 """The kinds of table that hydro reads and writes."""
 

@@ -1,0 +1,144 @@
+"""`explain`: add what is missing, step by step, and watch the error fall."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hydro.commands.shell import STREAM, about, person, print_table, progress, read
+from hydro.core.errors import DataError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hydro.core.explain import Step
+    from hydro.core.vehicle import Vehicle
+    from hydro.io.study import Study
+    from hydro.io.table import Artefact
+
+
+def explain(
+    vehicle: Annotated[
+        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
+    ],
+    folder: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; made if need be."),
+    ],
+    measured: Annotated[
+        str,
+        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
+    ] = STREAM,
+    holdout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RAW",
+            show_default=False,
+            help="Another recording, to which nothing is fitted: it shows whether a step holds elsewhere.",
+        ),
+    ] = None,
+) -> None:
+    """Add what a vehicle file lacks, step by step, until nothing more is found.
+
+    Step 0 is the file as given. Each later step adds the finding that explains most, fits it anew together
+    with the file's own effects and all that was added before, and holds the new file against the recording
+    and the held-out one. It ends when nothing is significant and material, when a step makes the predictions
+    of the held-out recording worse, or after six steps.
+
+    DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, ladder.parquet, the
+    errors of all steps, and replay.parquet, measured and predicted motion of the first and the best step. The
+    same study in the same folder goes on where it stopped; another one takes its place.
+    """
+    from hydro.core import effects
+    from hydro.core.explain import best, ending
+    from hydro.core.explain import explain as compute
+    from hydro.core.restarts import restarted
+    from hydro.io import vehicle as vehicles
+    from hydro.io.study import Study
+
+    known, text = vehicles.read(vehicle)
+    with about(str(vehicle)):
+        effects.validate(known)
+    source = read(measured, "raw")
+    other = None if holdout is None else _held_out(holdout, source, known)
+    study = Study(folder, text, source, other)
+    study.open()
+    steps = study.done()
+    if study.clear(steps) and not steps:
+        typer.echo(f"hydro: {folder}: the files of another study there are replaced", err=True)
+    for step in steps:
+        _tell(step, "already done")
+    with about(measured), progress("explain") as update:
+
+        def told(words: str, share: float) -> None:
+            update(round(100 * share), 100, f"step {len(steps)}: {words}")
+
+        frame = None if other is None else other.frame
+        for step in compute(known, source.frame, holdout=frame, done=list(steps), report=told):
+            steps.append(step)
+            study.save(steps)
+            _tell(step)
+        flown = {f"step-{step.number}": step.vehicle for step in (steps[0], best(steps))}
+        study.save_replay(restarted(flown, (other or source).frame))
+    _print(study, steps, best(steps), ending(steps))
+
+
+def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
+    """The held-out recording.
+
+    Raises:
+        DataError: It is the measured one, is too short, or is another vehicle's.
+    """
+    from hydro.core.explain import long_enough
+
+    other = read(name, "raw")
+    if other.provenance.content == source.provenance.content:
+        raise DataError(f"{name}: the same rows as the measured recording; hold other sessions out")
+    with about(name):
+        long_enough(known, other.frame)
+    return other
+
+
+def _tell(step: Step, remark: str = "") -> None:
+    """One line for a step, as soon as it is done."""
+    from hydro.report.ladder import headline
+
+    line = headline(step.ladder)
+    typer.echo(f"{line} ({remark})" if remark else line, err=True)
+
+
+def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> None:
+    """The ladder, what was added, what the last diagnosis says, and where the files are."""
+    import polars as pl
+
+    from hydro.core.explain import DATASETS, HORIZON
+    from hydro.report import ladder
+    from hydro.report.diagnosis import lines
+
+    console = person()
+    every = pl.concat(step.ladder for step in steps)
+    for dataset in DATASETS:
+        if not every.filter(dataset=dataset).is_empty():
+            print_table(ladder.errors(every, dataset), ladder.TITLES[dataset].format(HORIZON), console)
+    for step in steps[1:]:
+        console.print(f"\nStep {step.number}", style="bold")
+        for table in step.tables:
+            if table["name"] in step.added:
+                console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ")
+        others = [table["name"] for table in step.tables if table["name"] not in step.added]
+        if others:
+            console.print(f"    fitted anew with it: {', '.join(others)}")
+    console.print(f"\nIt ends here: {reason}.", style="bold")
+    for line, advice in lines(chosen.diagnosis):
+        console.print(line)
+        console.print(f"    {advice}")
+    console.print(
+        f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
+    )
+
+
+COMMANDS = {
+    explain: "hydro explain datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet -o study",
+}

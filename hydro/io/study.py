@@ -1,0 +1,146 @@
+"""The folder of a study: the files of every step of `hydro explain`, and which need not be made again.
+
+A step is done when its rows of the ladder and its three files are there and say, by their hashes, that they
+were made from these inputs.  The ladder is written last.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.core.explain import Step
+from hydro.io import table
+from hydro.io import vehicle as vehicles
+from hydro.io.files import explained
+from hydro.io.table import Artefact
+
+LADDER, REPLAY = "ladder.parquet", "replay.parquet"
+OWN = re.compile(r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+\.toml|ladder\.parquet|replay\.parquet")
+STAGE = "explain"
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study in its folder.
+
+    Attributes:
+        folder: Where its files are.
+        vehicle_text: The vehicle file as given.
+        measured: The recording.
+        holdout: The held-out one, if there is one.
+    """
+
+    folder: Path
+    vehicle_text: str
+    measured: Artefact
+    holdout: Artefact | None
+
+    def open(self) -> None:
+        """Make the folder where it is not there yet.
+
+        Raises:
+            DataError: The operating system refuses, or there is a file of that name.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise DataError(f"{self.folder}: a file, not a folder: name a folder for the files of the study")
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise explained(str(self.folder), error) from error
+
+    def done(self) -> list[Step]:
+        """The steps that are done, from 0 on."""
+        try:
+            ladder = table.read(self.folder / LADDER, "ladder")
+        except DataError:
+            return []
+        ours = self._made("ladder", ladder.frame, self.vehicle_text).provenance
+        if ladder.provenance != ours:
+            return []
+        steps: list[Step] = []
+        for number in ladder.frame["step"].unique().sort():
+            try:
+                step = self._read(number, ladder.frame.filter(step=number))
+            except DataError:
+                break
+            if step is None or number != len(steps):
+                break
+            steps.append(step)
+        return steps
+
+    def clear(self, steps: Sequence[Step]) -> bool:
+        """Remove what is in the folder of another study, or of later steps; whether there was something."""
+        keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
+        gone = [path for path in self.folder.iterdir() if OWN.fullmatch(path.name) and path.name not in keep]
+        for path in gone:
+            path.unlink()
+        return bool(gone)
+
+    def save(self, steps: Sequence[Step]) -> None:
+        """Write the last of these steps, and the ladder of all."""
+        step = steps[-1]
+        comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
+        text = self.text(step)
+        vehicles.write(text, vehicle)
+        table.write(self._made("comparison", step.comparison, text), comparison)
+        made = self._made("diagnosis", step.diagnosis, text, chi2=[round(value, 4) for value in step.chi2])
+        table.write(made, diagnosis)
+        ladder = pl.concat(one.ladder for one in steps)
+        table.write(self._made("ladder", ladder, self.vehicle_text), self.folder / LADDER)
+
+    def save_replay(self, replay: pl.DataFrame) -> None:
+        """Write the measured motion beside that of the first and the best step."""
+        table.write(self._made("replay", replay, self.vehicle_text), self.folder / REPLAY)
+
+    def text(self, step: Step) -> str:
+        """The vehicle file of a step: the given one with what was fitted, its comments in their places."""
+        text, origin = self.vehicle_text, {"data": self.measured.provenance.content, "method": STAGE}
+        for fitted in step.tables:
+            text = vehicles.set_effect(text, fitted | {"fit": origin})
+        return text
+
+    def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
+        """A table of the study; what rests on the held-out data has them among its inputs."""
+        about_both = kind in ("ladder", "replay") and self.holdout is not None
+        inputs = [self.measured, self.holdout] if about_both else [self.measured]
+        given = [one for one in inputs if one is not None]
+        return table.make(kind, frame, stage=STAGE, parameters=parameters, inputs=given, vehicle_text=text)
+
+    def _read(self, number: int, ladder: pl.DataFrame) -> Step | None:
+        """A step from its files; None where they are of other inputs.
+
+        Raises:
+            DataError: A file is missing or broken.
+        """
+        comparison, diagnosis, path = (self.folder / name for name in _names(number))
+        vehicle, text = vehicles.read(path)
+        compared, diagnosed = table.read(comparison, "comparison"), table.read(diagnosis, "diagnosis")
+        chi2 = diagnosed.provenance.parameters.get("chi2", [])
+        ours = (
+            self._made("comparison", compared.frame, text),
+            self._made("diagnosis", diagnosed.frame, text, chi2=chi2),
+        )
+        if (compared.provenance, diagnosed.provenance) != tuple(one.provenance for one in ours):
+            return None
+        fitted = [e for e in vehicle.effect if e.get("fit", {}).get("method") == STAGE]
+        return Step(
+            number,
+            tuple(name for name in ladder["effect"][0].split(", ") if name),
+            tuple({key: value for key, value in one.items() if key != "fit"} for one in fitted),
+            vehicle,
+            compared.frame,
+            diagnosed.frame,
+            tuple(chi2),
+            ladder,
+        )
+
+
+def _names(number: int) -> tuple[str, str, str]:
+    """File names of a step: comparison, diagnosis, vehicle."""
+    return f"comparison-{number}.parquet", f"diagnosis-{number}.parquet", f"vehicle-{number}.toml"

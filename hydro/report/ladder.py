@@ -1,0 +1,87 @@
+"""The ladder of a study, laid out for a person: the error of each step, and what it added."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from hydro.core.effects import CATALOGUE, describe
+from hydro.core.explain import HORIZON
+from hydro.report.tables import VELOCITIES
+
+TITLES = {
+    "fit": "Errors of predictions {:g} s ahead on the data: u v w [m/s], p q r [rad/s], all [m/s]",
+    "holdout": "The same on held-out data, to which nothing was fitted",
+}
+SHORT = {"fit": "data", "holdout": "held out"}
+GIVEN = "as given"
+PLAIN = 3.0
+"""Standard errors that an entry of a list must differ from 0 by to be shown."""
+
+
+def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.DataFrame:
+    """One row per step, one column per axis, and a last row of what noise alone would leave.
+
+    Args:
+        ladder: Ladder table.
+        dataset: `fit` or `holdout`.
+        horizon: How far ahead the predictions look [s].
+
+    Returns:
+        `step` with what it added; root mean square errors of u v w [m/s], p q r [rad/s], and `all`, of all
+        together as one speed [m/s].
+    """
+    rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
+    rows = rows.filter(pl.col("axis").is_in([*VELOCITIES, "all"])).with_columns(
+        name=pl.format("{} {}", "step", pl.col("effect").replace("", GIVEN))
+    )
+    noise = rows.filter(pl.col("step") == pl.col("step").max()).with_columns(
+        name=pl.lit("noise alone"), rmse="noise_floor"
+    )
+    wide = pl.concat([rows, noise]).pivot(on="axis", index="name", values="rmse", maintain_order=True)
+    return wide.select(pl.col("name").alias("step"), *VELOCITIES, "all")
+
+
+def headline(rows: pl.DataFrame) -> str:
+    """One step in a line.
+
+    Args:
+        rows: Rows of the step in the ladder table.
+    """
+    number, effect = rows.select("step", "effect").row(0)
+    found = rows.filter(axis="all", horizon=HORIZON).select("dataset", "rmse", "noise_floor").rows()
+    told = ", ".join(f"{SHORT[name]} {rmse:#.3g} m/s (noise {noise:#.2g})" for name, rmse, noise in found)
+    return f"step {number}, {effect or GIVEN}: error {HORIZON:g} s ahead: {told}"
+
+
+def values(table: Mapping[str, Any]) -> Iterator[str]:
+    """A fitted effect, a line for each parameter: values ± standard errors and their unit.
+
+    Of a list, the entries that differ plainly from 0, counted from 1.
+    """
+    for parameter in CATALOGUE[table["name"]].parameters:
+        if (found := table.get(parameter.name)) is None:
+            continue
+        value, error = np.asarray(found, float), np.asarray(table["standard_error"][parameter.name], float)
+        shown = [index for index in np.ndindex(*value.shape) if not index or _plain(value, error, index)]
+        numbers = [_numbered(index) + _sized(float(value[index]), float(error[index])) for index in shown]
+        rest = ", all others near 0" if len(shown) < value.size else ""
+        unit = describe.unit(parameter)
+        yield f"{parameter.name}: {', '.join(numbers)}{rest}{'' if unit == '1' else f' [{unit}]'}"
+
+
+def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
+    return bool(abs(value[index]) > PLAIN * error[index])
+
+
+def _numbered(index: tuple[int, ...]) -> str:
+    return f"no. {', '.join(str(i + 1) for i in index)} " if index else ""
+
+
+def _sized(value: float, error: float) -> str:
+    """A value to the place of its standard error's first figure, and that: `-0.3001 ± 0.0001`."""
+    places = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))
+    return f"{value:.{places}f} ± {error:.{places}f}"

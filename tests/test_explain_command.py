@@ -1,0 +1,235 @@
+"""`hydro explain`: the files of a study, going on with it, and bad input in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro import cli
+from hydro.core import explain as module
+from hydro.core.explain import extended
+from hydro.core.findings import Diagnosis, Finding
+from hydro.core.noise import PROFILES, disturb
+from hydro.core.recording import POSE, VELOCITY
+from hydro.core.simulate import simulate
+from hydro.io import provenance, table
+from hydro.io import vehicle as vehicles
+
+VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
+CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
+SPREAD = {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
+FILES = [
+    f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
+]
+FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet", "ladder.parquet", "replay.parquet"]
+
+COMPARED: dict[str, pl.DataFrame] = {}
+"""Comparisons by vehicle and session: the same in every test, and a second each."""
+
+
+def recording(seed: int, seconds: float = 12.0, *, current: bool = True) -> pl.DataFrame:
+    rng, t = np.random.default_rng(seed), np.arange(round(seconds * 50)) / 50
+    demand = {f"cmd_{i}": 0.4 * np.sin((0.2 + 0.05 * i) * t + seed) for i in range(1, 9)}
+    known = extended(vehicles.read(VEHICLE)[0], [{"name": "ocean_current", **CURRENT}] if current else [])
+    moved = simulate(pl.DataFrame({"session": [f"run-{seed}"] * len(t), "t": t, **demand}), known)
+    logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+@pytest.fixture
+def counted(tmp_path, monkeypatch) -> list[str]:
+    """Two recordings in the working folder; a current is found once; every computation is counted."""
+    monkeypatch.chdir(tmp_path)
+    for name, seed in (("measured", 1), ("held", 2)):
+        table.write(table.make("raw", recording(seed), stage="import"), f"{name}.parquet")
+    calls: list[str] = []
+    true = module.compare
+
+    def compare(vehicle, raw, progress):
+        calls.append("compare")
+        key = repr((vehicle, raw["session"][0]))
+        if key not in COMPARED:
+            COMPARED[key] = true(vehicle, raw)
+        return COMPARED[key]
+
+    def diagnose(vehicle, raw, report):
+        calls.append("diagnose")
+        there = vehicle.effects("ocean_current")
+        one = Finding(
+            "missing", "ocean_current", ("ocean_current",), 0.8, 0.7, 0.9, 1.0, 5e-4, CURRENT, SPREAD
+        )
+        return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
+
+    def fit(vehicle, raw, wanted, report):
+        calls.append("fit")
+        fitted = ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
+        return type("Fit", (), {"tables": lambda self: fitted})()
+
+    for name, stand_in in (("compare", compare), ("diagnose", diagnose), ("fit", fit)):
+        monkeypatch.setattr(module, name, stand_in)
+    return calls
+
+
+def run(*more: str) -> int:
+    return cli.main(
+        ["explain", str(VEHICLE), "measured.parquet", "--holdout", "held.parquet", "-o", "study", *more]
+    )
+
+
+def contents() -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in Path("study").iterdir()}
+
+
+def test_the_files_of_a_study(counted, capsys):
+    assert run() == 0
+    assert sorted(contents()) == sorted(FILES)
+    for name in FILES:
+        assert cli.main(["check", f"study/{name}"]) == 0
+    ladder = table.read("study/ladder.parquet", "ladder")
+    hashes = [table.read(f"{name}.parquet").provenance.content for name in ("measured", "held")]
+    assert [one.content for one in ladder.provenance.inputs if one.kind == "raw"] == hashes
+    assert ladder.frame["step"].unique().to_list() == [0, 1]
+    replay = table.read("study/replay.parquet", "replay").frame
+    assert replay["session"].unique().to_list() == ["run-2"], "what is held out is shown"
+    assert replay["variant"].unique(maintain_order=True).to_list() == ["measured", "step-0", "step-1"]
+    told = capsys.readouterr().err
+    for words in (
+        "step 0, as given",
+        "1 ocean_current",
+        "noise alone",
+        "v_N: 0.20 ± 0.01 [m/s]",
+        "vehicle-1.toml",
+    ):
+        assert words in told
+    assert told.index("held-out") < told.index("It ends here: nothing more is found.")
+
+
+def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
+    assert run() == 0
+    first, text = vehicles.read("study/vehicle-1.toml")
+    assert Path("study/vehicle-0.toml").read_text() == VEHICLE.read_text()
+    assert text.startswith(VEHICLE.read_text().rstrip())
+    (current,) = first.effects("ocean_current")
+    content = table.read("measured.parquet").provenance.content
+    origin = {"data": content, "method": "explain"}
+    assert current == {"name": "ocean_current", **CURRENT, "standard_error": SPREAD, "fit": origin}
+    compared = table.read("study/comparison-1.parquet", "comparison").provenance
+    assert compared.vehicle == text
+    assert (
+        cli.main(
+            [
+                "compare",
+                str(VEHICLE),
+                "measured.parquet",
+                "--against",
+                "study/comparison-1.parquet",
+                "-o",
+                "c",
+            ]
+        )
+        == 0
+    )
+
+
+def test_a_study_that_is_done_is_not_done_again(counted, capsys):
+    assert run() == 0
+    before = contents()
+    counted.clear()
+    capsys.readouterr()
+    assert run() == 0
+    assert counted == []
+    assert contents() == before
+    assert capsys.readouterr().err.count("already done") == 2
+
+
+@pytest.mark.parametrize("lost", ["diagnosis-1.parquet", "vehicle-1.toml", "comparison-1.parquet"])
+def test_it_goes_on_where_it_stopped(counted, lost):
+    assert run() == 0
+    before = contents()
+    Path("study", lost).unlink()
+    counted.clear()
+    assert run() == 0
+    assert counted == ["fit", "compare", "compare", "diagnose"]
+    assert contents() == before
+
+
+def test_a_vehicle_file_that_was_edited_is_made_again(counted):
+    assert run() == 0
+    before = contents()
+    Path("study/vehicle-1.toml").write_text(
+        before["vehicle-1.toml"].decode().replace("v_N = 0.2", "v_N = 0.3")
+    )
+    assert run() == 0
+    assert contents() == before
+
+
+def test_another_study_takes_its_place(counted, capsys):
+    assert run() == 0
+    Path("study/notes.txt").write_text("mine")
+    Path("study/vehicle-7.toml").write_text("of an older one")
+    capsys.readouterr()
+    assert cli.main(["explain", str(VEHICLE), "measured.parquet", "-o", "study"]) == 0
+    assert "files of another study there are replaced" in capsys.readouterr().err
+    assert sorted(contents()) == sorted([*FILES, "notes.txt"])
+    assert set(table.read("study/ladder.parquet").frame["dataset"]) == {"fit"}
+    assert table.read("study/replay.parquet").frame["session"].unique().to_list() == ["run-1"]
+
+
+def test_another_version_of_hydro_begins_anew(counted, monkeypatch):
+    assert run() == 0
+    counted.clear()
+    monkeypatch.setattr(provenance, "package_version", lambda: "9.9")
+    assert run() == 0
+    assert counted.count("diagnose") == 2
+
+
+def test_pipes(counted, monkeypatch):
+    assert run() == 0
+    before = contents()
+    with open("measured.parquet", "rb") as stream:
+        monkeypatch.setattr("sys.stdin", type("Stdin", (), {"buffer": stream})())
+        assert cli.main(["explain", str(VEHICLE), "--holdout", "held.parquet", "-o", "other"]) == 0
+    assert {path.name: path.read_bytes() for path in Path("other").iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--holdout", "held.parquet", "-o", "held.parquet"], "held.parquet: a file, not a folder"),
+        (["--holdout", "held.parquet", "-o", "held.parquet/study"], "part of this path is a file"),
+        (["--holdout", "measured.parquet", "-o", "study"], "measured.parquet: the same rows"),
+        (["--holdout", "seven.parquet", "-o", "study"], "seven.parquet: the log has 7 command columns"),
+        (["--holdout", "short.parquet", "-o", "study"], "short.parquet: no session lasts 5 s"),
+        (["--holdout", "nowhere.parquet", "-o", "study"], "nowhere.parquet: no such file"),
+        (["--holdout", str(VEHICLE), "-o", "study"], "not a Parquet file"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(counted, arguments, words, capsys):
+    for name, frame in (("seven", recording(3).drop("cmd_8")), ("short", recording(3, 4.0))):
+        table.write(table.make("raw", frame, stage="import"), f"{name}.parquet")
+    assert cli.main(["explain", str(VEHICLE), "measured.parquet", *arguments]) == 1
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert words in told
+    assert not Path("study").exists()
+    assert counted == []
+
+
+def test_a_recording_that_is_too_short(counted, capsys):
+    table.write(table.make("raw", recording(3, 4.0), stage="import"), "short.parquet")
+    assert cli.main(["explain", str(VEHICLE), "short.parquet", "-o", "study"]) == 1
+    assert "short.parquet: no session lasts 5 s" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_without_stand_ins(tmp_path, monkeypatch, capsys):
+    """Nothing is hidden in 64 s: one step, and a file that is as it was."""
+    monkeypatch.chdir(tmp_path)
+    table.write(table.make("raw", recording(4, 64.0, current=False), stage="import"), "measured.parquet")
+    assert cli.main(["explain", str(VEHICLE), "measured.parquet", "-o", "study"]) == 0
+    assert "nothing is missing" in capsys.readouterr().err
+    assert Path("study/vehicle-0.toml").read_bytes() == VEHICLE.read_bytes()
+    assert not Path("study/vehicle-1.toml").exists()
