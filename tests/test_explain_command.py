@@ -30,10 +30,10 @@ COMPARED: dict[str, pl.DataFrame] = {}
 """Comparisons by vehicle and session: the same in every test, and a second each."""
 
 
-def recording(seed: int, seconds: float = 12.0, *, current: bool = True) -> pl.DataFrame:
+def recording(seed: int, seconds: float = 12.0) -> pl.DataFrame:
     rng, t = np.random.default_rng(seed), np.arange(round(seconds * 50)) / 50
     demand = {f"cmd_{i}": 0.4 * np.sin((0.2 + 0.05 * i) * t + seed) for i in range(1, 9)}
-    known = extended(vehicles.read(VEHICLE)[0], [{"name": "ocean_current", **CURRENT}] if current else [])
+    known = extended(vehicles.read(VEHICLE)[0], [{"name": "ocean_current", **CURRENT}])
     moved = simulate(pl.DataFrame({"session": [f"run-{seed}"] * len(t), "t": t, **demand}), known)
     logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
@@ -222,14 +222,3 @@ def test_a_recording_that_is_too_short(counted, capsys):
     table.write(table.make("raw", recording(3, 4.0), stage="import"), "short.parquet")
     assert cli.main(["explain", str(VEHICLE), "short.parquet", "-o", "study"]) == 1
     assert "short.parquet: no session lasts 5 s" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_without_stand_ins(tmp_path, monkeypatch, capsys):
-    """Nothing is hidden in 64 s: one step, and a file that is as it was."""
-    monkeypatch.chdir(tmp_path)
-    table.write(table.make("raw", recording(4, 64.0, current=False), stage="import"), "measured.parquet")
-    assert cli.main(["explain", str(VEHICLE), "measured.parquet", "-o", "study"]) == 0
-    assert "nothing is missing" in capsys.readouterr().err
-    assert Path("study/vehicle-0.toml").read_bytes() == VEHICLE.read_bytes()
-    assert not Path("study/vehicle-1.toml").exists()
