@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import textwrap
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -93,8 +94,14 @@ def _title(command: Callable[..., Any]) -> str:
 
 
 def _text(command: Callable[..., Any]) -> list[str]:
-    """Paragraphs of a command's help, each on one line."""
-    return [" ".join(paragraph.split()) for paragraph in (inspect.getdoc(command) or "").split("\n\n")]
+    """Paragraphs of a command's help, each on one line; what click leaves as it is stays so here."""
+    paragraphs = (inspect.getdoc(command) or "").split("\n\n")
+    return [
+        textwrap.indent(paragraph.removeprefix("\b\n"), "    ")
+        if paragraph.startswith("\b")
+        else " ".join(paragraph.split())
+        for paragraph in paragraphs
+    ]
 
 
 if __name__ == "__main__":

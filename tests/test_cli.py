@@ -115,7 +115,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
         timeout=300,
     )
     assert done.returncode == 0, done.stderr.decode()
-    if target := re.search(r"-o (\S+)", COMMANDS[name]):
+    if target := re.search(r"-o (\S+\.(?:parquet|toml))", COMMANDS[name]):
         assert cli.main(["check", str(tmp_path / target[1])]) == 0
 
 

@@ -1,0 +1,119 @@
+"""A trained model as ONNX, for programs without torch: states in, newtons and newton metres out.
+
+Features, scalers and units are within: the graph takes (nu, nu_dot) as a recording has them. A model that
+remembers takes its past as a second input, which the caller keeps (`core.history`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor, nn
+
+from hydro.core.errors import UsageError
+from hydro.core.features import CROSS
+from hydro.core.history import remembered
+from hydro.io.model import Model
+from hydro.learn.networks import load
+
+OPSET = 18
+NEEDED = ("onnx", "onnxscript")
+
+
+class Exported(nn.Module):
+    """The whole way from states to the wrench."""
+
+    def __init__(self, model: Model) -> None:
+        super().__init__()
+        self.network = load(model)
+        self.physfeat = model.features == "physfeat"
+
+    def forward(self, states: Tensor, past: Tensor | None = None) -> Tensor:
+        """Map (nu, nu_dot) (N, 12), and the past of a model that remembers, to tau_res (N, 6)."""
+        inputs = physfeat(states) if self.physfeat else states
+        if past is not None:
+            inputs = torch.cat([inputs, past], dim=1)
+        wrench: Tensor = self.network(inputs)
+        return wrench
+
+
+def physfeat(states: Tensor) -> Tensor:
+    """The 45 features (N, 45) of `core.features` from (nu, nu_dot) (N, 12), in torch."""
+    nu = states[:, :6]
+    first, second = torch.triu_indices(6, 6, offset=1).unbind()
+    even, odd = torch.from_numpy(CROSS.T.copy()).unbind()
+    return torch.cat(
+        [states, nu * nu.abs(), nu[:, first] * nu[:, second], nu[:, even].abs() * nu[:, odd]], dim=1
+    )
+
+
+def to_onnx(model: Model) -> bytes:
+    """The model as an ONNX file.
+
+    Its inputs are `states` (N, 12), nu and nu_dot [m/s, rad/s, m/s^2, rad/s^2], body FRD, and for a model
+    that remembers `past` (N, 6 (window - 1)), the velocities of the control steps before, newest first; its
+    output is `tau_res` (N, 6) [N, N m], on the left-hand side: the wrench on the vehicle is -tau_res. All are
+    float32. Its metadata say so too.
+
+    Raises:
+        DataError: If the model's tensors are not those that its architecture asks for.
+        UsageError: If the libraries are not installed.
+    """
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"{missing[0]} is not installed: install hydro's extra `onnx`: pip install 'deep-hydro-sim[onnx]'"
+        )
+    window = model.architecture.get("window", 1)
+    arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, remembered(window))] if window > 1 else [])
+    names = ["states", "past"][: len(arguments)]
+    with _quiet():
+        program = torch.onnx.export(
+            Exported(model),
+            tuple(arguments),
+            input_names=names,
+            output_names=["tau_res"],
+            opset_version=OPSET,
+            dynamo=True,
+            external_data=False,
+            dynamic_shapes={name: {0: torch.export.Dim("rows")} for name in names},
+        )
+    assert program is not None
+    described = {
+        "model": model.name,
+        "states": "u v w p q r [m/s, rad/s], then their rates; body FRD",
+        "tau_res": "X Y Z K M N [N, N m]; body FRD, left-hand side: the vehicle feels -tau_res",
+        "subtract": model.subtract,
+    }
+    if window > 1:
+        described["past"] = f"u v w p q r at {window - 1} steps before, newest first"
+        described["period"] = f"{model.architecture['period']:g} s"
+    proto = program.model_proto
+    for key, value in described.items():
+        proto.metadata_props.add(key=key, value=value)
+    data: bytes = proto.SerializeToString(deterministic=True)
+    return data
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the exporter's progress and advice off the terminal."""
+    level = logging.getLogger("torch.onnx").level
+    with (
+        warnings.catch_warnings(),
+        open(os.devnull, "w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.redirect_stderr(nowhere),
+    ):
+        warnings.simplefilter("ignore")
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        try:
+            yield
+        finally:
+            logging.getLogger("torch.onnx").setLevel(level)
