@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
 
-.PHONY: help install demo test lint types docs wheel clean
+.PHONY: help install demo test browser lint types docs wheel clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -24,6 +24,12 @@ demo: $(STAMP)        ## raw data to a replayed vehicle on the bundled sample; w
 
 test: $(STAMP)        ## the whole test suite on two workers
 	$(BIN)/python -m pytest -n $(WORKERS)
+
+browser:              ## Chromium for the tests of the report, where apt can install it; else they skip
+	@command -v chromium chromium-browser >/dev/null || \
+	{ test "$$(id -u)" = 0 && command -v apt-get >/dev/null && apt-get update -qq && \
+	apt-get install -y -qq --no-install-recommends chromium >/dev/null; } || \
+	echo "no chromium, and no rights to install it: the tests in a browser will be skipped"
 
 lint: $(STAMP)        ## style and import rules
 	$(BIN)/ruff check .

@@ -25,6 +25,7 @@ from hydro.commands import (
     models,
     physics,
     replay,
+    report,
 )
 
 HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
@@ -36,7 +37,21 @@ and so commands compose in a pipe:
   hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 """
 
-GROUPS = (demo, files, collect, imports, data, models, replay, physics, fit, compare, diagnose, explain)
+GROUPS = (
+    demo,
+    files,
+    collect,
+    imports,
+    data,
+    models,
+    replay,
+    physics,
+    fit,
+    compare,
+    diagnose,
+    explain,
+    report,
+)
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
 app = typer.Typer(

@@ -277,7 +277,7 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
         for index in np.ndindex(*shape):
             if (record.name, parameter.name) == ("added_mass", "matrix") and index[0] > index[1]:
                 continue
-            unit = _unit(parameter, index)
+            unit = unit_at(parameter, index)
             scale = SCALES.get((record.name, parameter.name)) or _natural(unit, vehicle)
             low, high = _limits(record.name, parameter, index, vehicle, rest)
             step = scale * ROUGH.get(record.name, 1e-3)
@@ -285,7 +285,8 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
     return found
 
 
-def _unit(parameter: Parameter, index: tuple[int, ...]) -> str:
+def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
+    """Unit of one entry of a parameter."""
     units = parameter.unit
     if len(units) == 3:
         return units[sum(i >= 3 for i in index)]

@@ -27,7 +27,7 @@ MOST_POINTS = 3000
 
 _INK = "#222222"
 _COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
-_STYLE: Any = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 10.5,
@@ -98,7 +98,7 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
     variants = [name for name in table["variant"].unique(maintain_order=True) if name != MEASURED]
     columns = 2 if len(axes) > 1 else 1
     rows = -(-len(axes) // columns)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.6 * columns, 1.0 + 1.95 * rows), layout="constrained")
         panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
         for panel, axis in zip(panels, axes, strict=False):
@@ -147,7 +147,7 @@ def draw_errors(table: pl.DataFrame, title: str = "Open-loop replay, RMSE (lower
         ([axis for axis in "pqr" if axis in table.columns], "rad/s"),
     ]
     groups = [group for group in groups if group[0]]
-    with mpl.rc_context(_STYLE | {"axes.grid": False}):
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = Figure(figsize=(1.6 + 1.15 * sum(len(a) for a, _ in groups), 1.3 + 0.46 * table.height))
         figure.set_layout_engine("constrained")
         panels = figure.subplots(

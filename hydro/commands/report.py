@@ -1,0 +1,58 @@
+"""`report`: a study told on one page."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hydro.commands.shell import STREAM, Output
+from hydro.core.errors import UsageError
+
+
+def report(
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="DIR|FILE...",
+            show_default=False,
+            help="Folder of a study, or comparison, diagnosis, ladder, replay and metrics tables; nothing or "
+            "- is stdin.",
+        ),
+    ] = None,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", show_default=False, help="Also draw the figures there, as PNG."),
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Tell a study on one page, for a browser or a phone.
+
+    How good the model is, where it fails, what is missing and how sure that is, what happened when it was
+    added, measured against simulated motion, and what to fly next: each as far as the tables given tell it.
+    The page is one HTML file of some 5 MB that needs no network; a table beside each figure says the same.
+    """
+    from hydro.io.files import write_bytes
+    from hydro.report.page import render
+    from hydro.report.sources import gather
+
+    if output == STREAM and sys.stdout.isatty():
+        raise UsageError(
+            "a page is for a browser and stdout is a terminal: add -o report.html, or pipe it on"
+        )
+    found = gather([sys.stdin.buffer if one == STREAM else one for one in sources or [STREAM]])
+    page = render(found).encode()
+    if pictures is not None:
+        from hydro.report.pictures import draw
+
+        for path in draw(found, pictures):
+            typer.echo(path, err=True)
+    write_bytes(page, sys.stdout.buffer if output == STREAM else output)
+
+
+COMMANDS = {
+    report: "hydro compare datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet | "
+    "hydro report -o report.html",
+}

@@ -1,0 +1,163 @@
+"""The figures of a report as PNG files, for a paper or a slide."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars as pl
+
+from hydro.io.files import explained
+from hydro.report import figures, words
+from hydro.report.comparison import MOTIONS
+from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, SPAN
+from hydro.report.sources import Sources
+from hydro.report.tables import VELOCITIES, replay_errors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+HORIZON = 5.0
+"""How far ahead the predictions look whose errors are drawn [s]."""
+
+
+def draw(sources: Sources, folder: Path) -> list[Path]:
+    """Draw what there is: places, findings, ladder, replays and errors.
+
+    Args:
+        sources: What there is to report on.
+        folder: Where to write; made if need be.
+
+    Returns:
+        The files, in the order in which the page tells of them.
+
+    Raises:
+        DataError: the operating system refuses.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = []
+        for name, drawn in _all(sources):
+            figures.save(drawn, folder / f"{name}.png")
+            written.append(folder / f"{name}.png")
+        return written
+    except OSError as error:
+        raise explained(str(folder), error) from error
+
+
+def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
+    """Name and figure of every picture."""
+    if sources.comparisons:
+        yield "places", draw_places(sources.comparisons[0].frame)
+    if (
+        sources.diagnoses
+        and (frame := sources.diagnoses[0].frame)["share_of_error_explained"].is_not_null().any()
+    ):
+        yield "findings", draw_findings(frame)
+    if sources.ladder is not None:
+        yield "ladder", draw_ladder(sources.ladder.frame)
+    for number, one in enumerate(sources.replays):
+        suffix = f"-{number + 1}" if number else ""
+        yield f"replay{suffix}", figures.draw_overlay(figures.overlay_table(one.frame))
+    for number, one in enumerate(sources.metrics):
+        errors = replay_errors(one.frame)
+        if set(VELOCITIES) & set(errors.columns):
+            yield f"errors-{number + 1}" if number else "errors", figures.draw_errors(errors)
+
+
+def draw_places(comparison: pl.DataFrame) -> Figure:
+    """Ranked places where the model fails, as bars of their shares of the unexplained error."""
+    rows = comparison.filter(pl.col("rank").is_not_null()).sort("rank")
+    names = [f"{MOTIONS[axis]} {place}" for axis, place in rows.select("axis", "place").rows()]
+
+    def paint(panel: Axes) -> None:
+        bars = panel.barh(range(len(names)), (100.0 * rows["share"]).to_list(), color=GIVEN, height=0.6)
+        panel.bar_label(bars, [words.percent(share) for share in rows["share"]], padding=4)
+        panel.set_yticks(range(len(names)), names)
+        panel.set_xlabel("share of the unexplained error [%]")
+
+    return _listed(paint, len(names), "Where the model fails")
+
+
+def draw_findings(diagnosis: pl.DataFrame) -> Figure:
+    """What every finding explains of the error, with its 95 % interval."""
+    rows = diagnosis.filter(pl.col("share_of_error_explained").is_not_null()).sort("rank")
+    names = [
+        f"{words.verdict(row)[0].lower()}: {words.effect_name(row['effect'])}" for row in rows.to_dicts()
+    ]
+
+    def paint(panel: Axes) -> None:
+        share = 100.0 * rows["share_of_error_explained"]
+        low, high = (100.0 * rows[name].fill_null(share / 100.0) for name in ("share_low", "share_high"))
+        panel.errorbar(
+            share,
+            range(len(names)),
+            xerr=[(share - low).clip(0.0), (high - share).clip(0.0)],
+            fmt="o",
+            color=FOUND,
+            markersize=7,
+            linewidth=2,
+        )
+        panel.set_yticks(range(len(names)), [name.removesuffix(": ") for name in names])
+        panel.set_xlim(0.0, 100.0)
+        panel.set_xlabel("share of the error explained [%], 95 % interval")
+
+    return _listed(paint, len(names), "What is missing")
+
+
+def draw_ladder(ladder: pl.DataFrame) -> Figure:
+    """Error of every axis after each step, on the recording and on held-out data, above noise alone."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    known = [one for one in ladder["horizon"].unique().to_list() if one is not None]
+    horizon = HORIZON if HORIZON in known else max(known, default=None)
+    rows = ladder.filter(pl.col("horizon").eq_missing(pl.lit(horizon, pl.Float64)))
+    with mpl.rc_context(figures.STYLE):
+        drawn = Figure(figsize=(11.2, 5.4), layout="constrained")
+        for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITIES, strict=True):
+            _draw_rungs(panel, rows.filter(axis=axis), axis)
+        handles, labels = drawn.axes[0].get_legend_handles_labels()
+        drawn.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+        for panel in drawn.axes[-3:]:
+            panel.set_xlabel("step")
+    return drawn
+
+
+def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
+    """One axis of a ladder."""
+    for name, (label, colour, _) in DATASETS.items():
+        one = rows.filter(dataset=name).sort("step")
+        if one.is_empty():
+            continue
+        rmse = one["rmse"]
+        low, high = (one[side].fill_null(rmse) for side in ("low", "high"))
+        spread = [(rmse - low).clip(0.0), (high - rmse).clip(0.0)]
+        panel.errorbar(one["step"], rmse, yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
+        style = {"fit": ":", "holdout": "--"}[name]
+        panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
+    errors = rows["rmse"].drop_nulls().to_list()
+    if errors and max(errors) > SPAN * max(min(errors), 1e-12):
+        panel.set_yscale("log")
+    else:
+        panel.set_ylim(bottom=0.0)
+    panel.set_xticks(rows["step"].unique().sort().to_list())
+    panel.set_title(f"{figures.TITLES[axis]} {axis} [{figures.UNITS[axis]}]")
+
+
+def _listed(paint: Callable[[Axes], None], count: int, title: str) -> Figure:
+    """A figure of one panel with a row for each thing, the first on top."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(figures.STYLE | {"axes.grid.axis": "x"}):
+        drawn = Figure(figsize=(9.0, 1.3 + 0.42 * max(count, 1)), layout="constrained")
+        panel = drawn.subplots()
+        paint(panel)
+        panel.invert_yaxis()
+        panel.margins(x=0.12)
+        panel.tick_params(axis="y", length=0)
+        panel.set_title(title)
+    return drawn

@@ -1,0 +1,224 @@
+"""Interactive figures of a report, each from the rows that it shows; the page gives them its light or dark.
+
+A colour means one thing on the whole page: grey what was measured and what noise alone would leave, orange
+the model as given, blue the model with what was found, green held-out data.  All stand out from white and
+black.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import plotly.graph_objects as go
+import polars as pl
+
+from hydro.report.figures import HEADROOM, MEASURED, TITLES, UNITS
+from hydro.report.words import Value, figure
+
+GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
+MANY = ("#D9662B", "#2F87D0", "#149E78", "#B55FA3", "#B08A00", "#5C6BC0", "#C0504D", "#4FA3B8")
+"""Where there are more models than two."""
+MOST_POINTS = 1000
+"""Samples drawn per curve and session: as many as a screen is wide."""
+SPAN = 10.0
+"""Ratio of the greatest to the least error from which on an axis is logarithmic."""
+DATASETS = {"fit": ("the recording", FOUND, "circle"), "holdout": ("held out", HELD_OUT, "diamond")}
+
+
+def ladder(rows: pl.DataFrame, titled: bool = True) -> go.Figure:
+    """Error after each step, with its interval, and what noise alone would leave.
+
+    Args:
+        rows: Rows of the ladder table of one axis and horizon.
+        titled: Whether the vertical axis says what it is.
+    """
+    drawn = go.Figure()
+    for name, (label, colour, symbol) in DATASETS.items():
+        one = rows.filter(dataset=name).sort("step")
+        if one.is_empty():
+            continue
+        drawn.add_scatter(
+            x=one["step"].to_list(),
+            y=one["rmse"].to_list(),
+            customdata=one["effect"].str.replace_all("_", " ").replace("", "the file as given").to_list(),
+            error_y=_interval(one, "rmse"),
+            name=label,
+            mode="lines+markers",
+            line={"color": colour, "width": 2.5},
+            marker={"size": 9, "symbol": symbol},
+            hovertemplate="%{customdata}<br><b>%{y:.3g}</b> " + one["unit"][0] + f", {label}<extra></extra>",
+        )
+        drawn.add_scatter(
+            x=one["step"].to_list(),
+            y=one["noise_floor"].to_list(),
+            name=f"noise alone, {label}",
+            mode="lines",
+            line={"color": NOISE, "width": 1.5, "dash": "dot" if name == "fit" else "dash"},
+            hovertemplate="noise alone %{y:.2g}<extra></extra>",
+        )
+    steps = rows["step"].unique().sort().to_list()
+    drawn.update_xaxes(tickvals=steps, range=[min(steps) - 0.25, max(steps) + 0.25], fixedrange=True)
+    drawn.update_xaxes(title="step" if titled else None, showgrid=False)
+    least, most = rows["rmse"].min(), rows["rmse"].max()
+    logarithmic = _number(most) > SPAN * max(_number(least), 1e-12)
+    drawn.update_yaxes(type="log" if logarithmic else "linear", fixedrange=True)
+    drawn.update_yaxes(rangemode="tozero", title=f"error [{rows['unit'][0]}]" if titled else None)
+    if logarithmic:
+        drawn.update_yaxes(dtick="D1" if _number(most) < 30 * _number(least) else 1)
+    return _plain(drawn)
+
+
+def parameters(values: Sequence[Value]) -> go.Figure:
+    """Values of one unit as dots with 95 % intervals, zero as a line."""
+    bounds = [one.interval or (one.value, one.value) for one in values]
+    drawn = go.Figure()
+    drawn.add_scatter(
+        x=[one.value for one in values],
+        y=[one.name for one in values],
+        error_x={
+            "type": "data",
+            "array": [high - one.value for one, (_, high) in zip(values, bounds, strict=True)],
+            "thickness": 2,
+            "width": 0,
+            "color": FOUND,
+        },
+        mode="markers",
+        marker={"color": FOUND, "size": 10},
+        customdata=[f"{figure(low)} to {figure(high)}" for low, high in bounds],
+        hovertemplate="%{y} <b>%{x:.3g}</b> " + values[0].unit + "<br>95 %: %{customdata}<extra></extra>",
+    )
+    drawn.add_vline(x=0.0, line={"color": NOISE, "width": 1, "dash": "dot"})
+    drawn.update_yaxes(
+        autorange="reversed", showgrid=False, automargin=True, fixedrange=True, type="category"
+    )
+    drawn.update_xaxes(title=values[0].unit or None, fixedrange=True, zeroline=False)
+    return _plain(drawn, height=62 + 26 * len(values))
+
+
+def conditions(rows: pl.DataFrame) -> go.Figure:
+    """Error in each condition of one kind, such as bands of speed: now, and before where that is known.
+
+    Args:
+        rows: Rows of a comparison of one level, axis and kind of condition.
+    """
+    words, unit = rows["place"].to_list(), rows["unit"][0]
+    drawn = go.Figure()
+    now = "as given"
+    if "before" in rows.columns and rows["before"].is_not_null().any():
+        drawn.add_bar(
+            x=rows["before"].to_list(),
+            y=words,
+            name=now,
+            orientation="h",
+            marker={"color": GIVEN},
+            hovertemplate="%{y}<br><b>%{x:.3g}</b> " + unit + ", as given<extra></extra>",
+        )
+        now = "with what was found"
+    drawn.add_bar(
+        x=rows["rmse"].to_list(),
+        y=words,
+        name=now,
+        orientation="h",
+        marker={"color": GIVEN if now == "as given" else FOUND},
+        error_x=_interval(rows, "rmse"),
+        hovertemplate="%{y}<br><b>%{x:.3g}</b> " + unit + f", {now}<extra></extra>",
+    )
+    drawn.update_layout(barmode="group", bargap=0.35, bargroupgap=0.05)
+    drawn.update_yaxes(
+        autorange="reversed", automargin=True, fixedrange=True, showgrid=False, type="category"
+    )
+    drawn.update_xaxes(title=f"force left out [{unit}]", fixedrange=True, rangemode="tozero")
+    return _plain(drawn, height=80 + len(words) * (44 if len(drawn.data) > 1 else 30))
+
+
+def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
+    """Measured and simulated velocity of one session and axis; limits by the measured motion.
+
+    Args:
+        replay: Replay table.
+        session: Which recording.
+        axis: One of u v w p q r.
+    """
+    one = replay.filter(pl.col("session") == session)
+    variants = one["variant"].unique(maintain_order=True).to_list()
+    step = max(1, -(-one.filter(variant=variants[0]).height // MOST_POINTS))
+    drawn = go.Figure()
+    start = one["t"].min()
+    for name, (label, colour) in curves(variants).items():
+        curve = one.filter(variant=name).gather_every(step)
+        measured = name == MEASURED
+        drawn.add_scatter(
+            x=(curve["t"] - start).cast(pl.Float32).to_numpy(),
+            y=curve[axis].cast(pl.Float32).to_numpy(),
+            name=label,
+            mode="lines",
+            line={"color": colour, "width": 5 if measured else 1.6},
+            opacity=0.5 if measured else 1.0,
+            hovertemplate=f"%{{y:.3f}} {UNITS[axis]}<extra>{label}</extra>",
+        )
+    against = one.filter(pl.col("variant") == (MEASURED if MEASURED in variants else variants[0]))[axis]
+    low, high = _number(against.min()), _number(against.max())
+    reach = HEADROOM * max(high - low, 1e-3)
+    drawn.update_yaxes(range=[low - reach, high + reach], title=UNITS[axis], fixedrange=True)
+    drawn.update_xaxes(title="time [s]", showgrid=False, zeroline=False)
+    drawn.update_layout(hovermode="x unified", title={"text": f"{TITLES[axis]} {axis}"})
+    return _plain(drawn, height=230)
+
+
+def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Label and colour of every variant of a replay; of a study, the model before and after."""
+    others = [name for name in variants if name != MEASURED]
+    found = {MEASURED: ("measured", NOISE)} if MEASURED in variants else {}
+    if others and all(name.startswith("step-") for name in others):
+        steps = sorted(others, key=lambda name: int(name.removeprefix("step-") or 0))
+        found |= {steps[0]: ("model as given", GIVEN)}
+        found |= {name: (f"after step {name.removeprefix('step-')}", FOUND) for name in steps[1:]}
+        return found
+    return found | {name: (name, MANY[i % len(MANY)]) for i, name in enumerate(others)}
+
+
+def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
+    """Errors per axis, one bar for each model or variant.
+
+    Args:
+        metrics: Rows of one metric and unit.
+        group: Column whose values get a bar each: `model` or `variant`.
+    """
+    drawn = go.Figure()
+    unit = metrics["unit"][0]
+    for i, (name,) in enumerate(metrics.select(group).unique(maintain_order=True).rows()):
+        one = metrics.filter(pl.col(group) == name)
+        drawn.add_bar(
+            x=one["axis"].to_list(),
+            y=one["value"].to_list(),
+            name=name,
+            error_y=_interval(one, "value"),
+            marker={"color": MANY[i % len(MANY)]},
+            hovertemplate="%{x} <b>%{y:.3g}</b> " + unit + "<extra>%{fullData.name}</extra>",
+        )
+    positive = metrics.filter(pl.col("value") > 0)["value"]
+    wide = len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
+    drawn.update_layout(barmode="group", bargap=0.3)
+    drawn.update_yaxes(type="log" if wide else "linear", title=unit, fixedrange=True)
+    drawn.update_xaxes(fixedrange=True, type="category", showgrid=False)
+    return _plain(drawn, height=260)
+
+
+def _interval(rows: pl.DataFrame, of: str) -> dict[str, object] | None:
+    """Error bars from the columns `low` and `high`; None where there are none."""
+    if "low" not in rows.columns or rows["low"].null_count() == rows.height:
+        return None
+    middle = pl.col(of)
+    up = rows.select((pl.col("high").fill_null(middle) - middle).clip(0.0)).to_series().to_list()
+    down = rows.select((middle - pl.col("low").fill_null(middle)).clip(0.0)).to_series().to_list()
+    return {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1.5, "width": 3}
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _plain(drawn: go.Figure, height: int = 300) -> go.Figure:
+    """A figure without a style of its own: the page has one template for light and one for dark."""
+    drawn.update_layout(template={}, height=height, showlegend=False)
+    return drawn

@@ -1,0 +1,95 @@
+"""What a report is made from: the artefacts of a study's folder, or single ones, each where it belongs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.io import table
+from hydro.io.files import explained
+from hydro.io.table import Artefact
+
+KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics")
+"""Kinds of table that a report can tell of."""
+STUDY = re.compile(r"(comparison|diagnosis|ladder|replay|metrics|evaluation|errors)(-\d+)?\.parquet")
+"""Names of files that are looked for in a folder."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """An artefact and what the user calls it."""
+
+    name: str
+    artefact: Artefact
+
+    @property
+    def frame(self) -> pl.DataFrame:
+        """Its table."""
+        return self.artefact.frame
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The artefacts of a report by kind; comparisons and diagnoses in the order of their steps."""
+
+    comparisons: tuple[Named, ...] = ()
+    diagnoses: tuple[Named, ...] = ()
+    ladder: Named | None = None
+    replays: tuple[Named, ...] = ()
+    metrics: tuple[Named, ...] = ()
+
+    @property
+    def everything(self) -> tuple[Named, ...]:
+        """All artefacts, in the order in which the report tells of them."""
+        ladder = () if self.ladder is None else (self.ladder,)
+        return (*self.comparisons, *self.diagnoses, *ladder, *self.replays, *self.metrics)
+
+    def vehicle_text(self) -> str | None:
+        """Text of the vehicle file of the first step; None where no artefact carries one."""
+        return next((text for one in self.everything if (text := one.artefact.provenance.vehicle)), None)
+
+
+def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
+    """Read folders of studies, single files and streams.
+
+    Args:
+        places: Folders, Parquet files and binary streams.
+
+    Raises:
+        DataError: A folder has nothing to report on, a file is of another kind or broken, there are two
+            ladders, or two artefacts are of different vehicles.
+    """
+    found = [one for place in places for one in _read(place)]
+    of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in KINDS}
+    if len(of["ladder"]) > 1:
+        raise DataError(f"{of['ladder'][1].name}: the ladder of a second study; report on one at a time")
+    ladder = of["ladder"][0] if of["ladder"] else None
+    return Sources(of["comparison"], of["diagnosis"], ladder, of["replay"], of["metrics"])
+
+
+def _read(place: str | Path | BinaryIO) -> list[Named]:
+    """The artefacts of one folder, file or stream."""
+    if not isinstance(place, str | Path):
+        return [Named("stdin", table.read(place, KINDS))]
+    path = Path(place)
+    if not path.is_dir():
+        return [Named(str(place), table.read(path, KINDS))]
+    try:
+        names = sorted((one.name for one in path.iterdir() if STUDY.fullmatch(one.name)), key=_step)
+    except OSError as error:
+        raise explained(str(path), error) from error
+    if not names:
+        raise DataError(f"{path}: no comparison, diagnosis, ladder, replay or metrics in this folder")
+    return [Named(name, table.read(path / name, KINDS)) for name in names]
+
+
+def _step(name: str) -> tuple[str, int]:
+    """Sorts `diagnosis-2` before `diagnosis-10`."""
+    kind, _, number = name.removesuffix(".parquet").partition("-")
+    return kind, int(number or 0)

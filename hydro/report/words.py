@@ -1,0 +1,194 @@
+"""Effects, verdicts and numbers in words and figures that a reader need not look up."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.record import Parameter
+from hydro.core.errors import DataError
+from hydro.core.parameters import unit_at
+
+VERDICTS = {
+    "missing": ("Missing", "The model lacks {effect}."),
+    "retune": ("Other values", "The model has {effect}, but the recording asks for other values."),
+    "cannot_tell_apart": (
+        "Cannot tell apart",
+        "The model lacks one of {members}; this recording cannot tell.",
+    ),
+    "not_excited": ("Not shown", "Whether {effect} is there, this recording could not show."),
+    "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
+    "nothing_missing": ("Nothing missing", "What is left is no more than noise."),
+}
+"""A verdict's label, and its sentence."""
+
+NORMAL_95 = 1.96
+"""Half the width of a 95 % interval in standard errors."""
+AXES = ("X", "Y", "Z", "K", "M", "N")
+DIRECTIONS = ("x", "y", "z")
+TURNS = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Value:
+    """One fitted number.
+
+    Attributes:
+        name: Parameter, and the axis or number of its entry: `diagonal, X`.
+        value: The number.
+        error: Its standard error; None where there is none.
+        unit: Its unit.
+    """
+
+    name: str
+    value: float
+    error: float | None
+    unit: str
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """The 95 % interval."""
+        if self.error is None:
+            return None
+        return self.value - NORMAL_95 * self.error, self.value + NORMAL_95 * self.error
+
+
+def effect_name(name: str) -> str:
+    """`ocean_current` as `ocean current`."""
+    return name.replace("_", " ")
+
+
+def effects_named(names: str) -> str:
+    """`a_b, c` as `a b and c`."""
+    return listed([effect_name(name) for name in names.split(", ") if name])
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """`a, b and c`."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def meaning(effect: str) -> str:
+    """What an effect is, in the catalogue's first sentence; empty for one that it does not know."""
+    return CATALOGUE[effect].description.partition("\n")[0] if effect in CATALOGUE else ""
+
+
+def verdict(row: dict[str, Any]) -> tuple[str, str]:
+    """Label and sentence of a finding."""
+    label, sentence = VERDICTS[row["verdict"]]
+    members = listed([effect_name(name) for name in row["members"]], "or")
+    return label, sentence.format(effect=effect_name(row["effect"]), members=members)
+
+
+def values(effect: str, parameters: str, errors: str) -> list[Value]:
+    """Fitted numbers of an effect from its inline TOML, one by one.
+
+    Raises:
+        DataError: they are not inline TOML.
+    """
+    try:
+        given, sure = (tomllib.loads(f"t = {text or '{}'}")["t"] for text in (parameters, errors))
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"the values of {effect} are not inline TOML ({error}); diagnose anew") from None
+    return fitted(effect, given, sure)
+
+
+def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
+    """Numbers of an effect's table with their standard errors, one by one."""
+    records = {one.name: one for one in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
+    found = []
+    for name, value in given.items():
+        for index, number in _entries(value):
+            unit = unit_at(records[name], index) if name in records else ""
+            error = sure.get(name)
+            for i in index:
+                error = error[i] if isinstance(error, list) and i < len(error) else None
+            label = _entry_name(records.get(name), name, index)
+            found.append(Value(label, number, error, "" if unit == "1" else unit))
+    return found
+
+
+def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:
+    """Numbers of a nested list and their indices; a lone number has the index ()."""
+    if not isinstance(value, list):
+        yield (), float(value)
+        return
+    for i, inner in enumerate(value):
+        for index, number in _entries(inner):
+            yield (i, *index), number
+
+
+def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> str:
+    """`v_N`; `diagonal X`, `alpha pitch`; `g 3` for the third of something else."""
+    if not index:
+        return name
+    last = record.shape[-1] if record is not None and record.shape else None
+    three = TURNS if record is not None and record.unit == ("rad",) else DIRECTIONS
+    letters = {6: AXES, 3: three}.get(last, ()) if isinstance(last, int) else ()
+    square = record is not None and record.shape == (6, 6)
+    entries = [
+        letters[i] if i < len(letters) and (square or k == len(index) - 1) else str(i + 1)
+        for k, i in enumerate(index)
+    ]
+    return " ".join([name, *entries])
+
+
+def by_unit(found: Sequence[Value]) -> list[tuple[str, list[Value]]]:
+    """Values of one unit together, in their order: what can share an axis."""
+    units = list(dict.fromkeys(one.unit for one in found))
+    return [(unit, [one for one in found if one.unit == unit]) for unit in units]
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """Three significant figures, in plain notation where that is short; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if not -4 <= size < 6:
+        return f"{value:.{digits - 1}e}".replace("-", "−")
+    rounded = round(value, digits - 1 - size)
+    return f"{rounded:.{max(0, digits - 1 - size)}f}".replace("-", "−")
+
+
+def with_error(one: Value) -> str:
+    """`0.266 ± 0.014`: the error to two figures, and the value to the same place."""
+    if one.error is None or not one.error > 0.0 or not math.isfinite(one.error):
+        return figure(one.value)
+    places = 1 - math.floor(math.log10(one.error))
+    if not -3 <= places <= 6:
+        return f"{figure(one.value)} ± {figure(one.error, 2)}"
+    shown = (f"{round(number, places):.{max(0, places)}f}" for number in (one.value, one.error))
+    return " ± ".join(shown).replace("-", "−")
+
+
+def percent(share: float | None) -> str:
+    """`41 %`, `0.6 %`; a dash for none."""
+    if share is None or not math.isfinite(share):
+        return "–"
+    return f"{100 * share:.0f} %" if share >= 0.0095 or share == 0.0 else f"{100 * share:.1g} %"
+
+
+def probability(value: float | None) -> str:
+    """`0.0005`; what is less than a thousandth of a percent as a bound."""
+    if value is None:
+        return "–"
+    return "< 0.00001" if value < 1e-5 else f"{value:.2g}" if value >= 1e-4 else f"{value:.5f}"
+
+
+def horizon(seconds: float | None) -> str:
+    """`5 s ahead`, or `whole run`."""
+    return "whole run" if seconds is None else f"{seconds:g} s ahead"
+
+
+def sentence(text: str) -> str:
+    """A text with a capital first and a full stop last."""
+    text = text.strip()
+    return text if not text else f"{text[0].upper()}{text[1:]}{'' if text[-1] in '.!?' else '.'}"
