@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from test_fit import damped
 
-from hydro.core import advice
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.manoeuvres import SECONDS, Flight, Manoeuvre, best, library, plain, showing
+from hydro.core.manoeuvres import SECONDS, best, library, plain, showing
 from hydro.core.simulate import simulate
 from hydro.core.vehicle import Buoyancy, Hull, RigidBody, Thruster, Vehicle
 from hydro.io import vehicle as files
@@ -138,15 +137,3 @@ def test_too_few_rivals_and_motions_without_bounds():
     )
     with pytest.raises(DataError, match="beyond bounds"):
         best([runaway, pushed], NOISE)
-
-
-def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():
-    sweep = Manoeuvre("x", "turn slowly", np.zeros((10, 1)))
-    clear = advice.separating(["ocean_current", "tether"], Flight(sweep, 42.0))
-    assert clear == (
-        "to tell them apart: turn slowly (predicted difference in 30 s: 42 times the sensors' noise)"
-    )
-    assert "turn slowly, for 12 min or more" in advice.separating(["ocean_current"], Flight(sweep, 2.0))
-    assert "too little" in advice.separating(["ocean_current"], Flight(sweep, 0.1))
-    assert "turn slowly" in advice.exciting("body_lift", [], 0, Flight(sweep, 42.0))
-    assert CATALOGUE["body_lift"].excitation in advice.exciting("body_lift", [], 0, Flight(sweep, 1.0))
