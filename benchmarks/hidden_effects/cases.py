@@ -15,7 +15,7 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle import Vehicle
 
 KINDS = ("one", "two", "three", "unknown", "form", "none")
-WEAKEST, STRONGEST = 0.05, 3.0
+WEAKEST, STRONGEST = 0.15, 4.0
 """Bounds of the factor on an effect's usual size, drawn log-uniformly."""
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),
@@ -38,11 +38,20 @@ SIZES = (
 )
 """Foreign numbers that say how strongly something acts."""
 WITHIN = {
-    "sensor_delay": 0.4,
+    "added_mass_coriolis": 0.9,
+    "buoyancy_offset": 0.02,
+    "ocean_current": 0.8,
     "thruster_gain": 0.9,
     "thruster_asymmetry": 0.8,
+    "thruster_lag": 0.4,
+    "command_delay": 0.4,
     "thruster_deadband": 0.3,
-    "added_mass_coriolis": 0.9,
+    "thruster_inflow": 0.4,
+    "sensor_scale": 0.2,
+    "sensor_misalignment": 0.2,
+    "sensor_delay": 0.4,
+    "sensor_lever_arm": 1.0,
+    "sensor_bias": 0.2,
 }
 """Greatest size of a parameter that could not be exceeded on a vehicle that still works."""
 CONTAINED = ({"payload", "net_buoyancy"}, {"payload", "buoyancy_offset"}, {"payload", "added_mass"})
