@@ -6,12 +6,17 @@ import time
 
 import msgspec
 import numpy as np
+import polars as pl
 import pytest
 from test_fit import damped
 
+from hydro.core import shooting
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.fit import OutputError
 from hydro.core.manoeuvres import SECONDS, best, library, plain, showing
+from hydro.core.noise import PROFILES, disturb
+from hydro.core.recording import POSE, VELOCITY, recording
 from hydro.core.simulate import simulate
 from hydro.core.vehicle import Buoyancy, Hull, RigidBody, Thruster, Vehicle
 from hydro.io import vehicle as files
@@ -137,3 +142,24 @@ def test_too_few_rivals_and_motions_without_bounds():
     )
     with pytest.raises(DataError, match="beyond bounds"):
         best([runaway, pushed], NOISE)
+
+
+def test_what_is_predicted_is_what_a_flight_shows():
+    """One rival is true: flown with noise, the other errs by the difference more."""
+    true, other = (hiding(damped(), {"name": "thruster_lag", "dT": t}) for t in (0.02, 0.035))
+    flight = best([true, other], NOISE)
+    flown = simulate(flight.manoeuvre.table(), true)
+    logged = disturb(
+        flown.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], np.random.default_rng(3)
+    )
+    record = recording(flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])), true)
+    costs = []
+    for rival in (true, other):
+        shots = shooting.aim(record, sigma=NOISE)
+        problem = OutputError.of(shots, rival)
+        for _ in range(3):
+            normal = problem.linearise(rival, [], [])
+            _, problem = problem.cost(rival, np.zeros(0), normal)
+        costs.append(normal.cost)
+    assert flight.difference > 20.0
+    assert np.sqrt(costs[1] - costs[0]) == pytest.approx(flight.difference, rel=0.15)
