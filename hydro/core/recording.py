@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from hydro.core.errors import DataError
+from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.vehicle import Vehicle
 
@@ -92,18 +93,31 @@ def recording(raw: pl.DataFrame, vehicle: Vehicle) -> Recording:
 def smoothed(record: Recording) -> tuple[Array, Array]:
     """Pose and velocity through local cubics of half a second: without most of the noise, without delay.
 
+    The attitude goes through its quaternion, so that a vehicle may loop and tumble: roll and heading jump by
+    half a turn where it passes the vertical.
+
     Returns:
-        eta with unwrapped angles and nu, (N, 6) each; segments of fewer than five rows as they are.
+        eta and nu, (N, 6) each; segments of fewer than five rows as they are.
     """
     eta, nu = record.eta.copy(), record.nu.copy()
     widest = max(2 * round(REACH / record.dt) + 1, 5)
     for start, stop in record.segments:
         width = min(widest, (stop - start - 1) // 2 * 2 + 1)
-        eta[start:stop, 3:] = np.unwrap(eta[start:stop, 3:], axis=0)
         if width >= 5:
-            eta[start:stop] = savgol_filter(eta[start:stop], width, 3, axis=0)
+            quaternion = _steady(quaternion_from_euler(*eta[start:stop, 3:].T))
+            calm = savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
+            eta[start:stop, :3] = calm[:, :3]
+            eta[start:stop, 3:] = euler_from_quaternion(calm[:, 3:])
             nu[start:stop] = savgol_filter(nu[start:stop], width, 3, axis=0)
     return eta, nu
+
+
+def _steady(quaternion: Array) -> Array:
+    """The same rotations (N, 4) without the sign of the quaternion jumping from row to row."""
+    turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
+    steady = quaternion.copy()
+    steady[1:][np.cumsum(turned) % 2 == 1] *= -1.0
+    return steady
 
 
 def noise(record: Recording) -> Array:
