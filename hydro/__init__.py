@@ -8,12 +8,21 @@ The functions here are the whole line on polars frames; the command line offers 
     split, blocks = hydro.split(hydro.labels(raw, vehicle))
     model = hydro.train(split, model="physfeat")
     series, metrics = hydro.replay(raw, vehicle, models=[model])
+
+And what is missing in a vehicle file:
+
+    for step in hydro.explain(raw, vehicle, holdout=hydro.read("heldout.parquet")):
+        print(step.number, step.added, step.error("holdout"))
 """
 
 from __future__ import annotations
 
 from hydro.api import (
+    add,
+    compare,
+    diagnose,
     evaluate,
+    explain,
     features,
     labels,
     read,
@@ -28,7 +37,11 @@ from hydro.api import (
 )
 
 __all__ = [
+    "add",
+    "compare",
+    "diagnose",
     "evaluate",
+    "explain",
     "features",
     "labels",
     "read",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 if TYPE_CHECKING:
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
+    from hydro.core.explain import Step
     from hydro.core.vehicle import Vehicle
     from hydro.io.model import Model
 
@@ -25,8 +26,8 @@ def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame
 
     Args:
         source: path of a Parquet file, or a binary stream.
-        kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics`, `replay` or `commands`; any
-            by default.
+        kind: `raw`, `labels`, `split`, `blocks`, `features`, `metrics`, `replay`, `commands`, `comparison`,
+            `diagnosis` or `ladder`; any by default.
 
     Returns:
         The table. `hydro.io.table.read` gives its provenance beside it.
@@ -95,6 +96,83 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     from hydro.core.simulate import simulate as move
 
     return move(commands, vehicle)
+
+
+def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None = None) -> pl.DataFrame:
+    """Hold a vehicle against a recording: how large are its errors, and where do they lie?
+
+    Args:
+        raw: raw table.
+        vehicle: the vehicle.
+        against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
+
+    Returns:
+        The comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
+        horizon and place, each beside what noise alone would leave.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle.
+    """
+    from hydro.core.compare import compare as hold
+
+    return hold(vehicle, raw, against=against)
+
+
+def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+    """Find which physical effects are missing in a vehicle, and how sure that is.
+
+    Args:
+        raw: raw table.
+        vehicle: the vehicle.
+
+    Returns:
+        The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
+    """
+    from hydro.core.diagnose import diagnose as find
+
+    return find(vehicle, raw).frame()
+
+
+def add(vehicle: Vehicle, diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> Vehicle:
+    """Add what a diagnosis found to a vehicle.
+
+    Args:
+        vehicle: the vehicle that was diagnosed.
+        diagnosis: diagnosis table.
+        effects: names of the findings to add; by default all that are missing or ask for other values.
+
+    Returns:
+        The vehicle with them.
+
+    Raises:
+        hydro.core.errors.DataError: the diagnosis has nothing to add, or not what is named.
+    """
+    from hydro.core.extend import extended, tables
+
+    return extended(vehicle, tables(diagnosis, effects))
+
+
+def explain(raw: pl.DataFrame, vehicle: Vehicle, *, holdout: pl.DataFrame | None = None) -> Iterator[Step]:
+    """Add what a vehicle lacks, step by step, until nothing more is found.
+
+    Args:
+        raw: raw table.
+        vehicle: the vehicle.
+        holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
+
+    Yields:
+        Each step as it is done, the vehicle as given first: a `hydro.core.explain.Step` with the vehicle, its
+        comparison and diagnosis, and its errors as rows of the ladder table.
+
+    Raises:
+        hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
+    """
+    from hydro.core.explain import explain as steps
+
+    yield from steps(vehicle, raw, holdout=holdout)
 
 
 def labels(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from hydro.core.segments import sample_time, segments
 from hydro.io import table, vehicle
 
 TABLES = ("sample", "replay90")
+FOLDERS = ("stonefish", "hidden")
+RECORDINGS = ("stonefish/sample", "stonefish/replay90", "hidden/measured", "hidden/heldout")
 
 
 def listed(datasets: Path, pattern: str) -> dict[str, str]:
@@ -27,18 +30,16 @@ def listed(datasets: Path, pattern: str) -> dict[str, str]:
 
 
 def test_files_have_the_hashes_of_the_readme(datasets: Path) -> None:
-    files = {f"stonefish/{path.name}": path for path in (datasets / "stonefish").iterdir()}
+    files = {f"{folder}/{path.name}": path for folder in FOLDERS for path in (datasets / folder).iterdir()}
     digests = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
-    assert digests == {
-        name: digest for name, digest in listed(datasets, "").items() if name.startswith("stonefish/")
-    }
+    assert digests == listed(datasets, "")
 
 
-@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("name", RECORDINGS)
 def test_tables_carry_their_content_hash_and_their_vehicle(datasets: Path, name: str) -> None:
-    artefact = table.read(datasets / "stonefish" / f"{name}.parquet", "raw")
-    assert artefact.provenance.content == listed(datasets, "sha256:")[f"stonefish/{name}.parquet"]
-    known, text = vehicle.read(datasets / "stonefish" / "vehicle.toml")
+    artefact = table.read(datasets / f"{name}.parquet", "raw")
+    assert artefact.provenance.content == listed(datasets, "sha256:")[f"{name}.parquet"]
+    known, text = vehicle.read(datasets / Path(name).parent / "vehicle.toml")
     assert artefact.provenance.vehicle == text
     assert [source.content for source in artefact.provenance.inputs] == [vehicle.vehicle_hash(known)]
 
@@ -51,6 +52,52 @@ def test_rows_and_sessions(datasets: Path) -> None:
         assert sample_time(frame) == pytest.approx(0.02)
         assert len(segments(frame)) == frame["session"].n_unique(), "a session without gaps"
         assert "cmd_8" in frame.columns
+
+
+def hidden(datasets: Path) -> tuple[pl.DataFrame, pl.DataFrame]:
+    return tuple(
+        table.read(datasets / "hidden" / f"{name}.parquet").frame for name in ("measured", "heldout")
+    )
+
+
+def test_the_recordings_with_hidden_effects(datasets: Path) -> None:
+    measured, heldout = hidden(datasets)
+    assert (measured.height, measured["session"].n_unique()) == (12_000, 4)
+    assert (heldout.height, heldout["session"].n_unique()) == (4_500, 2)
+    assert not set(measured["session"]) & set(heldout["session"])
+    for frame in (measured, heldout):
+        assert sample_time(frame) == pytest.approx(0.02)
+        assert frame["u"].dtype == pl.Float32
+    assert sum(path.stat().st_size for path in (datasets / "hidden").iterdir()) < 2_500_000
+
+
+def test_the_truth_made_the_recordings_and_stands_nowhere_else(datasets: Path) -> None:
+    """The vehicle with the truth moves as recorded, but for noise; the vehicle file does not name it."""
+    from hydro.core.extend import extended
+    from hydro.core.simulate import simulate
+
+    truth = tomllib.loads((datasets / "hidden" / "truth.toml").read_text())
+    known, text = vehicle.read(datasets / "hidden" / "vehicle.toml")
+    names = [effect["name"] for effect in truth["effect"]]
+    assert names == ["ocean_current", "thruster_gain", "quadratic_damping"]
+    assert not [name for name in names[:2] if name in text]
+    assert known.effects("quadratic_damping")[0]["diagonal"] != truth["effect"][2]["diagonal"]
+    for name, frame in zip(("measured", "heldout"), hidden(datasets), strict=True):
+        record = table.read(datasets / "hidden" / f"{name}.parquet").provenance
+        assert truth["raw"][name] == record.content
+        assert "ocean" not in str(record)
+        start = frame.cast({pl.Float32: pl.Float64}).with_columns(pl.col(*"uvwpqr").cast(pl.Float64) * 0.0)
+        moved = simulate(start, extended(known, truth["effect"])).group_by("session").head(100)
+        logged = frame.group_by("session").head(100)
+        error = (
+            moved.sort("session", "t").select(*"uvw") - logged.sort("session", "t").select(*"uvw")
+        ).to_numpy()
+        assert error.std() == pytest.approx(0.01, rel=0.15)
+
+
+def test_no_module_reads_the_truth() -> None:
+    sources = [path.read_text() for path in (Path(__file__).parents[1] / "hydro").rglob("*.py")]
+    assert not [text for text in sources if "truth.toml" in text]
 
 
 @pytest.mark.parametrize("name", TABLES)

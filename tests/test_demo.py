@@ -18,16 +18,27 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert cli.main(["demo", "out", "--epochs", "3"]) == 0
     printed = capsys.readouterr().out
     steps = re.findall(r"^\$ hydro (\w+)", printed, re.MULTILINE)
-    assert steps == ["labels", "split", "train", "train", "evaluate", "replay"]
+    assert steps[:4] == ["compare", "diagnose", "explain", "report"]
+    assert steps[4:] == ["labels", "split", "train", "train", "evaluate", "replay"]
+    assert "missing: ocean_current" in printed
+    assert "missing: thruster_gain" in printed
     assert printed.index("Predicted wrench") < printed.index("Open-loop replay") < printed.index("Written:")
     assert all(name in printed for name in ("mlp", "physfeat", "MJ0", "MJ0+M_A", "MJ1", "MJ4"))
-    written = [Path(line.strip()) for line in printed.split("Written:")[1].splitlines() if line.strip()]
-    assert sorted(path.name for path in written) == sorted(path.name for path in Path("out").iterdir())
+    written = [Path(path) for path in re.findall(r"^  (out\S+)$", printed.split("Written:")[1], re.MULTILINE)]
+    report = Path(printed.strip().rsplit(" ", 1)[1])
+    assert sorted([*written, report]) == sorted(Path("out").iterdir())
+    assert "ocean_current" in report.read_text()
     for path in written:
         if path.suffix == ".png":
             assert imread(path).shape[1] > 600
-        else:
+        elif path.suffix == ".parquet":
             table.read(path)
+    ladder = table.read("out/study/ladder.parquet", "ladder").frame.filter(axis="all", horizon=5.0)
+    assert set(ladder["effect"]) == {"", "ocean_current", "thruster_gain"}
+    for dataset in ("fit", "holdout"):
+        rows = ladder.filter(dataset=dataset).sort("step")
+        assert (rows["rmse"].diff().drop_nulls() < 0.0).all(), "every step lowers the error"
+        assert rows["rmse"][-1] < 1.1 * rows["noise_floor"][-1]
     errors = table.read("out/errors.parquet", "metrics").frame.filter(metric="rmse")
     for axis in "uvwpqr":
         error = dict(errors.filter(axis=axis).select("variant", "value").rows())

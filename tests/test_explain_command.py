@@ -8,9 +8,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+import hydro
 from hydro import cli
 from hydro.core import explain as module
-from hydro.core.explain import extended
+from hydro.core.errors import DataError
+from hydro.core.extend import extended
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.noise import PROFILES, disturb
 from hydro.core.recording import POSE, VELOCITY
@@ -132,6 +134,22 @@ def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
         )
         == 0
     )
+
+
+def test_python_says_the_same(counted):
+    assert run() == 0
+    raw, heldout = (hydro.read(f"{name}.parquet") for name in ("measured", "held"))
+    known = hydro.vehicle(VEHICLE)
+    steps = list(hydro.explain(raw, known, holdout=heldout))
+    assert pl.concat(step.ladder for step in steps).equals(hydro.read("study/ladder.parquet"))
+    found = hydro.read("study/diagnosis-0.parquet", "diagnosis")
+    assert steps[0].diagnosis.equals(found)
+    assert hydro.add(known, found) == steps[1].vehicle
+    compared = hydro.compare(raw, steps[1].vehicle, against=steps[0].comparison)
+    apart = pl.col("by") != "place"  # the earlier places are looked at again
+    assert compared.drop("before").filter(apart).equals(steps[1].comparison.filter(apart))
+    with pytest.raises(DataError, match="no finding payload"):
+        hydro.add(known, found, ["payload"])
 
 
 def test_a_study_that_is_done_is_not_done_again(counted, capsys):

@@ -66,6 +66,9 @@ def test_the_wheel_alone_checks_its_bundled_data(installed: Path, tmp_path: Path
     assert Path(where["schemas"]) == package / "_schemas"
     data = package / "_datasets" / "stonefish"
     files = [data / name for name in ("sample.parquet", "replay90.parquet", "vehicle.toml")]
+    files += [
+        data.parent / "hidden" / name for name in ("measured.parquet", "heldout.parquet", "vehicle.toml")
+    ]
     done = run(installed / "bin" / "hydro", "check", *files, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert (package / "py.typed").exists()

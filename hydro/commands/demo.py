@@ -1,4 +1,4 @@
-"""`demo`: the whole line on bundled recordings, by the very commands that it prints."""
+"""`demo`: the whole story on bundled recordings, by the very commands that it prints."""
 
 from __future__ import annotations
 
@@ -24,15 +24,48 @@ def demo(
         int, typer.Option(min=1, help="Passes over the training data, for each network.")
     ] = EPOCHS,
 ) -> None:
-    """Run the whole line on a bundled sample of recordings: a few minutes on two cores.
+    """Tell the whole story on bundled recordings: some minutes on two cores.
 
-    Labels, split, two networks, their errors on the test part, and a 90 s manoeuvre replayed open loop in
-    MuJoCo without water forces, with added mass, and with each network. Every step is an ordinary command,
-    printed as it runs. Ends with the errors and the paths of what was written.
+    First what is missing. A vehicle file is held against recordings of a vehicle that has more to it: where
+    does it fail, what does it lack, how far does the error fall once that is added, also on recordings that
+    nothing was fitted to; and the page that tells it all. Then what is learnt: labels, split, two networks,
+    their errors on the test part, and a 90 s manoeuvre replayed open loop in MuJoCo without water forces,
+    with added mass, and with each network. Every step is an ordinary command, printed as it runs.
     """
-    data = _bundled()
     folder.mkdir(parents=True, exist_ok=True)
-    out = {name: str(folder / f"{name}.parquet") for name in _ARTEFACTS}
+    root = context.find_root().command
+    typer.echo("The first run after an installation also compiles the physics, a minute or two.")
+    typer.echo("\nWhat is missing in a vehicle file?\n")
+    report, *missing = _missing(root, folder)
+    typer.echo("\nWhat can a network learn of the water, and how does it fly?\n")
+    learnt = _learnt(root, folder, epochs)
+    typer.echo("Written:")
+    for path in [*missing, *learnt]:
+        typer.echo(f"  {path}")
+    typer.echo(f"\nThe whole study on one page, for a browser: {report}")
+
+
+def _missing(root: Any, folder: Path) -> list[Path]:
+    """Find what hides in the bundled recordings; the report, and the other files and folders written."""
+    from hydro.report import comparison as compared
+    from hydro.report import diagnosis as diagnosed
+
+    data, report, study = _bundled("hidden"), folder / "report.html", folder / "study"
+    comparison, diagnosis = folder / "comparison.parquet", folder / "diagnosis.parquet"
+    given = [str(data / "vehicle.toml"), str(data / "measured.parquet")]
+    _run(root, ["compare", *given, "-o", str(comparison)])
+    typer.echo(f"  {compared.headline(read(str(comparison)).frame)}")
+    _run(root, ["diagnose", *given, "-o", str(diagnosis)])
+    for line, _ in diagnosed.lines(read(str(diagnosis)).frame):
+        typer.echo(f"  {line}")
+    _run(root, ["explain", *given, "--holdout", str(data / "heldout.parquet"), "-o", str(study)])
+    _run(root, ["report", str(study), "-o", str(report)])
+    return [report, comparison, diagnosis, study]
+
+
+def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:
+    """Learn from the bundled sample and replay; the files written."""
+    data, out = _bundled("stonefish"), {name: str(folder / f"{name}.parquet") for name in _ARTEFACTS}
     steps = [
         ["labels", str(data / "sample.parquet"), "-o", out["labels"]],
         ["split", out["labels"], "--blocks", out["blocks"], "-o", out["split"]],
@@ -44,23 +77,20 @@ def demo(
             *("--metrics", out["errors"], "-o", out["replay"]),
         ],
     ]
-    typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     for step in steps:
-        _run(context.find_root().command, step)
+        _run(root, step)
     pictures = _draw(out, folder)
     _print_errors(out)
-    typer.echo("Written:")
-    for path in [*out.values(), *pictures]:
-        typer.echo(f"  {path}")
+    return [*map(Path, out.values()), *pictures]
 
 
 _ARTEFACTS = ("labels", "blocks", "split", "mlp", "physfeat", "evaluation", "replay", "errors")
 
 
-def _bundled() -> Path:
-    """The bundled recordings, inside an installed package or beside it in a checkout."""
+def _bundled(name: str) -> Path:
+    """A folder of the bundled recordings, inside an installed package or beside it in a checkout."""
     packaged = PACKAGE / "_datasets"
-    data = (packaged if packaged.is_dir() else PACKAGE.parent / "datasets") / "stonefish"
+    data = (packaged if packaged.is_dir() else PACKAGE.parent / "datasets") / name
     return data.relative_to(Path.cwd()) if data.is_relative_to(Path.cwd()) else data
 
 

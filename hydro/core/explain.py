@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 import polars as pl
 
 from hydro.core.compare import compare
 from hydro.core.diagnose import diagnose
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
-from hydro.core.extend import tables
+from hydro.core.extend import extended, tables
 from hydro.core.fit import fit
 from hydro.core.recording import recording
 from hydro.core.search import own_effects
@@ -118,7 +117,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
 def ending(steps: Sequence[Step]) -> str:
     """Why no step follows the last of these, in words; empty where one does."""
     last = steps[-1]
-    if _too_far(steps):
+    if best(steps) is not last:
         return (
             f"step {last.number} predicts the held-out data worse than step {last.number - 1}, "
             f"which is the one to use"
@@ -131,15 +130,17 @@ def ending(steps: Sequence[Step]) -> str:
 
 def best(steps: Sequence[Step]) -> Step:
     """The step to use: the last, or the one before where the last went too far."""
-    return steps[-2] if _too_far(steps) else steps[-1]
+    return steps[best_step(pl.concat(step.ladder for step in steps))]
 
 
-def _too_far(steps: Sequence[Step]) -> bool:
-    """Whether the last step raised the held-out error."""
-    if len(steps) < 2:
-        return False
-    before, now = (step.error("holdout") for step in steps[-2:])
-    return before is not None and now is not None and now > RISE * before
+def best_step(ladder: pl.DataFrame) -> int:
+    """Number of the step to use in a ladder: the last, or the one before it where that predicts better.
+
+    Held-out predictions HORIZON ahead decide; without such data it is the last.
+    """
+    rows = ladder.filter(dataset="holdout", axis="all", horizon=HORIZON).sort("step")
+    last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
+    return last - 1 if len(errors) > 1 and errors[-1] > RISE * errors[-2] else last
 
 
 def _finding(step: Step) -> dict[str, Table]:
@@ -194,14 +195,6 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
 def _bare(table: Table) -> dict[str, Any]:
     """An effect's values alone."""
     return {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
-
-
-def extended(vehicle: Vehicle, fitted: Sequence[Table]) -> Vehicle:
-    """The vehicle with these tables in the place of those of the same name, or after them."""
-    changed = {table["name"]: table for table in fitted}
-    kept = [{**effect, **changed.pop(effect["name"], {})} for effect in vehicle.effect]
-    every = [{k: v for k, v in table.items() if v is not None} for table in [*kept, *changed.values()]]
-    return msgspec.structs.replace(vehicle, effect=tuple(every))
 
 
 def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:

@@ -1,14 +1,16 @@
-"""What a diagnosis adds to a vehicle file: the tables of the effects that it found."""
+"""What a diagnosis adds to a vehicle: the tables of the effects that it found."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import msgspec
 import polars as pl
 
 from hydro.core.errors import DataError
+from hydro.core.vehicle import Vehicle
 
 ADDED = ("missing", "retune", "cannot_tell_apart")
 """Verdicts that come with values."""
@@ -36,6 +38,17 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
         if name not in found:
             raise DataError(_refusal(name, rows, list(found)))
     return [_table(found[name]) for name in dict.fromkeys(wanted)]
+
+
+def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
+    """The vehicle with these `[[effect]]` tables in the place of those of the same name, or after them.
+
+    Keys that a table does not have stay as they are; those that are None go.
+    """
+    changed = {table["name"]: table for table in effects}
+    kept = [{**effect, **changed.pop(effect["name"], {})} for effect in vehicle.effect]
+    every = [{k: v for k, v in table.items() if v is not None} for table in [*kept, *changed.values()]]
+    return msgspec.structs.replace(vehicle, effect=tuple(every))
 
 
 def _table(row: dict[str, Any]) -> dict[str, Any]:

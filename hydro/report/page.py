@@ -17,6 +17,7 @@ import polars as pl
 
 from hydro.core.advice import separating
 from hydro.core.effects import CATALOGUE
+from hydro.core.explain import best_step
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import plots, words
@@ -168,11 +169,6 @@ def _from_ladder(ladder: pl.DataFrame) -> list[Standing]:
         unit, noise = given["unit"], last["noise_floor"]
         found.append(Standing(label, given["horizon"], given["rmse"], after, noise, unit))
     return found
-
-
-def best_step(ladder: pl.DataFrame) -> int:
-    """The step whose vehicle file is the one to use."""
-    return int(ladder["step"].max() or 0)  # type: ignore[arg-type]
 
 
 def _at_horizon(rows: pl.DataFrame) -> pl.DataFrame:

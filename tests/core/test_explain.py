@@ -9,7 +9,8 @@ import pytest
 
 from hydro.core import explain as module
 from hydro.core.errors import DataError
-from hydro.core.explain import Step, best, ending, explain, extended
+from hydro.core.explain import Step, best, ending, explain
+from hydro.core.extend import extended
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.noise import PROFILES, disturb
 from hydro.core.recording import POSE, VELOCITY
