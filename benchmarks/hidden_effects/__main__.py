@@ -25,6 +25,7 @@ import polars as pl
 
 from benchmarks.hidden_effects import cases, report, study, vehicles
 
+KEY = ("kind", "seed", "source", "seconds")
 Task = tuple[cases.Case, float, Path, bool]
 
 
@@ -48,20 +49,15 @@ def run(chosen: argparse.Namespace) -> None:
     out: Path = chosen.out
     out.parent.mkdir(parents=True, exist_ok=True)
     table = pl.read_parquet(out) if out.exists() else pl.DataFrame(schema=study.SCHEMA)
-    known = set(table.select("kind", "seed", "seconds").rows())
+    known = set(table.select(KEY).rows())
     wanted = range(chosen.first_seed, chosen.first_seed + chosen.studies)
     folder = chosen.folder or out.parent
-    drawn = (
-        cases.draw(kind, seed)
-        for kind in chosen.kind
-        for seed in wanted
-        if (kind, seed, chosen.seconds) not in known
-    )
+    drawn = (cases.draw(kind, seed, chosen.source) for kind in chosen.kind for seed in wanted)
     tasks = [
         (case, chosen.seconds, folder, not chosen.no_oracle)
         for case in drawn
+        if (case.kind, case.seed, case.source, chosen.seconds) not in known
         if chosen.only is None or chosen.only in case.title
-        if chosen.source is None or case.source == chosen.source
     ]
     for name in sorted({case.preset for case, *_ in tasks if case.source == "teacher"}):
         vehicles.of_teacher(name, folder)  # before the workers begin, so that only one of them makes it
@@ -92,9 +88,7 @@ def line(row: dict[str, Any]) -> str:
 
 def read(paths: Iterable[Path]) -> pl.DataFrame:
     """Results of several files as one table."""
-    return pl.concat([pl.read_parquet(path) for path in paths]).unique(
-        ["kind", "seed", "seconds"], keep="last", maintain_order=True
-    )
+    return pl.concat([pl.read_parquet(path) for path in paths]).unique(KEY, keep="last", maintain_order=True)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -109,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--first-seed", type=int, default=0)
     one.add_argument("--seconds", type=float, default=300.0, help="to diagnose, in four sessions")
     one.add_argument("--only", help="only studies whose hidden effects' names contain this")
-    one.add_argument("--source", choices=list(cases.SOURCES), help="only studies of this simulator")
+    one.add_argument("--source", choices=list(cases.SOURCES), help="fly all cases in this simulator")
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("--no-oracle", action="store_true", help="do not fit the true effects")
     one.add_argument(
