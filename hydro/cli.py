@@ -94,6 +94,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; `arguments` defaults to the process's own."""
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments
+    if not {"train", "demo"} & set(arguments):
+        # The work is shared among threads by shots, windows or vehicles already, on matrices of a few dozen
+        # rows: threads of the linear algebra beside these double the processor time and save none.  They are
+        # counted when numpy is first imported.  Training alone has matrices that are worth them.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = [argument for argument in arguments if argument != "--debug"] or ["--help"]
     try:
         code = _run(arguments)

@@ -19,11 +19,12 @@ from benchmarks.hidden_effects.plant import Array
 from hydro.core import shooting
 from hydro.core.candidate import candidate
 from hydro.core.conditions import Pieces
+from hydro.core.descent import descend
 from hydro.core.diagnose import diagnose
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis
-from hydro.core.fit import OutputError, descend
+from hydro.core.fit import OutputError
 from hydro.core.misfit import Motion, replay
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.recording import recording

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, progress, read
+from hydro.commands.shell import STREAM, Output, about, noise_for, progress, read
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,6 +36,21 @@ def fit(
             "(equation): quicker, biased by noise."
         ),
     ] = "output",
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SPEC",
+            help="Sensor noise, as in `hydro collect`: ordinary, dvl, or 1-sigma values "
+            "'{velocity=0.02, rate=0.003, position=0.05, attitude=0.002}'; by default found from the data.",
+        ),
+    ] = None,
+    shots: Annotated[
+        int,
+        typer.Option(
+            min=8,
+            help="Two-second predictions compared at most; they are spread evenly over a longer recording.",
+        ),
+    ] = 1000,
     output: Output = STREAM,
 ) -> None:
     """Fit effects to a recording and write the vehicle file with them.
@@ -45,12 +60,16 @@ def fit(
     came from. A parameter that the data do not determine stays near where it began, and a warning says
     which motion would determine it.
     """
+    import numpy as np
+
     from hydro.core.fit import fit as compute
+    from hydro.core.recording import LEAST_NOISE
     from hydro.io import vehicle as vehicles
 
     if not effect:
         raise UsageError("fit: name what to fit, such as --effect linear_damping; see hydro effects")
     wanted = [_wanted(text) for text in effect]
+    sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
     known, text = vehicles.read(vehicle)
     source = read(measured, "raw")
     with about(measured), progress("fit") as update:
@@ -59,7 +78,14 @@ def fit(
             source.frame,
             wanted,
             method=method,
+            noise=sigma,
+            most=shots,
             report=lambda words, share: update(round(100 * share), 100, words),
+        )
+    if method == "output" and found.share < 1.0:
+        typer.echo(
+            f"hydro: {shots} shots show {100 * found.share:.0f} % of the recording; more with --shots",
+            err=True,
         )
     origin = {"data": source.provenance.content, "method": method, "chi2": round(found.chi2, 4)}
     for table in found.tables():

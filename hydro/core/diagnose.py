@@ -15,9 +15,10 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core import advice, naming, shooting, unexplained
+from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
-from hydro.core.fit import PRIOR, UNDETERMINED, Fit, OutputError, judged
+from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
 from hydro.core.normal import block_length, covariance
 from hydro.core.parameters import Free
 from hydro.core.recording import Array, Recording, recording

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 import polars as pl
@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from hydro.core import shooting, weakform
 from hydro.core.candidate import candidate
+from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, sensor, validate, velocity_log
 from hydro.core.errors import DataError
-from hydro.core.normal import Normal, bounded_step, covariance
+from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, Entry, Free, effect_table, free
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
@@ -31,17 +32,19 @@ Report = Callable[[str, float], None]
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
-PRIOR = 10.0
-"""Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""
-ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' worth ends an iteration
-ITERATIONS = 25
 FEW, QUICK = 4, 6  # beginnings that are each followed to the end; iterations from each of more
+TURNS = 8  # of search and iteration
+MOST = 1000
+"""Shots that output error looks at: half an hour of predictions."""
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
-GIVEN_UP = 1e8  # damping at which no step lowers the cost
+IMPASSIVE = (
+    "the best couplings would let damping or added mass drive the vehicle; they are reduced to what "
+    "a passive hull can have"
+)
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Fit:
         chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
         method: `output` or `equation`.
         warnings: What the user should know, one line each.
+        share: Share of the recording that output error looked at.
     """
 
     vehicle: Vehicle
@@ -69,6 +73,7 @@ class Fit:
     chi2: float
     method: str
     warnings: tuple[str, ...]
+    share: float = 1.0
 
     def tables(self) -> tuple[dict[str, Any], ...]:
         """The `[[effect]]` tables of the fitted effects, with their standard errors.
@@ -101,19 +106,6 @@ class Fit:
         )
 
 
-class Problem(Protocol):
-    """What the iteration asks of a method."""
-
-    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """The least-squares problem about a vehicle."""
-
-    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Problem]:
-        """Sum of squares after a step, and the problem with its own unknowns moved along."""
-
-    def reweighted(self, normal: Normal) -> tuple[Problem, bool]:
-        """The problem with weights that fit its residuals, and whether they differ."""
-
-
 def fit(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -121,6 +113,7 @@ def fit(
     *,
     method: Method = "output",
     noise: Array | None = None,
+    most: int | None = MOST,
     report: Report | None = None,
 ) -> Fit:
     """Fit named effects to a recording.
@@ -132,6 +125,7 @@ def fit(
             choice), or tables with values to begin from.
         method: `output` or `equation`.
         noise: Standard deviation of pose and velocity, (12,); by default found from the data.
+        most: Shots of output error, spread evenly over a longer recording; None for all there are.
         report: Called with a few words and the share of the work done.
 
     Returns:
@@ -146,17 +140,22 @@ def fit(
     record = recording(raw, vehicle)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     told("equation error", 0.0)
+    share = 1.0
     values, problem, chi2 = _begin(unknown, weakform.Windows.of(record, noise))
     if method == "output":
         told("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == "sensor_delay" for entry in unknown.entries
         )
-        shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise)
+        shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most)
+        share = shots.share
         values, problem = _aimed(unknown, values, shots)
-    values, normal, left = _settle(unknown, values, problem, told)
+    values, normal, left, problem = _settle(unknown, values, problem, told)
+    kept, normal = _passive(unknown, values, normal, problem)
     told("done", 1.0)
-    return judged(unknown, values + 0.0, normal, left if method == "output" else chi2, method)
+    found = judged(unknown, kept + 0.0, normal, left if method == "output" else chi2, method)
+    reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
+    return replace(found, warnings=(*reduced, *found.warnings), share=share)
 
 
 @dataclass(frozen=True)
@@ -213,68 +212,50 @@ def _aimed(unknown: Free, values: Array, shots: shooting.Shots) -> tuple[Array, 
     )
 
 
-def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, float]:
+def _settle(
+    unknown: Free, values: Array, problem: Problem, told: Report
+) -> tuple[Array, Normal, float, Problem]:
     """Iterate, weigh anew by what is left, and iterate again; chi2 is in units of the noise at first."""
     chi2 = 0.0
     for attempt in range(4):
-        values, normal, problem = descend(unknown, values, problem, ITERATIONS)
+        values, normal, problem = _found(unknown, values, problem)
         chi2 = chi2 or normal.chi2
         told("weights", 0.5 + 0.1 * attempt)
         problem, changed = problem.reweighted(normal)
         if not changed:
             break
-    return values, normal, chi2
+    return values, told_by_errors(unknown, values, normal, problem), chi2, problem
 
 
-def descend(
-    unknown: Free, start: Array, problem: Problem, iterations: int, enough: float = ENOUGH
-) -> tuple[Array, Normal, Problem]:
-    """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
-
-    It ends where a step would lower the cost by less than `enough` residuals' worth.
-    """
-    scales = unknown.scales
-    low, high = (bound / scales for bound in unknown.bounds)
-    begin = x = start / scales
-    damping, prior = 1e-6, np.full(len(x), PRIOR**-2)
-    normal = _linearised(unknown, x, problem)
-    for _ in range(iterations):
-        matrix = normal.matrix.sum(axis=0) + np.diag(prior)
-        score = normal.score.sum(axis=0) - prior * (x - begin)
-        worth = enough * max(1.0, normal.chi2)
-        # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
-        here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
-        before = here + float((prior * (x - begin) ** 2).sum())
-        after, stride = stayed, np.zeros(len(x))
-        while damping < GIVEN_UP:
-            step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
-            promise = float(2.0 * score @ step - step @ matrix @ step)
-            if promise < worth:
-                break
-            trial = unknown.within((x + step) * scales)
-            cost, moved = problem.cost(unknown.at(trial), step, normal)
-            if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
-                after, stride = moved, step
-                break
-            damping = max(damping * 10.0, 1e-4)
-        if not stride.any() and here - normal.cost < max(worth, 1e-9 * here):
+def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:
+    """Iterate; where entries act in steps, search for them and iterate over the others in turn."""
+    stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
+    if not stepped.any():
+        return descend(unknown, values, problem, ITERATIONS)
+    for _ in range(TURNS):
+        better = searched(unknown, values, problem)
+        smooth = unknown.holding(better, stepped)
+        rest, _, problem = descend(smooth, smooth.starts[0], problem, ITERATIONS)
+        settled = np.array_equal(better, values)
+        values = better.copy()
+        values[~stepped] = rest
+        if settled:
             break
-        x, problem, damping = x + stride, after, max(damping * 0.1, 1e-9)
-        normal = _linearised(unknown, x, problem)
-    return unknown.within(x * scales), normal, problem
+    return values, linearised(unknown, values / unknown.scales, problem), problem
 
 
-def _linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
-    """The problem about x (P,), with one-sided differences that keep within the bounds."""
-    scales, (_, high) = unknown.scales, unknown.bounds
-    here, moved, steps = unknown.within(x * scales), [], []
-    for i, entry in enumerate(unknown.entries):
-        values = here.copy()
-        step = entry.step if values[i] + entry.step <= high[i] else -entry.step
-        values[i] += step
-        moved.append(unknown.at(values))
-        steps.append(step / scales[i])
-    return problem.linearise(unknown.at(here), moved, steps)
+def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal]:
+    """Where couplings had to be drawn back to what `validate` accepts: all else fitted again around them."""
+    within = _possible(unknown, values)
+    couplings = np.array([_couples(entry) for entry in unknown.entries])
+    if np.array_equal(within, values):
+        return values, normal
+    rest = unknown.holding(within, couplings)
+    again, _, _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
+    values = within.copy()
+    values[~couplings] = again
+    kept = _possible(unknown, values)
+    return kept, linearised(unknown, kept / unknown.scales, problem)
 
 
 def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
@@ -282,10 +263,7 @@ def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: st
     warnings: list[str] = []
     within = _possible(unknown, values)
     if not np.array_equal(within, values):
-        warnings.append(
-            "the best couplings would let damping or added mass drive the vehicle; they are reduced to what "
-            "a passive hull can have"
-        )
+        warnings.append(IMPASSIVE)
         values = within
     scales = unknown.scales
     spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)

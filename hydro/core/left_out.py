@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core import naming
+from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
-from hydro.core.fit import PRIOR
 from hydro.core.normal import Normal, block_length
 from hydro.core.recording import Array, Rows
 

@@ -38,6 +38,11 @@ class Noise:
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < np.inf:
                 raise DataError(f"noise: {field.name} must be a finite number of at least 0, not {value!r}")
 
+    @property
+    def deviations(self) -> Array:
+        """Of x y z, phi theta psi, u v w, p q r, (12,) [m, rad, m/s, rad/s]."""
+        return np.repeat([self.position, self.attitude, self.velocity, self.rate], 3)
+
 
 PROFILES = {
     "none": Noise(),
@@ -58,8 +63,7 @@ def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
     Returns:
         (N, 12); phi and psi within (-pi, pi], theta within [-pi/2, pi/2].
     """
-    deviation = np.repeat([noise.position, noise.attitude, noise.velocity, noise.rate], 3)
-    noisy: Array = motion + rng.standard_normal(motion.shape) * deviation
+    noisy: Array = motion + rng.standard_normal(motion.shape) * noise.deviations
     noisy[:, [3, 5]] = np.pi - np.mod(np.pi - noisy[:, [3, 5]], 2.0 * np.pi)
     noisy[:, 4] = np.clip(noisy[:, 4], -0.5 * np.pi, 0.5 * np.pi)
     return noisy

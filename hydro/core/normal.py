@@ -86,6 +86,8 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:
     """The step d within [low, high] that minimises d^T matrix d - 2 score^T d; matrix positive definite."""
+    if not score.size:
+        return score
     scale = 1.0 / np.sqrt(np.diag(matrix))
     upper = np.linalg.cholesky(matrix * np.outer(scale, scale)).T
     target = solve_triangular(upper.T, score * scale, lower=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -30,6 +30,8 @@ LONGEST_SENSOR_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
 ROUGH = {"thruster_deadband": 5e-2, "command_delay": 1e-2, "sensor_delay": 1e-2, "tether": 1e-2}
 """Share of the scale that derivatives are taken over where an effect has kinks; of others, a thousandth."""
+RESOLUTION = {"thruster_deadband": 1e-4}
+"""Share of the scale to which an effect is searched for that acts on a row of the log or does not."""
 GRIDS: dict[str, tuple[dict[str, Any], ...]] = {
     "fluid_memory": tuple({"K": [[0.0] * 6], "rates": [rate]} for rate in (0.3, 1.0, 3.0, 8.0)),
     "surface_suction": tuple({"A": 0.0, "decay": decay} for decay in (0.5, 1.5, 4.0)),
@@ -50,6 +52,7 @@ class Entry:
         low: Least value.
         high: Greatest value.
         step: For derivatives.
+        resolution: Share of the scale to which it is searched for, where it acts in steps; 0 of others.
     """
 
     effect: str
@@ -60,6 +63,7 @@ class Entry:
     low: float
     high: float
     step: float
+    resolution: float = 0.0
 
     @property
     def name(self) -> str:
@@ -99,6 +103,11 @@ class Free:
                 _put(table[entry.parameter], entry.index[::-1], float(value))
         changed = tuple({**e, **tables.get(e["name"], {})} for e in self.vehicle.effect)
         return msgspec.structs.replace(self.vehicle, effect=changed)
+
+    def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
+        """The same begun at these values (P,), without the entries that are to stay there."""
+        rest = tuple(entry for entry, stays in zip(self.entries, held, strict=True) if not stays)
+        return replace(self, vehicle=self.at(values), entries=rest, starts=(values[~held],))
 
     def within(self, values: Array) -> Array:
         """Values (P,) moved to the nearest within the bounds."""
@@ -281,7 +290,8 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
             scale = SCALES.get((record.name, parameter.name)) or _natural(unit, vehicle)
             low, high = _limits(record.name, parameter, index, vehicle, rest)
             step = scale * ROUGH.get(record.name, 1e-3)
-            found.append(Entry(record.name, parameter.name, index, unit, scale, low, high, step))
+            sharp = RESOLUTION.get(record.name, 0.0)
+            found.append(Entry(record.name, parameter.name, index, unit, scale, low, high, step, sharp))
     return found
 
 

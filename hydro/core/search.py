@@ -16,10 +16,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.descent import Problem, descend
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
-from hydro.core.fit import Problem, descend
 from hydro.core.normal import Normal
 from hydro.core.parameters import Free, free
 from hydro.core.suspects import CURVED, Suspect, shapes, suspects

@@ -58,6 +58,7 @@ class Shots:
             rates, (12,).
         eta: Smoothed pose and
         nu: velocity of the whole recording, (N, 6) each.
+        share: Of all shots that the recording has room for.
     """
 
     record: Recording
@@ -70,6 +71,7 @@ class Shots:
     sigma: Array
     eta: Array
     nu: Array
+    share: float = 1.0
 
     @property
     def residuals(self) -> int:
@@ -105,7 +107,8 @@ def aim(
         raise DataError(
             f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer sessions"
         )
-    kept = evenly(sum(part.size for part in starts), most)
+    room = sum(part.size for part in starts)
+    kept = evenly(room, most)
     at = np.concatenate(starts)[kept]
     rows = at[:, None] + np.arange(length)
     eta, nu = smoothed(record)
@@ -123,6 +126,7 @@ def aim(
         sigma=noise(record) if sigma is None else np.asarray(sigma, float),
         eta=eta,
         nu=nu,
+        share=len(kept) / room,
     )
 
 

@@ -14,6 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.conditioning import OFF, Conditioning
+from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import DataError, UsageError
 from hydro.core.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
 from hydro.core.segments import resumes, sample_time, segments
@@ -119,6 +120,10 @@ def replay(
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Replay every session, and after every gap anew, from its first row's state under its recorded commands.
 
+    Where the vehicle's velocity log has errors (effects of kind `sensor`), a flight begins with the velocity
+    behind what was logged, and its own velocities are given as the log would have misread them: like is
+    compared with like.
+
     Args:
         raw: Raw table.
         vehicle: The vehicle file it was recorded with.
@@ -148,21 +153,35 @@ def replay(
     steps = physics.steps(sample_time(raw), "the log's sample time")
     resumed = resumes(raw, bounds)
     measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
+    log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
+    begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
     series, metrics = [_series(raw, MEASURED, measured, np.ones(len(measured), dtype=bool))], []
     for variant in flown:
         water = _water(variant, vehicle, control_step, design, conditioning)
         student = Student(vehicle, water, count=len(bounds), physics=physics, threads=threads, folder=folder)
         first = bounds[:, 0]
         settled = np.where(resumed[:, None], commands[first], np.nan)
-        student.start(measured[first, :6], measured[first, 6:], settled=settled)
+        student.start(measured[first, :6], begun[first], settled=settled)
         report = partial(progress, variant.name) if progress is not None else None
-        motion = _fly(student, measured, commands, bounds, steps, report)
+        motion = _fly(student, np.hstack([measured[:, :6], begun]), commands, bounds, steps, report)
+        motion[:, 6:] = _along(sensor.measured, log, clock, motion[:, 6:], bounds)
         valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
         if variant.network is not None:
             metrics.append(_conditioning_metrics(variant, dataset, student, valid[bounds[:, 1] - 1]))
     return pl.concat(series), pl.concat(metrics)
+
+
+def _along(
+    through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Bounds
+) -> Array:
+    """Velocities (N, 6) through a velocity log, or back, segment by segment; as far as they are finite."""
+    out = nu.copy()
+    for start, stop in bounds if log.any() else ():
+        end = start + int(np.isfinite(nu[start:stop]).all(axis=1).sum())
+        out[start:end] = through(log, t[start:end], nu[start:end])
+    return out
 
 
 def _water(

@@ -8,10 +8,12 @@ import polars as pl
 import pytest
 import synthetic
 
+from hydro.core.descent import searched
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.fit import fit
 from hydro.core.noise import PROFILES, disturb
+from hydro.core.normal import Normal
 from hydro.core.parameters import free
 from hydro.core.recording import POSE, VELOCITY
 from hydro.core.simulate import simulate
@@ -88,6 +90,38 @@ def test_standard_errors_are_the_scatter_of_estimates():
     assert 0.5 < np.mean(np.square(scores)) < 1.7
 
 
+def test_a_dead_band_is_found_from_afar_and_to_its_standard_error():
+    """Rows of commands act or do not: derivatives see cliffs, and the cost a corner."""
+    hidden = {"name": "thruster_deadband", "d": 0.071}
+    scores, errors = [], []
+    for seed in range(2):
+        recording = noisy(moved(damped(hidden), seed=seed, rows=600), seed)
+        found = fit(damped(), recording, ["thruster_deadband"])
+        scores.append((found.values[0] - hidden["d"]) / found.standard_errors[0])
+        errors.append(found.standard_errors[0])
+    assert max(errors) < 0.002
+    assert np.abs(scores).max() < 4.0
+
+
+def test_the_search_passes_over_false_valleys():
+    """Sum of squares |x - 0.3| with a ditch at 0.35 beside a cliff: the corner is found from 0.5."""
+    unknown = free(damped(), ["thruster_deadband"])
+
+    class Ditch:
+        def linearise(self, base, moved, steps):
+            def left(vehicle):
+                x = vehicle.effects("thruster_deadband")[0]["d"] / 0.1
+                return np.array([10.0, np.sqrt(abs(x - 0.3)) - (0.1 if 0.34 < x < 0.36 else 0.0)])
+
+            e = left(base)
+            columns = [(e - left(other)) / step for other, step in zip(moved, steps, strict=True)]
+            both = np.stack([*columns, e], axis=1)
+            return Normal((both.T @ both)[None], 2, np.zeros((1, 1)), np.zeros((1, 0, both.shape[1])))
+
+    found = searched(unknown, np.array([0.05]), Ditch())
+    assert found[0] / 0.1 == pytest.approx(0.3, abs=2e-4)
+
+
 def test_the_same_data_give_the_same_fit():
     recording = noisy(moved(damped(), rows=600), 0)
     one, two = (fit(damped(), recording, ["linear_damping"]) for _ in range(2))
@@ -140,6 +174,31 @@ def test_couplings_that_could_drive_the_hull_are_reduced():
     found = fit(base, noisy(moved(truth, rows=800), 0), ["coupled_damping"])
     validate(found.vehicle)
     assert any("passive" in line for line in found.warnings)
+
+
+def test_what_stands_beside_reduced_couplings_is_fitted_again():
+    """Thrusters 30 % weaker beside impossible couplings: no other gain is better with the couplings held."""
+    slippery = {"name": "linear_damping", "diagonal": [15.0, 2.0, 60.0, 5.0, 10.0, 2.0]}
+    known = synthetic.vehicle()
+    base = msgspec.structs.replace(known, effect=(*known.effect, slippery, DAMPING[1]))
+    driven = {"name": "coupled_damping", "D15": 9.0, "D51": 9.0}
+    weak = {"name": "thruster_gain", "g": [-0.3] * 8}
+    truth = msgspec.structs.replace(base, effect=(*base.effect, driven, weak))
+    raw = noisy(moved(truth, rows=800), 0)
+    found = fit(base, raw, ["coupled_damping", "thruster_gain"])
+    assert sum("passive" in line for line in found.warnings) == 1
+    fixed = msgspec.structs.replace(base, effect=(*base.effect, found.vehicle.effects("coupled_damping")[0]))
+    alone = fit(fixed, raw, ["thruster_gain"])
+    gains = [i for i, entry in enumerate(found.free.entries) if entry.effect == "thruster_gain"]
+    assert (np.abs(found.values[gains] - alone.values) < 0.5 * alone.standard_errors).all()
+
+
+def test_a_long_recording_is_judged_by_some_of_its_shots():
+    raw = noisy(moved(damped(), rows=2000), 0)
+    every, some = (fit(damped(), raw, ["linear_damping"], most=most) for most in (None, 10))
+    assert (every.share, some.share) == (1.0, 0.5)
+    assert (np.abs(some.values - every.values) < 4.0 * some.standard_errors).all()
+    assert (some.standard_errors > every.standard_errors).all()
 
 
 def test_a_matrix_in_place_of_a_diagonal():

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 from test_fit import damped, moved, noisy
 
 from hydro.core import shooting
@@ -14,7 +15,7 @@ from hydro.core.candidate import candidate
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
 from hydro.core.normal import Normal, block_length, bounded_step, covariance, eliminate
-from hydro.core.recording import noise, recording
+from hydro.core.recording import noise, recording, smoothed
 from hydro.core.segments import segments
 
 
@@ -59,6 +60,22 @@ def test_noise_is_found_through_the_motion():
     raw = noisy(moved(damped(), rows=3000), 0)
     found = noise(recording(raw, damped()))
     np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.06)
+
+
+def test_a_tumbling_vehicle_is_smoothed_through_the_vertical():
+    """Loops about an axis askew: roll and heading jump, the attitude does not."""
+    t = np.arange(1500) * 0.02
+    turn = Rotation.from_euler("z", 20.0, degrees=True) * Rotation.from_rotvec(
+        np.outer(1.1 * t, [0.02, 1.0, 0.01])
+    )
+    angles = turn.as_euler("ZYX")[:, ::-1]
+    assert np.abs(np.diff(angles[:, 0])).max() > 2.0
+    raw = moved(damped(), rows=1500).with_columns(
+        phi=pl.Series(angles[:, 0]), theta=pl.Series(angles[:, 1]), psi=pl.Series(angles[:, 2])
+    )
+    eta, _ = smoothed(recording(raw, damped()))
+    left = Rotation.from_euler("ZYX", eta[:, :2:-1]).inv() * turn
+    assert left.magnitude().max() < 2e-4
 
 
 def test_shots_never_reach_over_a_gap():

@@ -9,6 +9,7 @@ import pytest
 from sim.trained import trained
 
 from hydro.core.conditioning import Conditioning
+from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import DataError, UsageError
 from hydro.core.features import names
 from hydro.core.simulate import simulate
@@ -67,6 +68,25 @@ def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
         of(series, "effects").drop("session").to_numpy() - of(series, "measured").drop("session").to_numpy()
     )
     assert abs(flown).max() < 1e-7
+
+
+def test_velocities_are_compared_as_the_log_misreads_them(craft):
+    """A recording through a log askew, off centre and late: the vehicle with such a log flies it again."""
+    askew = (
+        {"name": "sensor_lever_arm", "r": [0.3, 0.0, 0.1]},
+        {"name": "sensor_misalignment", "alpha": [0.0, 0.02, 0.05]},
+        {"name": "sensor_bias", "b": [0.02, 0.0, -0.01]},
+    )
+    logging = msgspec.structs.replace(craft, effect=(*craft.effect, *askew))
+    raw = recording(craft, sessions=("a",))
+    nu = raw.select("u", "v", "w", "p", "q", "r").to_numpy()
+    misread = sensor.measured(velocity_log(logging), raw["t"].to_numpy(), nu)
+    assert abs(misread - nu).max() > 0.02
+    logged = raw.with_columns(pl.Series(name, misread[:, i]) for i, name in enumerate("uvw"))
+    series, metrics = replay(logged, logging, [EFFECTS], physics=RK4)
+    assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
+    pose = of(series, "effects").select("x", "y", "z").to_numpy() - raw.select("x", "y", "z").to_numpy()
+    assert abs(pose).max() < 1e-7
 
 
 def test_the_baselines_are_what_they_say(craft):
