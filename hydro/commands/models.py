@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from hydro.commands.shell import (
     PREDICTION_TITLE,
+    REGIME_TITLE,
     STREAM,
     Output,
     about,
@@ -19,6 +21,13 @@ from hydro.commands.shell import (
     shows_table,
     write,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import polars as pl
+
+    from hydro.io.model import Model
 
 LabelsOrSplit = Annotated[
     str,
@@ -33,6 +42,10 @@ def train(
     model: Annotated[str, typer.Option(metavar="NAME", help="Architecture, see above.")] = "physfeat",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the order of rows.")] = 0,
     epochs: Annotated[int, typer.Option(min=1, help="Passes over the data at most.")] = 60,
+    minutes: Annotated[
+        float | None,
+        typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
+    ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
     output: Output = STREAM,
 ) -> None:
@@ -49,13 +62,14 @@ def train(
     multihead   114,390  "114K" a trunk and one head per axis
     moe          76,892  "77K"  four experts and a gate
     physfeat     72,582  "73K"  PhysicsFeature-MLP: an MLP on 45 features
-    structured   32,712  -      C(nu) nu + D(nu) nu, D >= 0: cannot drive the vehicle
+    structured   71,624  -      C(nu) nu + D(nu) nu, D >= 0: cannot drive the vehicle
     temporal     73,734  -      an MLP that also sees the velocities of the last 0.28 s
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
     from dataclasses import replace
 
     from hydro.io.model import to_artefact
     from hydro.io.provenance import parameters_of
+    from hydro.learn.rows import for_minutes
     from hydro.learn.train import train as fit
 
     refuse_terminal(output)
@@ -65,6 +79,8 @@ def train(
         from hydro.core.split import split
 
         frame, _ = split(frame)
+    if minutes is not None:
+        frame = for_minutes(frame, minutes)
     with progress(f"train {model}") as update:
         trained = fit(
             frame,
@@ -78,7 +94,9 @@ def train(
         )
     subtract = parameters_of(source.provenance, "labels").get("subtract", "inertia")
     trained = replace(trained, subtract=subtract)
-    parameters = {"model": model, "epochs": epochs, "device": device}
+    parameters: dict[str, Any] = {"model": model, "epochs": epochs, "device": device}
+    if minutes is not None:
+        parameters["minutes"] = minutes
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)
 
 
@@ -90,6 +108,16 @@ def evaluate(
     part: Annotated[
         Literal["test", "train", "all"], typer.Option(help="Which side of the split; labels have only all.")
     ] = "test",
+    by: Annotated[
+        list[str] | None,
+        typer.Option(metavar="WAY", help="Also by speed, drift or reach; repeat for several."),
+    ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Also draw errors by axis and regime, and predictions against truth."
+        ),
+    ] = None,
     output: Output = STREAM,
 ) -> None:
     """Measure how well models predict the residual wrench.
@@ -97,22 +125,51 @@ def evaluate(
     Root mean square and mean absolute errors and R2 per axis, with 95 % intervals from a bootstrap over
     blocks, and the paper's single figures over all rows and six axes as they are (its Table II). On a
     terminal without -o they are printed.
+
+    --by measures parts of the rows as well: by speed; by drift angle, between the velocity and the bow; and
+    by reach, how many standard deviations of its training data the furthest velocity is from their mean:
+    above 3 a network extrapolates.
     """
     from hydro.io.model import from_artefact
     from hydro.io.table import make
     from hydro.learn.evaluate import evaluate as measure
-    from hydro.report.tables import prediction_errors
+    from hydro.report.tables import prediction_errors, regime_errors
 
     trained = [read(model, "model") for model in models]
     source = read(labels, "labels", "split")
     name = dataset_name(labels)
     with about(labels):
-        errors = measure([from_artefact(model) for model in trained], source.frame, part=part, dataset=name)
+        known = [from_artefact(model) for model in trained]
+        errors = measure(known, source.frame, part=part, dataset=name, by=by or ())
+    if figures is not None:
+        _draw(known, source.frame, part, errors, figures)
     if shows_table(output):
         print_table(prediction_errors(errors), PREDICTION_TITLE)
+        if by:
+            print_table(regime_errors(errors), REGIME_TITLE)
     else:
         inputs = [*trained, source]
-        write(make("metrics", errors, stage="evaluate", parameters={"part": part}, inputs=inputs), output)
+        parameters = {"part": part} | ({"by": list(by)} if by else {})
+        write(make("metrics", errors, stage="evaluate", parameters=parameters, inputs=inputs), output)
+
+
+def _draw(
+    models: Sequence[Model], table: pl.DataFrame, part: str, errors: pl.DataFrame, folder: Path
+) -> None:
+    """Draw what evaluation found into a folder."""
+    from hydro.learn import rows
+    from hydro.learn.evaluate import predict_rows
+    from hydro.report import predictions
+    from hydro.report.figures import save
+
+    folder.mkdir(parents=True, exist_ok=True)
+    save(predictions.draw_axes(errors), folder / "axes.png")
+    if (errors["variant"] != "").any():
+        save(predictions.draw_regimes(errors), folder / "regimes.png")
+    for model in models:
+        chosen, predicted = predict_rows(model, table, part)
+        density = predictions.density_table(rows.wrenches(chosen), predicted)
+        save(predictions.draw_density(density, model.name), folder / f"density-{model.name}.png")
 
 
 def export(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from hydro.commands.shell import (
     CONDITIONING_TITLE,
+    PIECE_TITLE,
     REPLAY_TITLE,
     STREAM,
     Output,
@@ -53,6 +55,15 @@ def replay(
         Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
     ] = "implicitfast",
     timestep: Annotated[float, typer.Option(min=1e-5, help="Physics step [s].")] = 0.002,
+    piece: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, metavar="SECONDS", help="Also measure every piece of so many seconds of a sequence."
+        ),
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants.")
+    ] = None,
     metrics: Annotated[
         str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table.")
     ] = None,
@@ -64,7 +75,8 @@ def replay(
     MJ0 has no water forces, MJ0+M_A has added mass alone; every model adds its own variant, under the
     paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose labels left out all effects flies
     with them, as effects+MJ4, beside the effects alone. On a terminal without -o the errors are printed; with
-    -o, or into a pipe, the time series of all variants and of the measured motion are written.
+    -o, or into a pipe, the time series of all variants and of the measured motion are written. --piece 10
+    measures replay90 by its nine segments as well.
 
     --conditioning says what is done to a learned wrench at 25 Hz: off, nothing; or the paper's low-pass with
     beta = 0.9, then clipping of each axis at twice what the thrusters can make there, then a dead band that
@@ -77,7 +89,7 @@ def replay(
     from hydro.core.conditioning import preset
     from hydro.io import model as models
     from hydro.io import table
-    from hydro.report.tables import conditioning_shares, replay_errors
+    from hydro.report.tables import conditioning_shares, piece_errors, replay_errors
     from hydro.sim import replay as sim
     from hydro.sim.student import Physics
 
@@ -95,14 +107,17 @@ def replay(
             conditioning=preset(conditioning, known),
             physics=Physics(timestep=timestep, integrator=integrator),
             dataset=dataset_name(raw),
+            piece=piece,
             progress=lambda name, done, total: update(done, total, name),
         )
-    parameters = {
+    if figures is not None:
+        _draw(series, errors, figures)
+    parameters: dict[str, Any] = {
         "variants": [one.name for one in flown],
         "conditioning": conditioning,
         "integrator": integrator,
         "timestep": timestep,
-    }
+    } | ({} if piece is None else {"piece": piece})
 
     def made(kind: str, frame: pl.DataFrame) -> Artefact:
         inputs = [source, *trained]
@@ -114,10 +129,22 @@ def replay(
         write(made("metrics", errors), metrics)
     if shows_table(output):
         print_table(replay_errors(errors), REPLAY_TITLE)
+        if piece is not None:
+            print_table(piece_errors(errors), PIECE_TITLE)
         if conditioning != "off" and not (shares := conditioning_shares(errors)).is_empty():
             print_table(shares, CONDITIONING_TITLE.format(conditioning))
     else:
         write(made("replay", series), output)
+
+
+def _draw(series: pl.DataFrame, errors: pl.DataFrame, folder: Path) -> None:
+    """Draw the velocities of every variant over the measured ones, and the errors as a heat map."""
+    from hydro.report import figures
+    from hydro.report.tables import replay_errors
+
+    folder.mkdir(parents=True, exist_ok=True)
+    figures.save(figures.draw_overlay(figures.overlay_table(series)), folder / "velocities.png")
+    figures.save(figures.draw_errors(replay_errors(errors)), folder / "errors.png")
 
 
 def _require_same_effects(name: str, model: Artefact, known: Vehicle) -> None:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
+REGIME_TITLE = "Predicted wrench by regime of motion, RMSE over all six [N, N m]"
+PIECE_TITLE = "The same by piece of the recording"
 REPLAY_TITLE = "Open-loop replay, RMSE: u v w [m/s], p q r [rad/s]"
 CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"

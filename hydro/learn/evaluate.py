@@ -14,6 +14,7 @@ from hydro.core.features import features
 from hydro.core.metrics import consecutive, measure
 from hydro.io.model import Model
 from hydro.learn import networks, rows
+from hydro.learn.regimes import regimes, require_ways
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,12 @@ def _predict(model: Model, inputs: Array) -> Array:
 
 
 def evaluate(
-    models: Sequence[Model], table: pl.DataFrame, *, part: str = "test", dataset: str = "labels"
+    models: Sequence[Model],
+    table: pl.DataFrame,
+    *,
+    part: str = "test",
+    dataset: str = "labels",
+    by: Sequence[str] = (),
 ) -> pl.DataFrame:
     """Measure the errors of models on labels: per axis, and the paper's single figures (Table II).
 
@@ -85,20 +91,36 @@ def evaluate(
             rows the bootstrap draws together.
         part: `test`, `train`, or `all` rows, guard rows included.
         dataset: name of the data for the table.
+        by: ways to divide the rows, `speed`, `drift` or `reach`; see `regimes`.
 
     Returns:
-        A metrics table; see `core.metrics.measure`.
+        A metrics table; see `core.metrics.measure`. Column `variant` is empty for all rows together, and
+        names the regime for the rows of one.
 
     Raises:
         DataError: If the rows are not there, a column is missing or not finite, or a model is broken.
-        UsageError: If two models have one name.
+        UsageError: If two models have one name, or there is no such way to divide rows.
     """
     repeated = [model.name for model in models if sum(other.name == model.name for other in models) > 1]
     if repeated:
         raise UsageError(f"two models are called '{repeated[0]}': evaluate them one by one")
+    require_ways(by)
     measured = []
     for model in models:
         chosen, predicted = predict_rows(model, table, part)
         blocks = chosen["block"] if "block" in chosen.columns else consecutive(chosen.height, BLOCK)
-        measured.append(measure(rows.wrenches(chosen), predicted, blocks, model=model.name, dataset=dataset))
+        truth, number = rows.wrenches(chosen), pl.Series(blocks).rank("dense").to_numpy()
+        everything = ("", np.ones(len(truth), dtype=bool))
+        nu = rows.states(chosen)[:, :6]
+        for name, some in (everything, *(regime for way in by for regime in regimes(model, nu, way))):
+            measured.append(
+                measure(
+                    truth[some],
+                    predicted[some],
+                    number[some],
+                    model=model.name,
+                    dataset=dataset,
+                    variant=name,
+                )
+            )
     return pl.concat(measured)

@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core import history
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, UsageError
 from hydro.core.features import INPUTS, OUTPUTS, features
 from hydro.core.segments import sample_time, segments
 
@@ -36,6 +36,29 @@ def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
             f"split: no row belongs to the {part} part: give more data or another share to the test"
         )
     return rows
+
+
+def for_minutes(table: pl.DataFrame, minutes: float) -> pl.DataFrame:
+    """Take training data of so many minutes alone: what would less recording have taught?
+
+    Whole blocks of the training part, in the order of a hash of their ids, are taken until they last as long;
+    the others become guard rows. More minutes keep the blocks of fewer.
+
+    Raises:
+        DataError: If the table has not been split or has no training row.
+        UsageError: If the minutes are not positive.
+    """
+    if not minutes > 0.0:
+        raise UsageError(f"minutes of training data must be above 0, not {minutes:g}")
+    training = of_part(table, "train")
+    _require(training, ("block", "session", "t"))
+    dt = sample_time(table)
+    lengths = training.group_by("block", maintain_order=True).len()
+    order = sorted(lengths.iter_rows(), key=lambda one: _fraction(one[0], "minutes"))
+    before = np.cumsum([0, *(count for _, count in order)])[:-1]
+    kept = [block for (block, _), rows in zip(order, before, strict=True) if rows * dt < 60.0 * minutes]
+    spare = (pl.col("part") == "train") & ~pl.col("block").is_in(kept)
+    return table.with_columns(part=pl.when(spare).then(pl.lit("guard")).otherwise(pl.col("part")))
 
 
 def states(rows: pl.DataFrame) -> Array:
@@ -105,8 +128,8 @@ def validation(rows: pl.DataFrame) -> NDArray[np.bool_]:
     return rows["block"].is_in(chosen).to_numpy()
 
 
-def _fraction(block: str) -> float:
-    digest = hashlib.sha256(f"validation {block}".encode()).digest()
+def _fraction(block: str, purpose: str = "validation") -> float:
+    digest = hashlib.sha256(f"{purpose} {block}".encode()).digest()
     return int.from_bytes(digest[:8], "big") / 2**64
 
 

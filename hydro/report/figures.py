@@ -26,7 +26,7 @@ MOST_POINTS = 3000
 """Samples drawn per curve; more would not be seen at print resolution."""
 
 _INK = "#222222"
-_COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
+COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
 STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
@@ -123,7 +123,7 @@ def _draw_panel(panel: Axes, rows: pl.DataFrame, variants: list[str]) -> None:
     panel.plot(
         measured["t"], measured["value"], color="#B9B9B9", linewidth=5, label=MEASURED, solid_capstyle="round"
     )
-    for name, colour in zip(variants, _COLOURS * len(variants), strict=False):
+    for name, colour in zip(variants, COLOURS * len(variants), strict=False):
         curve = rows.filter(pl.col("variant") == name)
         dashes = (0, (3, 1.6)) if name == variants[-1] and len(variants) > 1 else "-"
         panel.plot(curve["t"], curve["value"], color=colour, linewidth=1.4, linestyle=dashes, label=name)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import polars as pl
 
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
+PIECE = r" ([\d.]+-[\d.]+ s)$"
+"""How the dataset of a piece of a recording ends."""
 WRENCH = ("X", "Y", "Z", "K", "M", "N")
 
 
@@ -18,6 +20,7 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         `variant`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s], null where a flight
         diverged, and in that case a column `diverged at` with the time [s] when it did.
     """
+    metrics = metrics.filter(~_of_a_piece())
     errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITIES)
     diverged = metrics.filter(pl.col("metric") == "diverged").select(
         "variant", pl.col("value").alias("diverged at")
@@ -32,6 +35,33 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         if diverged.is_empty()
         else table.join(diverged, on="variant", how="left", maintain_order="left")
     )
+
+
+def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
+    """Table III by segment: one row per piece of the recording and variant, one column per velocity axis.
+
+    Args:
+        metrics: metrics of one replay that was measured by piece.
+
+    Returns:
+        `piece`, such as `10-20 s`; `variant`; and the root mean square errors of u, v, w [m/s] and p, q, r
+        [rad/s].
+    """
+    chosen = metrics.filter(
+        _of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITIES)
+    ).with_columns(piece=pl.col("dataset").str.extract(PIECE))
+    return chosen.pivot(
+        on="axis",
+        index=["piece", "variant"],
+        values="value",
+        aggregate_function="first",
+        maintain_order=True,
+    ).sort(pl.col("piece").str.extract(r"^([\d.]+)").cast(pl.Float64), maintain_order=True)
+
+
+def _of_a_piece() -> pl.Expr:
+    """Rows of the metrics of a part of a recording."""
+    return pl.col("dataset").str.contains(PIECE)
 
 
 def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:
@@ -62,6 +92,7 @@ def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         all rows and six axes as they are: `RMSE`, `low` and `high` of its interval, and `MAE`; and the mean
         `R2` of the axes.
     """
+    metrics = metrics.filter(pl.col("variant") == "")
     table = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "model", WRENCH)
     overall = pl.col("axis") == "all"
     for metric, axis, columns in (
@@ -77,6 +108,22 @@ def prediction_errors(metrics: pl.DataFrame) -> pl.DataFrame:
             maintain_order="left",
         )
     return table
+
+
+def regime_errors(metrics: pl.DataFrame) -> pl.DataFrame:
+    """Errors of predicted wrenches by regime of motion: one row per regime, one column per model.
+
+    Args:
+        metrics: metrics of predicted wrenches, measured by regime.
+
+    Returns:
+        `regime`, and by model the root mean square error over all six axes as they are.
+    """
+    chosen = metrics.filter(pl.col("variant") != "", pl.col("metric") == "rmse", pl.col("axis") == "all")
+    table = chosen.pivot(
+        on="model", index="variant", values="value", aggregate_function="first", maintain_order=True
+    )
+    return table.rename({"variant": "regime"})
 
 
 def _by_axis(metrics: pl.DataFrame, row: str, axes: tuple[str, ...]) -> pl.DataFrame:

@@ -22,12 +22,15 @@ ACTIVATE = 1  # in place, by the function `ARGUMENT`
 NORM = 2  # layer norm of x
 ADD = 3  # x is added to what is there
 MIX = 4  # the mean of `width` vectors that lie one after the other at `source`, weighted from ARGUMENT on
-PASSIVE = 5  # C(nu) nu + D(nu) nu from the 36 numbers of A at `source`; see `_passive`
+DIRECTION = 5  # seven numbers of the velocity; see `_direction`
+PASSIVE = 6  # C(nu) nu + D(nu) nu from the 36 numbers of A at `source`; see `_passive`
 
 # Columns of a program.
 OPERATION, SOURCE, WIDTH, TO, LENGTH, WEIGHTS, ARGUMENT, COLUMNS = range(8)
 
 FUNCTIONS = {"relu": 0, "silu": 1, "tanh": 2, "softmax": 3}
+SLOW = 0.1
+"""Speed, in units of the training data's, below which the direction of motion becomes vague."""
 EPSILON = 1e-5
 """Added to the variance in a layer norm, torch's default."""
 
@@ -52,6 +55,8 @@ def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
         elif operation == MIX:
             shares = int(row[ARGUMENT])
             _mix(work[shares : shares + width], work[source : source + width * out.size], out)
+        elif operation == DIRECTION:
+            _direction(weights, at, nu, out)
         elif operation == PASSIVE:
             _passive(weights, at, work[source : source + 36], nu, out)
 
@@ -126,6 +131,21 @@ def _mix(shares: Array32, vectors: Array32, out: Array32) -> None:
     for k in range(1, shares.size):
         for j in range(out.size):
             out[j] += shares[k] * vectors[k * out.size + j]
+
+
+@jit
+def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
+    """Write (nu / v) / (SLOW + |nu|) and 1 / (1 + |nu|) to `out`, |nu| the root mean square of nu / v.
+
+    The weights are the velocity scales v (6).
+    """
+    square = 0.0
+    for i in range(6):
+        square += (nu[i] / weights[start + i]) ** 2 / 6.0
+    speed = np.sqrt(square)
+    for i in range(6):
+        out[i] = np.float32(nu[i] / weights[start + i] / (SLOW + speed))
+    out[6] = np.float32(1.0 / (1.0 + speed))
 
 
 @jit

@@ -160,6 +160,10 @@ class Writer:
         source = Place(vectors.at, shares.length)
         return self._step(layers.MIX, source, self.place(length), argument=shares.at)
 
+    def direction(self, scale: Array) -> Place:
+        """Seven numbers of the velocity; see `layers._direction`."""
+        return self._step(layers.DIRECTION, self.inputs, self.place(AXES + 1), weights=self._keep(scale))
+
     def dissipate(self, A: Place, inertia: Array, root: Array, scale: Array) -> Place:
         """C(nu) nu + D(nu) nu; see `layers._passive`."""
         at = self._keep(inertia.ravel(), root, 1.0 / (AXES * scale**2))
@@ -238,7 +242,7 @@ def _structured(writer: Writer) -> None:
     root = np.sqrt(np.asarray(writer.model.scalers["output_scale"], dtype=np.float64) / velocity)
     inertia = writer.tensor("inertia", (AXES, AXES)).astype(np.float64)
     inertia = 0.5 * (inertia + inertia.T) * np.outer(root, root)
-    A = writer.chain(writer.inputs.part(0, AXES), "layers", writer.option("layers"), "tanh")
+    A = writer.chain(writer.direction(velocity), "layers", writer.option("layers"), "silu")
     writer.dissipate(A, inertia, root, velocity)
 
 

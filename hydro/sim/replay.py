@@ -114,6 +114,7 @@ def replay(
     control_step: float = 0.04,
     physics: Physics | None = None,
     dataset: str = "recording",
+    piece: float | None = None,
     threads: int = 1,
     folder: Path | None = None,
     progress: Progress | None = None,
@@ -133,6 +134,8 @@ def replay(
         control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
         physics: Step and integrator; the paper's 500 Hz by default.
         dataset: Name of the recording in the metrics.
+        piece: Also measure every piece of so many seconds of each session, such as the segments of a sequence
+            of commands; its dataset is called `recording 10-20 s`.
         threads: Threads that share the segments.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
         progress: Called with a variant's name, rows of the longest segment flown, and its rows in all.
@@ -168,6 +171,8 @@ def replay(
         valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
+        if piece is not None:
+            metrics += _by_piece(variant, dataset, raw, measured, motion, valid, piece)
         if variant.network is not None:
             metrics.append(_conditioning_metrics(variant, dataset, student, valid[bounds[:, 1] - 1]))
     return pl.concat(series), pl.concat(metrics)
@@ -277,6 +282,39 @@ def _metrics(
         return errors
     diverged = _rows(variant, dataset, [("all", "diverged", float(raw["t"][int(np.argmin(valid))]), "s")])
     return pl.concat([errors.with_columns(pl.col("metric") + "_before_divergence"), diverged])
+
+
+def _by_piece(
+    variant: Variant,
+    dataset: str,
+    raw: pl.DataFrame,
+    measured: Array,
+    motion: Array,
+    valid: NDArray[np.bool_],
+    piece: float,
+) -> list[pl.DataFrame]:
+    """Errors over every piece of a sequence that was flown to its end."""
+    since = raw.select(pl.col("t") - pl.col("t").min().over("session")).to_series().to_numpy()
+    number = np.floor(since / piece + 1e-6).astype(np.int64)
+    found = []
+    for k in range(int(number.max()) + 1):
+        chosen = number == k
+        if chosen.sum() < 2 or not valid[chosen].all():
+            continue
+        named = f"{dataset} {k * piece:g}-{(k + 1) * piece:g} s"
+        found.append(
+            measure(
+                measured[chosen, 6:],
+                motion[chosen, 6:],
+                np.zeros(int(chosen.sum())),
+                model=variant.model,
+                variant=variant.name,
+                dataset=named,
+                axes=VELOCITY_AXES,
+                units=VELOCITY_UNITS,
+            )
+        )
+    return found
 
 
 def _conditioning_metrics(

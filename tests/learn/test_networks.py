@@ -21,7 +21,7 @@ COUNTS = {
     "multihead": 114_390,
     "moe": 76_892,
     "physfeat": 72_582,
-    "structured": 32_712,
+    "structured": 71_624,
     "temporal": 73_734,
 }
 
@@ -124,8 +124,8 @@ def test_a_description_that_does_not_fit_is_refused_in_one_line(change, message)
         ("moe", {"gate": [12, 64, 3]}, "gate"),
         ("multihead", {"trunk": [12]}, "two widths"),
         ("resmlp", {"features": "none"}, "feature set 'none'"),
-        ("structured", {"features": "physfeat"}, "must lead from 6 velocities"),
-        ("structured", {"layers": [6, 8, 6]}, "must lead from 6 velocities"),
+        ("structured", {"features": "physfeat"}, "must lead from 7 numbers"),
+        ("structured", {"layers": [6, 8, 6]}, "must lead from 7 numbers"),
         ("temporal", {"window": 4}, "must begin with 30"),
         ("temporal", {"period": 0.0}, "two at least"),
     ],

@@ -12,6 +12,7 @@ def line(name: str, axis: str, metric: str, value: float, low: float | None = No
     return {
         "model": name,
         "variant": name,
+        "dataset": "run",
         "axis": axis,
         "metric": metric,
         "value": value,
@@ -68,11 +69,13 @@ def test_prediction_errors_are_axes_then_the_single_figures() -> None:
             line("mlp", "mean", "r2", 0.98),
         ]
     )
-    table = tables.prediction_errors(metrics)
+    table = tables.prediction_errors(metrics.with_columns(variant=pl.lit("")))
     assert table.columns == ["model", *"XYZKMN", "RMSE", "low", "high", "MAE", "R2"]
     assert table.row(0) == ("mlp", 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 11.8, 11.0, 11.0, 5.9, 0.98)
 
 
 def test_axes_that_were_not_measured_have_no_column() -> None:
     metrics = pl.DataFrame([line("mlp", "X", "rmse", 1.0), line("mlp", "all", "rmse", 2.0)])
-    assert tables.prediction_errors(metrics).drop_nulls("RMSE").row(0)[:3] == pytest.approx(("mlp", 1.0, 2.0))
+    assert tables.prediction_errors(metrics.with_columns(variant=pl.lit(""))).drop_nulls("RMSE").row(0)[
+        :3
+    ] == pytest.approx(("mlp", 1.0, 2.0))

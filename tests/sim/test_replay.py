@@ -15,6 +15,7 @@ from hydro.core.features import names
 from hydro.core.simulate import simulate
 from hydro.io import schema
 from hydro.io import vehicle as vehicle_file
+from hydro.report.tables import piece_errors, replay_errors
 from hydro.sim.replay import BASELINES, EFFECTS, Variant, replay, variants
 from hydro.sim.student import Physics
 
@@ -246,3 +247,21 @@ def test_stonefish_baselines_stray_as_far_as_they_did(stonefish, datasets):
     _, metrics = replay(raw, vehicle, BASELINES, physics=Physics(integrator="euler"))
     added_mass = metrics.filter((pl.col("variant") == "MJ0+M_A") & (pl.col("metric") == "rmse"))
     np.testing.assert_allclose(added_mass["value"][:6], [2.57, 2.33, 2.20, 0.815, 0.60, 2.88], rtol=0.02)
+
+
+def test_pieces_of_a_recording_are_measured_by_themselves(craft):
+    raw = recording(craft, sessions=("a",))
+    series, metrics = replay(raw, craft, [BASELINES[1]], dataset="run", piece=1.0)
+    assert metrics["dataset"].unique(maintain_order=True).to_list() == [
+        "run",
+        "run 0-1 s",
+        "run 1-2 s",
+        "run 2-3 s",
+    ]
+    flown, measured = (of(series, name).filter(pl.col("t") < 0.99)["u"] for name in ("MJ0+M_A", "measured"))
+    found = metrics.filter(dataset="run 0-1 s", axis="u", metric="rmse")["value"].item()
+    assert found == pytest.approx(float(((flown - measured) ** 2).mean() ** 0.5))
+    assert replay_errors(metrics).height == 1
+    table = piece_errors(metrics)
+    assert table["piece"].to_list() == ["0-1 s", "1-2 s", "2-3 s"]
+    assert table["u"][0] == found

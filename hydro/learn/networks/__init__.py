@@ -15,7 +15,7 @@ those here come as near as their shape allows:
 | multihead  | 12-128-256-128 and 6 heads of 60         | 114,390 | "114K"    |
 | moe        | 4 experts 12-128-128-6, gate 12-64-4     | 76,892  | "77K"     |
 | physfeat   | 45-128-256-128-6 on 45 features          | 72,582  | "73K"     |
-| structured | C and D >= 0, D from 6-160-160-36        | 32,712  | -         |
+| structured | C and D >= 0, D from 7-128-256-128-36     | 71,624  | -         |
 | temporal   | 54-128-256-128-6 on 8 velocities         | 73,734  | -         |
 
 The paper's widths of its baseline do not give the count that it states.
@@ -67,7 +67,7 @@ ARCHITECTURES: dict[str, dict[str, Any]] = {
         "activation": "silu",
     },
     "physfeat": {"features": "physfeat", "layers": [45, 128, 256, 128, AXES], "activation": "silu"},
-    "structured": {"features": "raw", "layers": [AXES, 160, 160, AXES * AXES]},
+    "structured": {"features": "raw", "layers": [7, 128, 256, 128, AXES * AXES]},
     "temporal": {
         "features": "raw",
         "layers": [54, 128, 256, 128, AXES],

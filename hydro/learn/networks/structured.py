@@ -4,8 +4,10 @@
 
 C is made from a learned symmetric inertia by the skew parametrisation (Fossen theorem 3.2), so that
 nu^T C nu = 0; D is positive semi-definite by construction, so that the vehicle, which feels -D nu, loses the
-power |A^T nu|^2 (1 + |nu|) or more than nothing. A network of nu makes A. Its last hidden layer is bounded,
-so that drag grows as the square of the speed beyond the speeds of the training data, as it does in water.
+power (1 + |nu|) |A^T nu|^2, which is never negative. A network makes A from the direction of motion and from
+1 / (1 + |nu|), which tells skin friction from form drag; |nu| is the root mean square of the standardised
+velocities. All these are bounded, and so drag grows as the square of the speed beyond the speeds of the
+training data, as it does in water.
 
 Nothing is added to the wrench that is not one of these two, a mean least of all: at rest it is 0. The
 acceleration is no input, for a force that follows a filtered acceleration can do work.
@@ -21,19 +23,25 @@ from torch import Tensor, nn
 from hydro.core.features import names
 from hydro.learn.networks.residual import AXES, Residual, chain
 
+CONTEXT = 7
+SLOW = 0.1  # of the training data's usual speed
+TINY = 1e-12  # keeps the derivative of a root finite
+
 
 class Structured(Residual):
     """C(nu) nu + D(nu) nu with a learned inertia and a learned root of D.
 
-    Tensors `layers.<i>.*`, from six velocities to the 36 numbers of A row by row, with tanh between; and
+    Tensors `layers.<i>.*`, from `context` to the 36 numbers of A row by row, with SiLU between; and
     `inertia` (6, 6), whose symmetric part counts. Both are in units of the scalers: with o the scales of the
     wrench and v those of nu, r = sqrt(o / v) makes the physical A from A[i, j] as r[i] A[i, j] and the
     inertia as r[i] inertia[i, j] r[j] x 1 s.
     """
 
     def __init__(self, *, features: str, layers: Sequence[int]) -> None:
-        if features != "raw" or layers[0] != AXES or layers[-1] != AXES * AXES:
-            raise ValueError(f"layers {list(layers)} must lead from 6 velocities of features raw to 36")
+        if features != "raw" or layers[0] != CONTEXT or layers[-1] != AXES * AXES:
+            raise ValueError(
+                f"layers {list(layers)} must lead from {CONTEXT} numbers, of features raw, to 36"
+            )
         super().__init__(inputs=len(names(features)), features=features)
         self.layers = chain(layers)
         self.inertia = nn.Parameter(torch.zeros(AXES, AXES))
@@ -50,8 +58,8 @@ class Structured(Residual):
 
     def wrench(self, inputs: Tensor) -> Tensor:
         """The wrench (N, 6) [N and N m] of standardised features (N, 12)."""
-        nu = self._velocity(inputs)
-        return self.coriolis(nu) + self.dissipation(inputs, nu)
+        nu = self.input_mean[:AXES] + self.input_scale[:AXES] * inputs[:, :AXES]
+        return self.coriolis(nu) + self.dissipation(nu)
 
     def coriolis(self, nu: Tensor) -> Tensor:
         """C(nu) nu (N, 6) [N and N m] of the learned inertia, at right angles to nu (N, 6)."""
@@ -63,15 +71,16 @@ class Structured(Residual):
         moment = torch.linalg.cross(v, linear) + torch.linalg.cross(omega, angular)
         return torch.cat([force, moment], dim=1)
 
-    def dissipation(self, inputs: Tensor, nu: Tensor) -> Tensor:
-        """D(nu) nu (N, 6) [N and N m] from standardised features (N, 12) and nu (N, 6) itself."""
+    def dissipation(self, nu: Tensor) -> Tensor:
+        """D(nu) nu (N, 6) [N and N m] of velocities nu (N, 6)."""
         *hidden_layers, last = self.layers
-        x = inputs[:, :AXES]
+        scaled = nu / self.input_scale[:AXES]
+        speed = (scaled.square().mean(dim=1, keepdim=True) + TINY).sqrt()
+        x = context(scaled, speed)
         for layer in hidden_layers:
-            x = torch.tanh(layer(x))
+            x = nn.functional.silu(layer(x))
         A: Tensor = last(x).reshape(-1, AXES, AXES)
         root = self.root()
-        speed = (nu / self.input_scale[:AXES]).square().mean(dim=1, keepdim=True).sqrt()
         projected = (A * (root * nu).unsqueeze(2)).sum(dim=1, keepdim=True)
         drag: Tensor = (1.0 + speed) * root * (A * projected).sum(dim=2)
         return drag
@@ -80,6 +89,7 @@ class Structured(Residual):
         """Square roots of the damping (6,) that the scales of wrench and velocity suggest [sqrt(N s/m)]."""
         return (self.output_scale / self.input_scale[:AXES]).sqrt()
 
-    def _velocity(self, inputs: Tensor) -> Tensor:
-        """The velocity nu (N, 6) [m/s, rad/s] of standardised features (N, 12)."""
-        return self.input_mean[:AXES] + self.input_scale[:AXES] * inputs[:, :AXES]
+
+def context(scaled: Tensor, speed: Tensor) -> Tensor:
+    """What A depends on (N, 7): the direction of motion, vague below SLOW, and 1 / (1 + |nu|)."""
+    return torch.cat([scaled / (SLOW + speed), 1.0 / (1.0 + speed)], dim=1)

@@ -1,0 +1,70 @@
+"""Rows by how the vehicle moved: by speed, by drift angle, and by how far that is from the training data.
+
+One figure over all rows hides where a network fails, and it fails where it saw little: fast, sideways, beyond
+its training data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import UsageError
+from hydro.io.model import Model
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+SPEEDS = (0.0, 0.25, 0.5, 1.0, 1.5, np.inf)  # m/s
+DRIFTS = (0.0, 15.0, 45.0, 90.0, 135.0, 180.0)  # degrees
+REACHES = (0.0, 1.0, 2.0, 3.0, np.inf)  # standard deviations of the training data
+SLOWEST = 0.05  # m/s, below which a drift angle means nothing
+FEWEST = 20  # rows of a regime worth a figure
+
+BY = ("speed", "drift", "reach")
+
+
+def require_ways(ways: Sequence[str]) -> None:
+    """Refuse ways to divide rows that are none.
+
+    Raises:
+        UsageError: One is not of `BY`.
+    """
+    for way in ways:
+        if way not in BY:
+            raise UsageError(f"rows are divided by {', '.join(BY)}, not by '{way}'")
+
+
+def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Rows]]:
+    """Rows of each regime that holds some.
+
+    Args:
+        model: whose scalers tell what its training data were.
+        nu: velocities (N, 6) [m/s, rad/s].
+        by: `speed` |v|; `drift`, the angle between v and the bow, 0 ahead, 180 degrees astern; or `reach`,
+            how many standard deviations of the training data the furthest of the six velocities is from its
+            mean: above 3 the network extrapolates.
+
+    Yields:
+        A name such as `speed 0.25-0.5 m/s`, and a mask (N,).
+    """
+    edges: tuple[float, ...]
+    speed = np.linalg.norm(nu[:, :3], axis=1)
+    if by == "speed":
+        size, edges, unit = speed, SPEEDS, " m/s"
+    elif by == "drift":
+        beside = np.hypot(nu[:, 1], nu[:, 2])
+        size, edges, unit = np.degrees(np.arctan2(beside, nu[:, 0])), DRIFTS, " deg"
+        size = np.where(speed < SLOWEST, -1.0, size)
+    else:
+        mean, scale = (np.asarray(model.scalers[f"input_{what}"])[:6] for what in ("mean", "scale"))
+        size, edges, unit = np.abs((nu - mean) / scale).max(axis=1), REACHES, " sigma"
+    for low, high in pairwise(edges):
+        last = high == edges[-1]
+        chosen = (size >= low) & ((size <= high) if last else (size < high))
+        if chosen.sum() >= FEWEST:
+            shown = f"{low:g}-{high:g}" if np.isfinite(high) else f"above {low:g}"
+            yield f"{by} {shown}{unit}", chosen
