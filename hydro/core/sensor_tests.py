@@ -4,7 +4,8 @@ Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  Pose and log
 each of the log's errors (`core.effects.sensor`) without any model of the dynamics, and no current or missing
 force can be taken for one.  What is compared is the position less the integral of R v, both through the
 high-pass that makes noise of the position and of the velocity white together: the Kalman filter of a position
-that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.
+that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.  What is left
+beyond the noise counts as noise of the position: fixes that come more rarely than rows are followed slowly.
 
 All thirteen numbers of the log are fitted at once.  So an effect is said to be there, or not to be there,
 beside all others; where a recording does not tell two of them apart, neither shows.
@@ -61,6 +62,10 @@ LATEST = 2.0  # s, of a delay
 CAUTION = 0.9  # part of the shared noise that is taken off
 LEAST = 8  # pieces
 ROUNDS = 8
+REWEIGHTED = 4
+RARE = 3.0  # times its noise from row to row: a position that was interpolated or held between fixes
+ROUGH = 10.0  # times as large must an error be to show against such a position
+OTHERWISE = 1.1  # residual over its noise from which the position's noise is made anew
 SETTLED = 0.01  # standard errors
 
 
@@ -158,8 +163,28 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
     """
-    sigma = noise(record)
-    log, prior = np.zeros(LOG), np.full(LOG, PLAIN**-2)
+    given, log = noise(record), np.zeros(LOG)
+    sigma = given.copy()
+    for _ in range(REWEIGHTED + 1):
+        log, spread, normal = _fitted(record, log, sigma)
+        left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / 3))
+        if (left < OTHERWISE).all():
+            break
+        # A position known at longer intervals than it is logged errs by more than its rows tell.
+        sigma[:3] *= np.maximum(left, 1.0)
+    blocks = len(normal.gram) // block_length(normal.score)
+    rough = ROUGH if (sigma[:3] > RARE * given[:3]).any() else 1.0
+    return {
+        name: KinematicTest(
+            name, log[place], spread[place, place], blocks, rough * NEGLIGIBLE.get(name, 0.5 * record.dt)
+        )
+        for name, (_, place) in ENTRIES.items()
+    }
+
+
+def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, Normal]:
+    """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it."""
+    prior = np.full(LOG, PLAIN**-2)
     for _ in range(ROUNDS):
         normal = _problem(record, log, sigma)
         pull = normal.score.sum(axis=0) - prior * log
@@ -170,13 +195,7 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         log[DELAY] = np.clip(log[DELAY], -LATEST, LATEST)
         if (np.abs(step) < SETTLED * np.sqrt(np.diag(spread))).all():
             break
-    blocks = len(normal.gram) // block_length(normal.score)
-    return {
-        name: KinematicTest(
-            name, log[place], spread[place, place], blocks, NEGLIGIBLE.get(name, 0.5 * record.dt)
-        )
-        for name, (_, place) in ENTRIES.items()
-    }
+    return log, spread, normal
 
 
 def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
@@ -186,21 +205,21 @@ def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
     taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5).
     """
     pieces = list(_pieces(record, log, sigma))
-    if sum(len(gram) for gram, _ in pieces) < LEAST:
+    if sum(len(gram) for gram, _, _ in pieces) < LEAST:
         raise DataError(
             f"the recording has fewer than {LEAST} stretches of {PIECE:g} s without a gap to hold velocity "
             f"against pose; record at least {LEAST * PIECE:g} s"
         )
-    gram, shared = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     mount = slice(SCALE.start, ANGLES.stop)
     total, noisy = (part.sum(axis=0)[mount, mount] for part in (gram, shared))
     gram -= CAUTION * min(1.0, float(eigh(total, noisy, eigvals_only=True)[0])) * shared
     rows = 3 * round(PIECE / record.dt)
-    return Normal(gram, rows, gram[:, -1:, -1], np.zeros((len(gram), 0, LOG + 1)))
+    return Normal(gram, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
 
 
-def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array]]:
-    """Gram matrices of [columns, residual] and what noise adds to them, segment by segment."""
+def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
+    """Gram matrices of [columns, residual], what noise adds to them, and squares by axis; per segment."""
     dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
     wander = np.sqrt((sigma[6:9] ** 2).mean())
     horizon = np.clip(sigma[:3] / wander, *HORIZON)
@@ -230,7 +249,11 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
         gram = np.einsum("ipka,ipkb->pab", cut, cut, optimize=True)
         turns = R[late : late + count * length].reshape(count, length, 3, 3)
         trace = np.einsum("i,pkia,pkic->pac", weight**2 * summed, turns, turns, optimize=True)
-        yield gram, np.einsum("pac,jkac->pjk", trace, shared, optimize=True)
+        yield (
+            gram,
+            np.einsum("pac,jkac->pjk", trace, shared, optimize=True),
+            (cut[..., -1] ** 2).sum(axis=2).T,
+        )
 
 
 def _mount(log: Array) -> Array:

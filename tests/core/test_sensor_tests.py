@@ -200,3 +200,17 @@ def test_a_short_recording_and_a_table_of_another_effect():
     with pytest.raises(DataError, match="no such parameter"):
         vetoed(test, {"name": "sensor_bias", "alpha": [0.0, 0.0, 0.0]})
     assert set(ENTRIES) == set(kinematic_tests(record))
+
+
+@pytest.mark.parametrize(("every", "held"), [(5, False), (10, False), (5, True), (10, True)])
+def test_a_position_that_comes_more_rarely_than_it_is_logged_shows_nothing(every, held):
+    """At 10 and 5 Hz, between them interpolated or held: its error is then no white noise, and larger."""
+    record = logged(seed=4)
+    known = np.arange(0, record.rows, every)
+    place = np.arange(record.rows) // every
+    eta = record.eta.copy()
+    for i in range(3):
+        x = record.eta[known, i]
+        eta[:, i] = x[place] if held else np.interp(record.t, record.t[known], x)
+    tests = kinematic_tests(Recording(**{**vars(record), "eta": eta}))
+    assert not [name for name, test in tests.items() if shown(test)]
