@@ -4,8 +4,8 @@ Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  Pose and log
 each of the log's errors (`core.effects.sensor`) without any model of the dynamics, and no current or missing
 force can be taken for one.  What is compared is the position less the integral of R v, both through the
 high-pass that makes noise of the position and of the velocity white together: the Kalman filter of a position
-that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.  What is left
-beyond the noise counts as noise of the position: fixes that come more rarely than rows are followed slowly.
+that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.  What is
+left beyond the noise counts as noise of the position: fixes that come more rarely than rows weigh less.
 
 All thirteen numbers of the log are fitted at once.  So an effect is said to be there, or not to be there,
 beside all others; where a recording does not tell two of them apart, neither shows.
