@@ -227,7 +227,7 @@ def test_a_slice_of_the_benchmark(tmp_path):
         return done.stdout
 
     out = tmp_path / "results.parquet"
-    study_ = ("run", "--kind", "one", "--kind", "none", "--seconds", 80, "-o", out)
+    study_ = ("run", "--kind", "one", "--kind", "none", "--seconds", 80, "--workers", 2, "-o", out)
     command(*study_, "--studies", 1, "--first-seed", SLICE)
     assert command(*study_, "--studies", 1, "--first-seed", SLICE) == "", "all of it is there already"
     table = pl.read_parquet(out)

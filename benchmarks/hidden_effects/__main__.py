@@ -29,18 +29,13 @@ KEY = ("kind", "seed", "source", "seconds")
 Task = tuple[cases.Case, float, Path, bool]
 
 
-def work(task: Task) -> dict[str, Any]:
-    case, seconds, folder, with_oracle = task
-    return study.run(case, seconds, folder, with_oracle=with_oracle)
-
-
 def done(tasks: list[Task], workers: int) -> Iterator[dict[str, Any]]:
     """Rows of studies as they end."""
     if workers == 1:
-        yield from map(work, tasks)
+        yield from (study.run(*task) for task in tasks)
         return
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(work, task) for task in tasks]):
+        for future in as_completed([pool.submit(study.run, *task) for task in tasks]):
             yield future.result()
 
 

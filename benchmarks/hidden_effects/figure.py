@@ -37,7 +37,7 @@ def confusions(scored: Sequence[Score], path: Path) -> None:
     axes.set_xticks(range(len(answers)), answers, rotation=60, ha="left", fontsize=7)
     axes.xaxis.tick_top()
     axes.set_yticks(range(len(hidden)), [f"{t} ({counts[t].total()})" for t in hidden], fontsize=7)
-    axes.set_title("First answer of a diagnosis, % of studies; right answers framed", loc="left", fontsize=9)
+    axes.set_title("First answers, % of studies; right ones framed", loc="left", fontsize=9)
     axes.tick_params(length=0)
     for side in axes.spines.values():
         side.set_visible(False)

@@ -182,7 +182,7 @@ def oracle(case: Case, flown: Flown) -> Vehicle:
     return unknown.at(values)
 
 
-def run(case: Case, seconds: float, folder: Path, *, with_oracle: bool = True) -> dict[str, Any]:
+def run(case: Case, seconds: float, folder: Path, with_oracle: bool = True) -> dict[str, Any]:
     """The row of one study; what went wrong stands under `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
         "kind": case.kind,
