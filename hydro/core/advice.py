@@ -112,16 +112,15 @@ def retuning(effect: str) -> str:
     return f"the recording asks for other values of {effect}; `hydro add` replaces them"
 
 
-def exciting(effect: str, entries: Sequence[str], of: int, flight: Flight | None = None) -> str:
+def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) -> str:
     """Which motion would show an effect that the recording does not.
 
     Args:
         effect: Its name.
-        entries: What of it is not determined, in words.
-        of: Number of all that it has.
+        entries: What of it is not determined, in words; all of it where nothing is said.
         flight: What `manoeuvres.showing` predicts for it at plain size.
     """
-    what = "it" if len(entries) == of else ", ".join(entries)
+    what = ", ".join(entries) or "it"
     shows = flight is not None and flight.difference >= CLEAR
     motion = _predicted(flight) if flight is not None and shows else CATALOGUE[effect].excitation
     return f"this recording could not show {what}; fly {motion}"

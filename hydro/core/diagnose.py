@@ -19,8 +19,9 @@ from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
+from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
-from hydro.core.parameters import Free
+from hydro.core.parameters import Free, free
 from hydro.core.recording import Array, Recording, recording
 from hydro.core.search import (
     ALPHA,
@@ -34,6 +35,9 @@ from hydro.core.search import (
     fitted,
     own_effects,
 )
+from hydro.core.sensor_tests import kinematic_tests
+from hydro.core.suspects import CURVED, choice
+from hydro.core.undetermined import spread, undetermined
 from hydro.core.vehicle import Vehicle
 
 Report = Callable[[str, float], None]
@@ -72,7 +76,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("the file's own effects", 0.05)
     given = fitted(vehicle, [], problem, reach, 0)
     first = fitted(vehicle, base, problem, reach, THOROUGH)
-    search = Search(first, base, reach)
+    search = Search(first, base, reach, kinematic_tests(record))
     model, found, last = search.grow(told)
     told("looking back", 0.8)
     model, found, without = search.reconsider(model, found)
@@ -82,14 +86,14 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     result = (
         judged(model.unknown, model.values, model.normal, model.normal.chi2, "output") if wanted else None
     )
-    named = [_named(one, search, model, without[one.effect], result, vehicle, record.dt) for one in found]
+    named = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
     named.sort(key=lambda one: -one.share)
     left = _left(search, model, named, last, record, raw)
     findings = [*left, *named] if _unknown(search, model) else [*named, *left]
     if not findings:
         findings.append(_nothing(first, last))
     findings += sorted(_retuned(vehicle, base, given, model, result), key=lambda one: -one.share)
-    findings += _unseen(last, model)
+    findings += _unseen(last, model, shots)
     told("done", 1.0)
     chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
     return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
@@ -102,7 +106,7 @@ def _named(
     without: Array,
     result: Fit | None,
     vehicle: Vehicle,
-    dt: float,
+    shots: shooting.Shots,
 ) -> Finding:
     """The finding of one effect that joined the model."""
     first = search.first
@@ -111,7 +115,11 @@ def _named(
     tied = naming.wins(one.rivals, one.effect)
     parameters, errors = _tables(result, one.effect)
     several = len(tied) > 1
-    words = advice.separating(list(tied)) if several else advice.adding(one.effect, parameters, dt)
+    if several:
+        flight = best([one.rivals[name].vehicle for name in tied], shots.sigma, start=_where(shots))
+        words = advice.separating(list(tied), flight)
+    else:
+        words = advice.adding(one.effect, parameters, shots.record.dt)
     known = bool(vehicle.effects(one.effect))
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
@@ -230,11 +238,27 @@ def _given(unknown: Free, entries: Sequence[int], table: Mapping[str, object]) -
     )
 
 
-def _unseen(last: Round, model: Model) -> Iterator[Finding]:
-    """Effects that the recording could not have shown."""
+def _unseen(last: Round, model: Model, shots: shooting.Shots) -> Iterator[Finding]:
+    """Effects, or entries of them, that the recording could not have shown."""
+    hidden: dict[str, tuple[str, ...]] = {}
     for name, (_, columns) in last.ranked.items():
-        spread = last.evidence.standard_errors(last.own, columns, model.normal.chi2)
-        hidden = spread > UNDETERMINED
-        if hidden.all():
-            words = advice.exciting(name, [], 0)
-            yield Finding("not_excited", name, (name,), excited=False, advice=words)
+        errors = last.evidence.standard_errors(last.own, columns, model.normal.chi2)
+        if (errors > UNDETERMINED).all():
+            hidden[name] = ()
+        elif name not in CURVED:
+            entries = free(model.vehicle, [choice(model.vehicle, name)]).entries
+            covariance = spread(last.evidence, last.own, columns, model.normal.chi2)
+            hidden |= undetermined(entries, covariance)
+    if not hidden:
+        return
+    vehicles = {name: plain(model.vehicle, name) for name in hidden}
+    flights = showing(model.vehicle, vehicles, shots.sigma, start=_where(shots))
+    for name, open_ in hidden.items():
+        words = advice.exciting(name, open_, flights.get(name))
+        yield Finding("not_excited", name, (name,), excited=False, advice=words)
+
+
+def _where(shots: shooting.Shots) -> Array:
+    """Where the next manoeuvre would begin: amid the recording, level."""
+    middle: Array = np.median(shots.record.eta, axis=0) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    return middle

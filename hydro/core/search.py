@@ -22,6 +22,7 @@ from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
 from hydro.core.normal import Normal
 from hydro.core.parameters import Free, free
+from hydro.core.sensor_tests import KinematicTest, shown, vetoed
 from hydro.core.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.vehicle import Vehicle
 
@@ -132,11 +133,13 @@ class Search:
         first: The vehicle with its own effects fitted anew.
         base: Names of those effects.
         reach: Positions of the recording, (N, 3).
+        sensors: What kinematics alone says of the velocity log's errors.
     """
 
     first: Model
     base: tuple[str, ...]
     reach: Array
+    sensors: Mapping[str, KinematicTest]
 
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
@@ -175,16 +178,29 @@ class Search:
         return Round(ranked, normal, evidence, own, gains, p)
 
     def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
-        """Fit the most telling suspects in earnest, each with all that is in the model."""
-        most, fits = max(now.gains.values(), default=0.0), dict[str, Model]()
-        for name in now.ranked:
+        """Fit the most telling suspects in earnest, each with all that is in the model.
+
+        What the velocity log misreads for all that kinematics shows comes before any force; what kinematics
+        refutes does not come at all.
+        """
+        sure = [n for n, test in self.sensors.items() if shown(test) and now.p_values.get(n, 1.0) <= ALPHA]
+        gains = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)} or now.gains
+        most, fits = max(gains.values(), default=0.0), dict[str, Model]()
+        for name in gains:
             told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
             near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
             if now.p_values[name] > ALPHA or now.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             fine = shapes(model.vehicle, name, reach=self.reach)
-            fits[name] = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
+            fit = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
+            if not self.refuted(name, fit.vehicle):
+                fits[name] = fit
         return fits
+
+    def refuted(self, effect: str, vehicle: Vehicle) -> bool:
+        """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
+        test = self.sensors.get(effect)
+        return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
     def joined(self, model: Model, chosen: Sequence[str], now: Round, name: str) -> Model:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""

@@ -62,8 +62,13 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
         if name in CURVED and not vehicle.effects(name):
             found += _COARSE[name](vehicle, reach)
         elif name not in CURVED:
-            found.append(_linear(vehicle, CHOICES.get(name, name) if not vehicle.effects(name) else name))
+            found.append(_linear(vehicle, choice(vehicle, name)))
     return found
+
+
+def choice(vehicle: Vehicle, effect: str) -> str:
+    """The form of an effect that is tried, as `parameters.free` takes it."""
+    return effect if vehicle.effects(effect) else CHOICES.get(effect, effect)
 
 
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:

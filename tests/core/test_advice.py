@@ -17,8 +17,8 @@ def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():
     )
     assert "turn slowly, for 12 min or more" in advice.separating(["ocean_current"], Flight(sweep, 2.0))
     assert "too little" in advice.separating(["ocean_current"], Flight(sweep, 0.1))
-    assert "turn slowly" in advice.exciting("body_lift", [], 0, Flight(sweep, 42.0))
-    assert CATALOGUE["body_lift"].excitation in advice.exciting("body_lift", [], 0, Flight(sweep, 1.0))
+    assert "turn slowly" in advice.exciting("body_lift", [], Flight(sweep, 42.0))
+    assert CATALOGUE["body_lift"].excitation in advice.exciting("body_lift", [], Flight(sweep, 1.0))
 
 
 def test_commands_logged_a_row_late_look_like_quick_thrusters():
