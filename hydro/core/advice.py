@@ -81,7 +81,7 @@ def separating(members: Sequence[str], flight: Flight | None = None) -> str:
 def _predicted(flight: Flight) -> str:
     """What to fly for how long, and what it is expected to show."""
     words, seen = flight.manoeuvre.words, flight.difference
-    told = f"predicted difference in {SECONDS:g} s: {seen:.2g} times the sensors' noise"
+    told = f"predicted difference in {SECONDS:g} s: {float(f'{seen:.2g}'):g} times the sensors' noise"
     if seen >= CLEAR:
         return f"{words} ({told})"
     minutes = SECONDS / 60.0 * (CLEAR / seen) ** 2

@@ -15,6 +15,7 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core import advice, naming, shooting, unexplained
+from hydro.core.candidate import candidate
 from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
@@ -42,7 +43,11 @@ from hydro.core.vehicle import Vehicle
 
 Report = Callable[[str, float], None]
 
-LEAST_SHOTS = 16
+SECONDS = (shooting.SECONDS, 0.5 * shooting.SECONDS, 0.25 * shooting.SECONDS)
+"""Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
+KEPT = 0.95
+"""Part of the shots that must keep within bounds."""
+LEAST_SHOTS, MOST_SHOTS = 16, 600
 KNOWN = 0.5
 """Share of the error that the findings must explain, or else the catalogue lacks the effect."""
 
@@ -65,14 +70,8 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told = report or (lambda words, share: None)
     told("shots", 0.0)
     record = recording(raw, vehicle)
-    shots = shooting.aim(record)
-    if len(shots.starts) < LEAST_SHOTS:
-        seconds = LEAST_SHOTS * shooting.SECONDS
-        raise DataError(
-            f"{len(shots.starts) * shooting.SECONDS:g} s without a gap are too short for a diagnosis; record "
-            f"at least {seconds:g} s, better some minutes"
-        )
-    base, reach, problem = own_effects(vehicle), record.eta[:, :3], OutputError.of(shots, vehicle)
+    base, reach, problem = own_effects(vehicle), record.eta[:, :3], _aimed(vehicle, record)
+    shots = problem.shots
     told("the file's own effects", 0.05)
     given = fitted(vehicle, [], problem, reach, 0)
     first = fitted(vehicle, base, problem, reach, THOROUGH)
@@ -97,6 +96,29 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("done", 1.0)
     chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
     return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
+
+
+def _aimed(vehicle: Vehicle, record: Recording) -> OutputError:
+    """Shots as long as the vehicle's predictions keep within bounds, those that do not left out.
+
+    Raises:
+        DataError: The recording is too short, or no prediction keeps within bounds.
+    """
+    for seconds in SECONDS:
+        shots = shooting.aim(record, seconds=seconds, most=MOST_SHOTS)
+        if len(shots.starts) < LEAST_SHOTS:
+            raise DataError(
+                f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; record at "
+                f"least {LEAST_SHOTS * seconds:g} s, better some minutes"
+            )
+        problem = OutputError.of(shots, vehicle)
+        kept = shooting.bounded(shooting.load(candidate(vehicle), problem.shots), problem.shots)
+        if kept.mean() >= KEPT:
+            return OutputError(shooting.some(problem.shots, kept))
+    raise DataError(
+        f"the vehicle's predicted motion grows beyond all bounds within {SECONDS[-1]:g} s; check its "
+        "damping, or begin with `hydro fit --effect linear_damping`"
+    )
 
 
 def _named(

@@ -39,6 +39,8 @@ NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m,
 TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+WILD = 20.0
+"""Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
 TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
@@ -142,6 +144,20 @@ def evenly(count: int, most: int | None) -> Rows:
     places = np.arange(most) * GOLDEN % 1.0
     chosen: Rows = edges[:-1] + (places * np.diff(edges)).astype(np.int64)
     return chosen
+
+
+def bounded(loaded: Loaded, shots: Shots) -> NDArray[np.bool_]:
+    """Which shots a candidate predicts without leaving all bounds, (S,)."""
+    nu = predict(loaded, shots)[..., 7:]
+    with np.errstate(invalid="ignore"):
+        tame = np.abs(nu - shots.measured[..., 7:]) < WILD
+    return np.asarray(tame.all(axis=(1, 2)))
+
+
+def some(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
+    """The shots that a mask (S,) keeps."""
+    parts = ("starts", "segment", "first", "measured")
+    return replace(shots, **{name: getattr(shots, name)[kept] for name in parts})
 
 
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
