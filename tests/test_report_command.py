@@ -17,8 +17,8 @@ from PIL import Image
 from hydro import cli
 from hydro.io import table
 
-CHARTS = 1 + 2 + 7 + 6
-"""Of the study: by condition, values of two effects, the ladder with all axes and each, overlays."""
+CHARTS = 1 + 1 + 7 + 6
+"""Of the study: by condition, values of one effect, the ladder with all axes and each, overlays."""
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_the_page_renders(
 def test_a_selector_changes_the_figures(page: browser.Page, report: Path) -> None:
     page.screen(1200, 900)
     page.open(report)
-    shown = "document.getElementById('ladder-all').data[0].y"
+    shown = "document.getElementById('ladder-all').data[1].y"
     assert page.run(shown) == pytest.approx([2.0, 0.2])
     page.run(
         "(async () => { const s = document.querySelector('select[data-group=horizon]'); s.value = 0;"

@@ -11,16 +11,14 @@ import polars as pl
 from hydro.io.files import explained
 from hydro.report import figures, words
 from hydro.report.comparison import MOTIONS
-from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, SPAN
+from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, wide
 from hydro.report.sources import Sources
+from hydro.report.standing import at_horizon
 from hydro.report.tables import VELOCITIES, replay_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-HORIZON = 5.0
-"""How far ahead the predictions look whose errors are drawn [s]."""
 
 
 def draw(sources: Sources, folder: Path) -> list[Path]:
@@ -112,13 +110,16 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    known = [one for one in ladder["horizon"].unique().to_list() if one is not None]
-    horizon = HORIZON if HORIZON in known else max(known, default=None)
-    rows = ladder.filter(pl.col("horizon").eq_missing(pl.lit(horizon, pl.Float64)))
+    rows = at_horizon(ladder)
+    far = wide(rows.filter(axis="all")["rmse"])
     with mpl.rc_context(figures.STYLE):
         drawn = Figure(figsize=(11.2, 5.4), layout="constrained")
         for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITIES, strict=True):
             _draw_rungs(panel, rows.filter(axis=axis), axis)
+            if far:
+                panel.set_yscale("log")
+            else:
+                panel.set_ylim(bottom=0.0)
         handles, labels = drawn.axes[0].get_legend_handles_labels()
         drawn.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
         for panel in drawn.axes[-3:]:
@@ -128,8 +129,8 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
 
 def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
     """One axis of a ladder."""
-    for name, (label, colour, _) in DATASETS.items():
-        one = rows.filter(dataset=name).sort("step")
+    for name, (colour, _, _) in DATASETS.items():
+        label, one = words.DATASETS[name], rows.filter(dataset=name).sort("step")
         if one.is_empty():
             continue
         rmse = one["rmse"]
@@ -138,11 +139,6 @@ def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
         panel.errorbar(one["step"], rmse, yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
         style = {"fit": ":", "holdout": "--"}[name]
         panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
-    errors = rows["rmse"].drop_nulls().to_list()
-    if errors and max(errors) > SPAN * max(min(errors), 1e-12):
-        panel.set_yscale("log")
-    else:
-        panel.set_ylim(bottom=0.0)
     panel.set_xticks(rows["step"].unique().sort().to_list())
     panel.set_title(f"{figures.TITLES[axis]} {axis} [{figures.UNITS[axis]}]")
 

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 
 import plotly.graph_objects as go
 import polars as pl
+from markupsafe import escape
 
+from hydro.report import words
 from hydro.report.figures import HEADROOM, MEASURED, TITLES, UNITS
 from hydro.report.words import Value, figure
 
@@ -22,50 +24,56 @@ MOST_POINTS = 1000
 """Samples drawn per curve and session: as many as a screen is wide."""
 SPAN = 10.0
 """Ratio of the greatest to the least error from which on an axis is logarithmic."""
-DATASETS = {"fit": ("the recording", FOUND, "circle"), "holdout": ("held out", HELD_OUT, "diamond")}
+DATASETS = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
+"""Colour, mark and dashes of the noise of what a ladder was measured on."""
 
 
-def ladder(rows: pl.DataFrame, titled: bool = True) -> go.Figure:
+def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
     """Error after each step, with its interval, and what noise alone would leave.
 
     Args:
         rows: Rows of the ladder table of one axis and horizon.
-        titled: Whether the vertical axis says what it is.
+        logarithmic: Whether equal factors are equal heights.
     """
     drawn = go.Figure()
-    for name, (label, colour, symbol) in DATASETS.items():
-        one = rows.filter(dataset=name).sort("step")
+    for name, (colour, symbol, dash) in DATASETS.items():
+        one, label = rows.filter(dataset=name).sort("step"), words.DATASETS[name]
         if one.is_empty():
             continue
-        drawn.add_scatter(
-            x=one["step"].to_list(),
-            y=one["rmse"].to_list(),
-            customdata=one["effect"].str.replace_all("_", " ").replace("", "the file as given").to_list(),
-            error_y=_interval(one, "rmse"),
-            name=label,
-            mode="lines+markers",
-            line={"color": colour, "width": 2.5},
-            marker={"size": 9, "symbol": symbol},
-            hovertemplate="%{customdata}<br><b>%{y:.3g}</b> " + one["unit"][0] + f", {label}<extra></extra>",
-        )
         drawn.add_scatter(
             x=one["step"].to_list(),
             y=one["noise_floor"].to_list(),
             name=f"noise alone, {label}",
             mode="lines",
-            line={"color": NOISE, "width": 1.5, "dash": "dot" if name == "fit" else "dash"},
-            hovertemplate="noise alone %{y:.2g}<extra></extra>",
+            line={"color": NOISE, "width": 1.5, "dash": dash},
+            hovertemplate=f"%{{y:.2g}} {one['unit'][0]}, noise alone, {label}<extra></extra>",
+        )
+        drawn.add_scatter(
+            x=one["step"].to_list(),
+            y=one["rmse"].to_list(),
+            customdata=[words.effects_named(effect) or "the file as given" for effect in one["effect"]],
+            error_y=_interval(one, "rmse"),
+            name=label,
+            mode="lines+markers",
+            line={"color": colour, "width": 2.5},
+            marker={"size": 9, "symbol": symbol},
+            hovertemplate=f"%{{customdata}}<br><b>%{{y:.3g}}</b> {one['unit'][0]}, {label}<extra></extra>",
         )
     steps = rows["step"].unique().sort().to_list()
     drawn.update_xaxes(tickvals=steps, range=[min(steps) - 0.25, max(steps) + 0.25], fixedrange=True)
-    drawn.update_xaxes(title="step" if titled else None, showgrid=False)
-    least, most = rows["rmse"].min(), rows["rmse"].max()
-    logarithmic = _number(most) > SPAN * max(_number(least), 1e-12)
-    drawn.update_yaxes(type="log" if logarithmic else "linear", fixedrange=True)
-    drawn.update_yaxes(rangemode="tozero", title=f"error [{rows['unit'][0]}]" if titled else None)
+    drawn.update_xaxes(title="step", showgrid=False, zeroline=False)
+    drawn.update_yaxes(title=f"error [{rows['unit'][0]}]", fixedrange=True, exponentformat="none")
     if logarithmic:
-        drawn.update_yaxes(dtick="D1" if _number(most) < 30 * _number(least) else 1)
+        drawn.update_yaxes(type="log", dtick=1, tickformat="~g")
+    else:
+        drawn.update_yaxes(rangemode="tozero", nticks=6)
     return _plain(drawn)
+
+
+def wide(errors: pl.Series) -> bool:
+    """Whether errors differ so much that only a logarithmic axis shows them all."""
+    positive = errors.filter(errors > 0.0)
+    return len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
 
 
 def parameters(values: Sequence[Value]) -> go.Figure:
@@ -132,34 +140,41 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
 
 
 def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
-    """Measured and simulated velocity of one session and axis; limits by the measured motion.
+    """Measured and simulated velocity of one session and axis.
+
+    A simulated curve is left out wherever its error is beyond the whole range of the measured motion: there
+    it says nothing and would only hide what does.
 
     Args:
         replay: Replay table.
         session: Which recording.
         axis: One of u v w p q r.
     """
-    one = replay.filter(pl.col("session") == session)
+    one = replay.filter(pl.col("session") == session).select(
+        "variant", pl.col("t") - pl.col("t").min(), value=pl.col(axis).cast(pl.Float64)
+    )
     variants = one["variant"].unique(maintain_order=True).to_list()
-    step = max(1, -(-one.filter(variant=variants[0]).height // MOST_POINTS))
+    against = one.filter(variant=MEASURED if MEASURED in variants else variants[0])
+    low, high = _number(against["value"].min()), _number(against["value"].max())
+    reach = max(high - low, 1e-3)
+    step = max(1, -(-against.height // MOST_POINTS))
     drawn = go.Figure()
-    start = one["t"].min()
     for name, (label, colour) in curves(variants).items():
-        curve = one.filter(variant=name).gather_every(step)
+        curve = one.filter(variant=name).join(against.select("t", measured="value"), on="t", how="left")
+        near = (pl.col("value") - pl.col("measured")).abs() <= reach
+        shown = curve.gather_every(step).with_columns(pl.when(near.fill_null(True)).then("value"))
         measured = name == MEASURED
         drawn.add_scatter(
-            x=(curve["t"] - start).cast(pl.Float32).to_numpy(),
-            y=curve[axis].cast(pl.Float32).to_numpy(),
+            x=shown["t"].cast(pl.Float32).to_numpy(),
+            y=shown["value"].cast(pl.Float32).to_numpy(),
             name=label,
             mode="lines",
             line={"color": colour, "width": 5 if measured else 1.6},
             opacity=0.5 if measured else 1.0,
-            hovertemplate=f"%{{y:.3f}} {UNITS[axis]}<extra>{label}</extra>",
+            hovertemplate=f"%{{y:.3f}} {UNITS[axis]}<extra>{escape(label)}</extra>",
         )
-    against = one.filter(pl.col("variant") == (MEASURED if MEASURED in variants else variants[0]))[axis]
-    low, high = _number(against.min()), _number(against.max())
-    reach = HEADROOM * max(high - low, 1e-3)
-    drawn.update_yaxes(range=[low - reach, high + reach], title=UNITS[axis], fixedrange=True)
+    margin = HEADROOM * reach
+    drawn.update_yaxes(range=[low - margin, high + margin], title=UNITS[axis], fixedrange=True)
     drawn.update_xaxes(title="time [s]", showgrid=False, zeroline=False)
     drawn.update_layout(hovermode="x unified", title={"text": f"{TITLES[axis]} {axis}"})
     return _plain(drawn, height=230)
@@ -196,10 +211,9 @@ def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
             marker={"color": MANY[i % len(MANY)]},
             hovertemplate="%{x} <b>%{y:.3g}</b> " + unit + "<extra>%{fullData.name}</extra>",
         )
-    positive = metrics.filter(pl.col("value") > 0)["value"]
-    wide = len(positive) > 0 and _number(positive.max()) > SPAN * _number(positive.min())
     drawn.update_layout(barmode="group", bargap=0.3)
-    drawn.update_yaxes(type="log" if wide else "linear", title=unit, fixedrange=True)
+    scale = "log" if wide(metrics["value"]) else "linear"
+    drawn.update_yaxes(type=scale, title=unit, fixedrange=True)
     drawn.update_xaxes(fixedrange=True, type="category", showgrid=False)
     return _plain(drawn, height=260)
 

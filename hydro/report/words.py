@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from markupsafe import Markup, escape
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
@@ -26,11 +29,16 @@ VERDICTS = {
 }
 """A verdict's label, and its sentence."""
 
+DATASETS = {"fit": "the recording", "holdout": "held-out data"}
+"""What a ladder was measured on."""
+
 NORMAL_95 = 1.96
 """Half the width of a 95 % interval in standard errors."""
 AXES = ("X", "Y", "Z", "K", "M", "N")
 DIRECTIONS = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
+NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
+COMMAND = re.compile("`([^`]*)`")
 
 
 @dataclass(frozen=True)
@@ -86,6 +94,13 @@ def verdict(row: dict[str, Any]) -> tuple[str, str]:
     return label, sentence.format(effect=effect_name(row["effect"]), members=members)
 
 
+def in_short(row: dict[str, Any]) -> str:
+    """A finding in a few words: `tether (12 % of the error)`."""
+    named = listed([effect_name(name) for name in row["members"] or [row["effect"]]], "or")
+    share = row["share_of_error_explained"]
+    return named if share is None else f"{named} ({percent(share)} of the error)"
+
+
 def values(effect: str, parameters: str, errors: str) -> list[Value]:
     """Fitted numbers of an effect from its inline TOML, one by one.
 
@@ -139,10 +154,10 @@ def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> 
     return " ".join([name, *entries])
 
 
-def by_unit(found: Sequence[Value]) -> list[tuple[str, list[Value]]]:
+def by_unit(found: Sequence[Value]) -> list[list[Value]]:
     """Values of one unit together, in their order: what can share an axis."""
     units = list(dict.fromkeys(one.unit for one in found))
-    return [(unit, [one for one in found if one.unit == unit]) for unit in units]
+    return [[one for one in found if one.unit == unit] for unit in units]
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -151,10 +166,10 @@ def figure(value: float | None, digits: int = 3) -> str:
         return "–"
     if value == 0.0:
         return "0"
-    size = math.floor(math.log10(abs(value)))
+    rounded = float(f"{value:.{digits - 1}e}")
+    size = math.floor(math.log10(abs(rounded)))
     if not -4 <= size < 6:
-        return f"{value:.{digits - 1}e}".replace("-", "−")
-    rounded = round(value, digits - 1 - size)
+        return f"{rounded:.{digits - 1}e}".replace("-", "−")
     return f"{rounded:.{max(0, digits - 1 - size)}f}".replace("-", "−")
 
 
@@ -186,6 +201,13 @@ def probability(value: float | None) -> str:
 def horizon(seconds: float | None) -> str:
     """`5 s ahead`, or `whole run`."""
     return "whole run" if seconds is None else f"{seconds:g} s ahead"
+
+
+def prose(text: str) -> Markup:
+    """A text of a diagnosis as a sentence in HTML: effects by their names in words, commands as code."""
+    told = str(escape(sentence(text)))
+    told = NAMES.sub(lambda found: effect_name(found[0]), told)
+    return Markup(COMMAND.sub(r"<code>\1</code>", told))
 
 
 def sentence(text: str) -> str:

@@ -1,0 +1,143 @@
+"""What the diagnoses of a report say: a card for each finding, confusions, and what to fly next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import polars as pl
+
+from hydro.core.advice import separating
+from hydro.core.effects import CATALOGUE
+from hydro.report import plots, words
+from hydro.report.charts import Charts
+from hydro.report.sources import Sources
+from hydro.report.standing import chosen_step
+from hydro.report.words import Value
+
+MOST_VALUES = 12
+"""Values of one effect that are drawn; of more, those that stand out from zero, the clearest first."""
+CLEAR = 2.0
+"""Standard errors by which a value stands out."""
+ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known")
+"""Verdicts that ask for another recording."""
+
+
+def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
+    """Cards of every diagnosis: of a study, what each step took up, and what is left after the last."""
+    chosen = chosen_step(sources)
+    if not sources.diagnoses or chosen is None:
+        return None
+    last = min(chosen, len(sources.diagnoses) - 1)
+    groups = []
+    for step, one in enumerate(sources.diagnoses[: last + 1]):
+        rows = one.frame.sort("rank")
+        shown = rows.filter(pl.col("verdict") != "not_excited")
+        taken = [] if step == last else _taken(sources, step + 1)
+        others = shown.head(0)
+        if taken:
+            mine = pl.col("effect").is_in(taken) & (pl.col("effect") != "")
+            others = shown.filter(~mine, pl.col("verdict").is_in(["missing", "cannot_tell_apart"]))
+            shown = shown.filter(mine)
+        groups.append(
+            {
+                "title": _group_title(step, last, taken),
+                "cards": [_card(row, f"{step}-{row['rank']}", charts) for row in shown.iter_rows(named=True)],
+                "others": [words.in_short(row) for row in others.iter_rows(named=True)],
+                "unseen": _unseen(rows) if step == last else "",
+            }
+        )
+    return {"groups": groups}
+
+
+def confusions(sources: Sources) -> list[dict[str, str]]:
+    """Which effect could be behind each finding as well, and what usually passes for it."""
+    rows: dict[str, dict[str, str]] = {}
+    for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
+        for row in one.frame.sort("rank").iter_rows(named=True):
+            effect, members = row["effect"], row["members"]
+            if row["verdict"] not in ("missing", "cannot_tell_apart") or not effect:
+                continue
+            tied = [name for name in members if name != effect]
+            usual = CATALOGUE[effect].lookalikes if effect in CATALOGUE else ()
+            known = len(members) > 1 and all(name in CATALOGUE for name in members)
+            rows[effect] = {
+                "effect": words.effect_name(effect),
+                "tied": words.listed([words.effect_name(name) for name in tied]),
+                "usual": words.listed([words.effect_name(name) for name in usual if name not in tied]),
+                "parted": separating(members).removeprefix("to tell them apart: ") if known else "",
+            }
+    return list(rows.values())
+
+
+def to_fly(sources: Sources) -> list[dict[str, str]] | None:
+    """What the diagnosis of the chosen step asks to be flown, each thing once; None without a diagnosis."""
+    chosen = chosen_step(sources)
+    if not sources.diagnoses or chosen is None:
+        return None
+    last = sources.diagnoses[min(chosen, len(sources.diagnoses) - 1)].frame.sort("rank")
+    rows = last.filter(pl.col("verdict").is_in(ASKS), pl.col("advice") != "")
+    return [
+        {"why": words.verdict(row)[1], "what": row["advice"]}
+        for row in rows.unique("advice", keep="first", maintain_order=True).iter_rows(named=True)
+    ]
+
+
+def _taken(sources: Sources, step: int) -> list[str]:
+    """Effects that a step took up."""
+    if sources.ladder is None:
+        return []
+    rows = sources.ladder.frame.filter(step=step)
+    return [name for name in rows["effect"][0].split(", ") if name] if rows.height else []
+
+
+def _group_title(step: int, last: int, taken: list[str]) -> str:
+    """Above the cards of one diagnosis; a lone one needs no title."""
+    if step == last:
+        return f"What is left after step {step}" if step else ""
+    named = words.listed([words.effect_name(name) for name in taken])
+    return f"Step {step + 1} took up {named}" if named else f"Found at step {step}"
+
+
+def _unseen(rows: pl.DataFrame) -> str:
+    """Effects that the recording could not show, in words."""
+    return words.listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
+
+
+def _card(row: dict[str, Any], name: str, charts: Charts) -> dict[str, Any]:
+    """One finding."""
+    label, sentence = words.verdict(row)
+    values = words.values(row["effect"], row["parameters"], row["standard_errors"])
+    drawn = [
+        charts.add(f"values-{name}-{number}", plots.parameters(group))
+        for number, group in enumerate(words.by_unit(_drawn(values)))
+    ]
+    rivals = [words.effect_name(one) for one in row["members"] if one != row["effect"]]
+    return {
+        "verdict": row["verdict"],
+        "label": label,
+        "effect": words.effect_name(row["effect"]),
+        "sentence": sentence,
+        "meaning": words.meaning(row["effect"]),
+        "share": row["share_of_error_explained"],
+        "interval": None if row["share_low"] is None else (row["share_low"], row["share_high"]),
+        "confidence": row["confidence"],
+        "p_value": row["p_value"],
+        "rivals": words.listed(rivals, "or"),
+        "values": [(one.name, words.with_error(one), one.unit) for one in values],
+        "long": len(values) > MOST_VALUES,
+        "charts": drawn,
+        "advice": row["advice"],
+    }
+
+
+def _drawn(values: list[Value]) -> list[Value]:
+    """The values that a figure shows, in their order."""
+    if len(values) <= MOST_VALUES:
+        return values
+
+    def clearness(one: Value) -> float:
+        return abs(one.value) / one.error if one.error else float(one.value != 0.0)
+
+    clear = sorted((one for one in values if clearness(one) > CLEAR), key=clearness, reverse=True)
+    kept = clear[:MOST_VALUES]
+    return [one for one in values if one in kept]

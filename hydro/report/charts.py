@@ -1,0 +1,31 @@
+"""The figures of a page, kept until the page is written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+AS_TEXT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
+"""What could end a script element, written so that it cannot."""
+
+
+@dataclass
+class Charts:
+    """Figures by their place on the page: for each place one, or one for each choice of a selector."""
+
+    held: dict[str, list[str]] = field(default_factory=dict)
+
+    def add(self, name: str, *drawn: Figure) -> str:
+        """Keep the figures of one place; its name."""
+        self.held[name] = [one.to_json() for one in drawn]
+        return name
+
+    def json(self) -> str:
+        """All of them, as JSON that may stand in a script element."""
+        whole = ",".join(f'"{name}":[{",".join(drawn)}]' for name, drawn in self.held.items())
+        for sign, text in AS_TEXT.items():
+            whole = whole.replace(sign, text)
+        return f"{{{whole}}}"

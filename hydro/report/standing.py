@@ -1,0 +1,176 @@
+"""How good a model is before and after, and which step of a study is the one to use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from hydro.core.explain import HORIZON, best_step
+from hydro.report import comparison, words
+from hydro.report.sources import Sources
+from hydro.report.words import DATASETS
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How good the model is on one set of data, before and after.
+
+    Attributes:
+        dataset: `fit` or `holdout`.
+        horizon: How far ahead the predictions look [s]; None for whole runs.
+        before: Error of the file as given.
+        after: Error with what was found; None where nothing was added.
+        noise: What noise alone would leave.
+        unit: Of all of them.
+    """
+
+    dataset: str
+    horizon: float | None
+    before: float
+    after: float | None
+    noise: float
+    unit: str
+
+    @property
+    def data(self) -> str:
+        """What it was measured on, in words."""
+        return DATASETS[self.dataset]
+
+    @property
+    def left(self) -> float | None:
+        """Part of the error that is left."""
+        return None if self.after is None or self.before == 0.0 else self.after / self.before
+
+
+def chosen_step(sources: Sources) -> int | None:
+    """The step to use; without a ladder, the last comparison or diagnosis; None where there is neither."""
+    if sources.ladder is not None:
+        return best_step(sources.ladder.frame)
+    return max(len(sources.comparisons), len(sources.diagnoses)) - 1 if sources.everything else None
+
+
+def at_horizon(rows: pl.DataFrame) -> pl.DataFrame:
+    """The rows at the horizon of the headline, or else at the longest that there is."""
+    known = [one for one in rows["horizon"].unique().to_list() if one is not None]
+    chosen = HORIZON if HORIZON in known else max(known, default=None)
+    return rows.filter(pl.col("horizon").eq_missing(pl.lit(chosen, pl.Float64)))
+
+
+def errors(sources: Sources) -> pl.DataFrame:
+    """Errors of predictions before and after, from the ladder, or else from the comparisons.
+
+    Returns:
+        `dataset`, `axis`, `horizon`, `before`, `after` (null where nothing was added), `noise_floor`, `unit`;
+        no rows where nothing was compared.
+    """
+    key = ["dataset", "axis", "horizon"]
+    if sources.ladder is not None:
+        frame = sources.ladder.frame
+        first, last = frame.filter(step=0), frame.filter(pl.col("step") == best_step(frame))
+        same = best_step(frame) == 0
+    elif sources.comparisons:
+        ends = (sources.comparisons[0].frame, sources.comparisons[-1].frame)
+        first, last = (
+            one.filter(level="replay", by="all").with_columns(dataset=pl.lit("fit")) for one in ends
+        )
+        same = len(sources.comparisons) == 1
+        if same and "before" in last.columns:
+            first, same = last.with_columns(rmse=pl.col("before")).drop_nulls("rmse"), False
+    else:
+        first = last = pl.DataFrame(schema=[*key, "rmse", "noise_floor", "unit"])
+        same = True
+    earlier = first.select(*key, before="rmse")
+    both = last.select(*key, "noise_floor", "unit", after="rmse").join(
+        earlier, on=key, how="left", nulls_equal=True, maintain_order="left"
+    )
+    return both.with_columns(
+        before=pl.coalesce("before", "after"),
+        after=pl.lit(None, pl.Float64) if same else pl.col("after"),
+    )
+
+
+def standings(sources: Sources) -> list[Standing]:
+    """How good the model is: on the recording first, and then on held-out data."""
+    whole = errors(sources).filter(pl.col("axis") == "all")
+    found = []
+    for name in DATASETS:
+        rows = at_horizon(whole.filter(pl.col("dataset") == name))
+        for row in rows.head(1).iter_rows(named=True):
+            numbers = (row["before"], row["after"], row["noise_floor"])
+            found.append(Standing(name, row["horizon"], *numbers, row["unit"]))
+    return found
+
+
+def horizons(sources: Sources) -> Iterator[dict[str, Any]]:
+    """Errors of velocity and pose at every horizon, before and after, in figures."""
+    both = errors(sources)
+    for axis, label in (("all", "velocity"), ("pose", "position")):
+        rows = both.filter(pl.col("axis") == axis).sort("dataset", "horizon", nulls_last=True)
+        for row in rows.iter_rows(named=True):
+            yield {
+                "dataset": DATASETS[row["dataset"]],
+                "of": f"{label} [{row['unit']}]",
+                "horizon": words.horizon(row["horizon"]),
+                "before": words.figure(row["before"]),
+                "after": words.figure(row["after"]),
+                "noise": words.figure(row["noise_floor"], 2),
+            }
+
+
+def headline(sources: Sources) -> str:
+    """The story in a sentence, with figures."""
+    found = standings(sources)
+    if not found:
+        return _first_finding(sources) or _what_it_is(sources)
+    first = found[0]
+    look = f"{first.horizon:g} s ahead" if first.horizon is not None else "over a whole run"
+    if first.after is None:
+        told = f"The model errs by {words.figure(first.before)} {first.unit} {look}."
+        return f"{told} {_first_finding(sources) or _worst_place(sources)}".strip()
+    added = words.listed(added_effects(sources))
+    begin = f"With {added} added" if added else "With what was found"
+    falls = "falls" if first.after < first.before else "goes"
+    told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
+    others = [f", and on {one.data} {_fall(one)}" for one in found[1:] if one.after is not None]
+    return f"{told}{''.join(others)}."
+
+
+def noise_line(sources: Sources) -> str:
+    """What noise alone would leave, beside the headline; empty where nothing was compared."""
+    found = standings(sources)
+    if not found:
+        return ""
+    return f"Sensor noise alone would leave {words.figure(found[0].noise, 2)} {found[0].unit}."
+
+
+def added_effects(sources: Sources) -> list[str]:
+    """Everything that the steps up to the chosen one took up, in words."""
+    if sources.ladder is None:
+        return []
+    frame = sources.ladder.frame.filter(pl.col("step") <= best_step(sources.ladder.frame)).sort("step")
+    names = (name for one in frame["effect"].unique(maintain_order=True) for name in one.split(", ") if name)
+    return [words.effect_name(name) for name in dict.fromkeys(names)]
+
+
+def _fall(one: Standing) -> str:
+    return f"from {words.figure(one.before)} to {words.figure(one.after)}"
+
+
+def _first_finding(sources: Sources) -> str:
+    """The verdict of the first finding of the last diagnosis."""
+    if not sources.diagnoses or sources.diagnoses[-1].frame.is_empty():
+        return ""
+    return words.verdict(sources.diagnoses[-1].frame.sort("rank").row(0, named=True))[1]
+
+
+def _worst_place(sources: Sources) -> str:
+    """Where most of the unexplained error lies."""
+    return comparison.headline(sources.comparisons[-1].frame) if sources.comparisons else ""
+
+
+def _what_it_is(sources: Sources) -> str:
+    """What the page shows where there is neither comparison nor diagnosis."""
+    return "Measured motion against simulated." if sources.replays else "Errors of models, axis by axis."

@@ -1,0 +1,250 @@
+"""What the report says: figures and words from the tables, each where it belongs."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import polars as pl
+import pytest
+import studies
+
+from hydro.core.errors import DataError
+from hydro.io import table
+from hydro.report import words
+from hydro.report.page import render
+from hydro.report.sources import Named, Sources, gather
+
+
+class Text(HTMLParser):
+    """The words of a page, those of each section apart, without scripts and styles."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.stack, self.section, self.found = [], "head", {"head": ""}
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in ("script", "style"):
+            self.stack.append(tag)
+        if tag in ("section", "footer"):
+            self.section = dict(attrs)["id"] or ""
+            self.found[self.section] = ""
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("script", "style"):
+            self.stack.pop()
+
+    def handle_data(self, data: str) -> None:
+        if not self.stack:
+            self.found[self.section] = " ".join(f"{self.found[self.section]} {data}".split())
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Sources:
+    return gather([studies.write(tmp_path_factory.mktemp("study"))])
+
+
+@pytest.fixture(scope="module")
+def page(sources: Sources) -> dict[str, str]:
+    return Text(render(sources)).found
+
+
+def alone(kind: str, frame: pl.DataFrame) -> Sources:
+    """A report on one table."""
+    of = {"comparison": "comparisons", "diagnosis": "diagnoses", "replay": "replays", "metrics": "metrics"}
+    named = Named("one.parquet", table.make(kind, frame, stage=kind))
+    return Sources(ladder=named) if kind == "ladder" else Sources(**{of[kind]: (named,)})
+
+
+# A study.
+
+
+def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
+    order = ["model", "places", "findings", "ladder", "replay-0", "confusions", "next", "provenance"]
+    assert [name for name in page if name != "head"] == order
+
+
+def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> None:
+    told = "With ocean current added, the error 5 s ahead falls from 2.00 to 0.200 m/s, and on held-out data "
+    assert f"{told}from 1.80 to 0.300." in page["head"]
+    assert "noise alone would leave 0.020 m/s" in page["head"]
+    assert "10 % of the error is left" in page["model"]
+    assert "17 % of the error is left" in page["model"]
+
+
+def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> None:
+    assert "Sway while turning right above 0.8 m/s 60 % in 20 % of the time" in page["places"]
+    assert "the model leaves out 90.0 N" in page["places"]
+    before, after = page["places"].split("With what was found")
+    assert "turning right" in before
+    assert "Sway while braking 60 %" in after
+
+
+def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
+    told = page["findings"]
+    assert "explains 41 % of the error, 33 % to 52 %" in told
+    assert "confidence 93 % p-value 0.0005 could also be tether" in told
+    assert "v_N 0.260 ± 0.012 m/s" in told
+    assert "Nothing missing What is left is no more than noise." in told
+    assert "thruster gain or quadratic damping (20 % of the error)" in told
+
+
+def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
+    assert "0 the file as given the recording 2.00" in page["ladder"]
+    assert "1 ocean current held-out data 0.300" in page["ladder"]
+    assert "ocean current v_N 0.260 ± 0.012 m/s" in page["ladder"]
+
+
+def test_the_overlay_has_the_errors_of_both_models(page: dict[str, str]) -> None:
+    assert "model as given 0.200 0.200 0.200" in page["replay-0"]
+    assert "after step 1 0.100 0.100 0.100" in page["replay-0"]
+    assert "begins anew from the measured motion every 20 s" in page["replay-0"]
+
+
+def test_confusions_tell_rivals_and_what_parts_them(page: dict[str, str]) -> None:
+    assert "ocean current here also possible tether" in page["confusions"]
+    assert "turn slowly through all headings" in page["confusions"]
+
+
+def test_hashes_stand_at_the_foot(page: dict[str, str], sources: Sources) -> None:
+    for one in sources.everything:
+        assert one.artefact.provenance.content in page["provenance"]
+    assert 'name = "ocean_current"' in page["provenance"]
+
+
+def test_nothing_is_asked_of_a_network(sources: Sources) -> None:
+    page = render(sources)
+    own = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    assert "//" not in re.sub(r"/\*.*?\*/", "", own)
+    assert "default-src 'none'" in own
+
+
+def test_a_step_too_far_is_not_the_one_to_use(tmp_path: Path) -> None:
+    studies.write(tmp_path)
+    worse = studies.ladder().with_columns(
+        rmse=pl.when(pl.col("dataset") == "holdout", pl.col("step") == 1).then(9.0).otherwise("rmse")
+    )
+    table.write(table.make("ladder", worse, stage="explain"), tmp_path / "ladder.parquet")
+    page = Text(render(gather([tmp_path]))).found
+    assert "The model errs by 2.00 m/s 5 s ahead." in page["head"]
+    assert "the file to use is that of step 0" in page["ladder"]
+    assert "With what was found" not in page["places"]
+
+
+def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for step in (10, 2, 0):
+        frame = studies.comparison(1.0, f"in step {step}")
+        table.write(table.make("comparison", frame, stage="compare"), tmp_path / f"comparison-{step}.parquet")
+    names = [one.name for one in gather([tmp_path]).comparisons]
+    assert names == ["comparison-0.parquet", "comparison-2.parquet", "comparison-10.parquet"]
+
+
+# Single tables.
+
+
+@pytest.mark.parametrize(
+    ("kind", "frame", "sections", "told"),
+    [
+        ("comparison", studies.comparison(), ["model", "places"], "The model errs by 2.00 m/s 5 s ahead."),
+        ("diagnosis", studies.found(), ["findings", "confusions", "next"], "The model lacks ocean current."),
+        ("diagnosis", studies.nothing(), ["findings", "next"], "What is left is no more than noise."),
+        ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
+        ("replay", studies.replay(), ["replay-0"], "Measured motion against simulated."),
+        ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),
+    ],
+)
+def test_a_table_alone_makes_the_sections_that_it_can(
+    kind: str, frame: pl.DataFrame, sections: list[str], told: str
+) -> None:
+    page = Text(render(alone(kind, frame))).found
+    assert list(page) == ["head", *sections, "provenance"]
+    assert told in page["head"]
+
+
+def test_metrics_have_a_row_per_variant() -> None:
+    page = Text(render(alone("metrics", studies.metrics()))).found
+    assert "MJ4 0.0100 0.0200 0.0300 0.0400 0.0500 0.0600" in page["metrics-0"]
+
+
+def test_what_to_fly_is_said_once_each() -> None:
+    page = Text(render(alone("diagnosis", studies.found()))).found
+    for advice in (
+        "To tell them apart: fly a powered step.",
+        "It grows with depth: fly deeper.",
+        "Fly shallow.",
+    ):
+        assert page["next"].count(advice) == 1
+    assert "hydro add" not in page["next"]
+
+
+def test_a_comparison_with_an_earlier_one_tells_both() -> None:
+    frame = studies.comparison(0.5).with_columns(before=2.0 * pl.col("rmse"))
+    page = Text(render(alone("comparison", frame))).found
+    assert "With what was found, the error 5 s ahead falls from 2.00 to 1.00 m/s." in page["head"]
+
+
+def test_values_that_are_no_toml_are_refused() -> None:
+    broken = studies.found().with_columns(parameters=pl.lit("{ v_N = "))
+    with pytest.raises(DataError, match=r"values of ocean_current are not inline TOML.*diagnose anew"):
+        render(alone("diagnosis", broken))
+
+
+def test_two_ladders_are_refused(tmp_path: Path) -> None:
+    studies.write(tmp_path)
+    with pytest.raises(DataError, match="second study"):
+        gather([tmp_path, tmp_path / "ladder.parquet"])
+
+
+# Words.
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (2.0, "2.00"),
+        (0.0123456, "0.0123"),
+        (-151.26, "−151"),
+        (9.996, "10.0"),
+        (1.5e-7, "1.50e−07"),
+    ],
+)
+def test_three_figures(value: float, text: str) -> None:
+    assert words.figure(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.26591, 0.0141, "0.266 ± 0.014"),
+        (188.34, 17.3, "188 ± 17"),
+        (-0.0137, 0.0131, "−0.014 ± 0.013"),
+        (2.0, None, "2.00"),
+        (12345.0, 2345.0, "12300 ± 2300"),
+    ],
+)
+def test_a_value_has_the_places_of_its_error(value: float, error: float | None, text: str) -> None:
+    assert words.with_error(words.Value("x", value, error, "")) == text
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters", "name", "unit"),
+    [
+        ("ocean_current", "{ v_N = 0.2 }", "v_N", "m/s"),
+        ("linear_damping", "{ diagonal = [1, 2, 3, 4, 5, 6] }", "diagonal N", "N m s"),
+        ("thruster_gain", "{ g = [0, 0, 0, 0, 0, -0.4] }", "g 6", ""),
+        ("sensor_misalignment", "{ alpha = [0.1, 0.2, 0.3] }", "alpha yaw", "rad"),
+        ("tether", "{ attachment = [0.1, 0.2, 0.3] }", "attachment z", "m"),
+    ],
+)
+def test_entries_are_called_by_their_axes(effect: str, parameters: str, name: str, unit: str) -> None:
+    last = words.values(effect, parameters, "")[-1]
+    assert (last.name, last.unit) == (name, unit)
+
+
+def test_prose_is_a_sentence_without_markup_of_its_own() -> None:
+    told = words.prose("add <b>ocean_current</b> with `hydro add`; nu_r")
+    expected = "Add &lt;b&gt;ocean current&lt;/b&gt; with <code>hydro add</code>; nu_r."
+    assert str(told) == expected
