@@ -26,6 +26,7 @@ from hydro.commands import (
     physics,
     replay,
     report,
+    study,
 )
 
 HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
@@ -51,6 +52,7 @@ GROUPS = (
     diagnose,
     explain,
     report,
+    study,
 )
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 
 AXES = 6
+PACE = 10.0  # s, of the structured model's inertia
 
 
 class TrainedModel(Protocol):
@@ -241,7 +242,7 @@ def _structured(writer: Writer) -> None:
     velocity = np.asarray(writer.model.scalers["input_scale"], dtype=np.float64)[:AXES]
     root = np.sqrt(np.asarray(writer.model.scalers["output_scale"], dtype=np.float64) / velocity)
     inertia = writer.tensor("inertia", (AXES, AXES)).astype(np.float64)
-    inertia = 0.5 * (inertia + inertia.T) * np.outer(root, root)
+    inertia = 0.5 * PACE * (inertia + inertia.T) * np.outer(root, root)
     A = writer.chain(writer.direction(velocity), "layers", writer.option("layers"), "silu")
     writer.dissipate(A, inertia, root, velocity)
 

@@ -24,6 +24,7 @@ from hydro.core.features import names
 from hydro.learn.networks.residual import AXES, Residual, chain
 
 CONTEXT = 7
+PACE = 10.0  # s
 SLOW = 0.1  # of the training data's usual speed
 TINY = 1e-12  # keeps the derivative of a root finite
 
@@ -34,7 +35,7 @@ class Structured(Residual):
     Tensors `layers.<i>.*`, from `context` to the 36 numbers of A row by row, with SiLU between; and
     `inertia` (6, 6), whose symmetric part counts. Both are in units of the scalers: with o the scales of the
     wrench and v those of nu, r = sqrt(o / v) makes the physical A from A[i, j] as r[i] A[i, j] and the
-    inertia as r[i] inertia[i, j] r[j] x 1 s.
+    inertia as r[i] inertia[i, j] r[j] x 10 s, so that the optimiser's small steps carry it far enough.
     """
 
     def __init__(self, *, features: str, layers: Sequence[int]) -> None:
@@ -64,7 +65,7 @@ class Structured(Residual):
     def coriolis(self, nu: Tensor) -> Tensor:
         """C(nu) nu (N, 6) [N and N m] of the learned inertia, at right angles to nu (N, 6)."""
         root = self.root()
-        momentum = nu @ (root[:, None] * 0.5 * (self.inertia + self.inertia.T) * root)
+        momentum = nu @ (root[:, None] * (0.5 * PACE) * (self.inertia + self.inertia.T) * root)
         linear, angular = momentum[:, :3], momentum[:, 3:]
         v, omega = nu[:, :3], nu[:, 3:]
         force = torch.linalg.cross(omega, linear)

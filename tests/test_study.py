@@ -1,0 +1,123 @@
+"""A study goes on where it stopped: a step is run again only where something it depends on has changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from hydro import cli
+from hydro.commands.steps import Runner, Step
+from hydro.commands.study import Run
+from hydro.core.metrics import SCHEMA
+from hydro.report.tables import ranking, seeds_together
+
+
+class Copier:
+    """A command line `copy FROM TO` that keeps count."""
+
+    def __init__(self) -> None:
+        self.ran: list[str] = []
+
+    def main(self, line: list[str], **_options: object) -> None:
+        _, source, target = line
+        Path(target).write_bytes(Path(source).read_bytes() + b"!")
+        self.ran.append(Path(target).name)
+
+
+@pytest.fixture
+def chain(tmp_path):
+    """a -> b -> c, and d apart."""
+    (tmp_path / "a").write_text("data")
+    (tmp_path / "x").write_text("else")
+
+    def step(source: str, target: str) -> Step:
+        return Step(
+            ("copy", str(tmp_path / source), str(tmp_path / target)),
+            (tmp_path / source,),
+            (tmp_path / target,),
+        )
+
+    return tmp_path, [step("a", "b"), step("b", "c"), step("x", "d")]
+
+
+def run(chain) -> list[str]:
+    """What a new process would run."""
+    folder, steps = chain
+    root = Copier()
+    assert Runner(folder, root).run(steps) == len(root.ran)
+    return root.ran
+
+
+def test_what_has_not_changed_is_not_run_again(chain):
+    folder, _ = chain
+    assert run(chain) == ["b", "c", "d"]
+    assert run(chain) == []
+    (folder / "a").touch()
+    assert run(chain) == [], "the content counts, not the time"
+    (folder / "a").write_text("other")
+    assert run(chain) == ["b", "c"]
+    (folder / "c").unlink()
+    assert run(chain) == ["c"]
+    (folder / "d").write_text("spoilt")
+    assert run(chain) == ["d"]
+
+
+def test_an_interrupted_study_goes_on(chain):
+    folder, steps = chain
+    Runner(folder, Copier()).run(steps[:1])
+    assert run(chain) == ["c", "d"]
+
+
+def test_a_broken_ledger_costs_time_only(chain, capsys):
+    folder, _ = chain
+    run(chain)
+    (folder / "steps.json").write_text("{")
+    assert run(chain) == ["b", "c", "d"]
+    assert "every step is run anew" in capsys.readouterr().err
+
+
+def errors(model: str, run: str, value: float, axis: str = "all") -> dict[str, object]:
+    return {
+        "model": model,
+        "variant": "",
+        "dataset": "d",
+        "axis": axis,
+        "metric": "rmse",
+        "value": value,
+        "low": 0.9 * value,
+        "high": 1.1 * value,
+        "unit": "N",
+        "run": run,
+    }
+
+
+def test_seeds_are_put_together_and_a_single_one_keeps_its_interval():
+    table = pl.DataFrame([errors("a", "seed 0", 1.0), errors("a", "seed 1", 3.0), errors("b", "seed 0", 5.0)])
+    found = seeds_together(table)
+    assert dict(found.schema) == SCHEMA
+    assert found.select("model", "value", "low", "high").rows() == [
+        ("a", 2.0, 1.0, 3.0),
+        ("b", 5.0, 4.5, 5.5),
+    ]
+
+
+def test_ranking_counts_a_diverged_flight_as_the_worst():
+    predicted = pl.DataFrame([errors(name, "seed 0", k + 1.0) for k, name in enumerate("abc")])
+    replayed = pl.DataFrame([errors("a", "seed 0", 0.1), errors("b", "seed 0", 0.2)])
+    found = ranking(predicted, replayed).filter(pl.col("metric") == "kendall_tau")
+    assert found.select("axis", "value").rows() == [("all", pytest.approx(1.0))]
+    assert ranking(predicted.head(2), replayed).is_empty()
+
+
+def test_names_tell_runs_apart():
+    assert Run("mlp", 2).name == "mlp-seed2"
+    assert (Run("mlp", 0, 3.0).name, Run("mlp", 0, 3.0).label) == ("mlp-seed0-3min", "seed 0, 3 min")
+
+
+def test_an_unknown_model_is_refused(tmp_path, capsys):
+    line = ["study", "models", "raw.parquet", "--replay", "raw.parquet", "--model", "gpt"]
+    assert cli.main([*line, "-o", str(tmp_path / "study")]) == 2
+    assert "no model is called 'gpt'" in capsys.readouterr().err
+    assert not (tmp_path / "study").exists()
