@@ -59,12 +59,14 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
                 continue
             tied = [name for name in members if name != effect]
             usual = CATALOGUE[effect].lookalikes if effect in CATALOGUE else ()
-            known = len(members) > 1 and all(name in CATALOGUE for name in members)
+            asked = row["advice"] if row["verdict"] == "cannot_tell_apart" else ""
+            if not asked and tied and all(name in CATALOGUE for name in members):
+                asked = separating(members)
             rows[effect] = {
                 "effect": words.effect_name(effect),
                 "tied": words.listed([words.effect_name(name) for name in tied]),
                 "usual": words.listed([words.effect_name(name) for name in usual if name not in tied]),
-                "parted": separating(members).removeprefix("to tell them apart: ") if known else "",
+                "parted": asked.removeprefix("to tell them apart: "),
             }
     return list(rows.values())
 

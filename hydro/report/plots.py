@@ -24,6 +24,8 @@ MOST_POINTS = 1000
 """Samples drawn per curve and session: as many as a screen is wide."""
 SPAN = 10.0
 """Ratio of the greatest to the least error from which on an axis is logarithmic."""
+CROWDED = 150.0
+"""Ratio from which a logarithmic axis has numbers at powers of ten alone, not also at 2 and 5."""
 DATASETS = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
 """Colour, mark and dashes of the noise of what a ladder was measured on."""
 
@@ -64,7 +66,9 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
     drawn.update_xaxes(title="step", showgrid=False, zeroline=False)
     drawn.update_yaxes(title=f"error [{rows['unit'][0]}]", fixedrange=True, exponentformat="none")
     if logarithmic:
-        drawn.update_yaxes(type="log", dtick=1, tickformat="~g")
+        shown = pl.concat([rows["rmse"], rows["noise_floor"].filter(rows["noise_floor"] > 0.0)])
+        near = _number(shown.max()) < CROWDED * _number(shown.min())
+        drawn.update_yaxes(type="log", dtick="D2" if near else 1, tickformat="~g")
     else:
         drawn.update_yaxes(rangemode="tozero", nticks=6)
     return _plain(drawn)
