@@ -126,7 +126,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
         console.print(f"\nStep {step.number}", style="bold")
         for table in step.tables:
             if table["name"] in step.added:
-                console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ")
+                console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ", soft_wrap=True)
         others = [table["name"] for table in step.tables if table["name"] not in step.added]
         if others:
             console.print(f"    fitted anew with it: {', '.join(others)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,9 @@ VELOCITY = ("u", "v", "w", "p", "q", "r")
 REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
 LEAST_NOISE = 1e-4
+STRAIGHT = 0.02
+"""Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
+DRAWN = 0.4  # share of such rows from which a channel is one that was interpolated
 
 
 @dataclass(frozen=True)
@@ -124,20 +128,34 @@ def noise(record: Recording) -> Array:
     """Standard deviation of the white noise on each channel, pose then velocity, shape (12,).
 
     From fourth differences, in which motion all but cancels and white noise of variance s^2 has 70 s^2; by
-    their median size, so that a few jumps of a log do not count.  Never below 1e-4 (m, rad, m/s, rad/s),
-    where a simulated log carries no noise at all.
+    their median size, so that a few jumps of a log do not count.  A channel that was drawn in straight lines
+    between the samples of a slower sensor is judged by rows as far apart as those.  Never below 1e-4 (m, rad,
+    m/s, rad/s), where a simulated log carries no noise at all.
 
     Raises:
         DataError: No segment has five rows.
     """
-    differences, channels = [], np.hstack([record.eta, record.nu])
+    channels = np.hstack([record.eta, record.nu])
     for start, stop in record.segments:
-        part = channels[start:stop].copy()
-        part[:, 3:6] = np.unwrap(part[:, 3:6], axis=0)
-        differences.append(np.diff(part, 4, axis=0))
-    all_of_them = np.abs(np.concatenate(differences))
-    if not len(all_of_them):
-        raise DataError("no session has five rows without a gap; record longer sessions")
-    found = np.median(all_of_them, axis=0) / (0.6745 * np.sqrt(70.0))
+        channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)
+    parts = [channels[start:stop] for start, stop in record.segments]
+    found = np.array([_noise([part[:, i] for part in parts]) for i in range(channels.shape[1])])
     sigma: Array = np.maximum(found, LEAST_NOISE)
     return sigma
+
+
+def _noise(parts: Sequence[Array]) -> float:
+    """The same of one channel, segment by segment."""
+    bends = np.concatenate([np.diff(part, 2) for part in parts])
+    bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
+    corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
+    drawn = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN
+    apart = round(len(bent) / corners) if drawn else 1
+    sizes = []
+    for first in range(apart):  # of the rows that fall on the samples, or nearest to them
+        differences = [np.diff(part[first::apart], 4) for part in parts if len(part) > first]
+        if sum(part.size for part in differences):
+            sizes.append(float(np.median(np.abs(np.concatenate(differences)))))
+    if not sizes:
+        raise DataError("no session has five rows without a gap; record longer sessions")
+    return max(sizes) / (0.6745 * float(np.sqrt(70.0)))

@@ -67,7 +67,8 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
             continue
         value, error = np.asarray(found, float), np.asarray(table["standard_error"][parameter.name], float)
         shown = [index for index in np.ndindex(*value.shape) if not index or _plain(value, error, index)]
-        numbers = [_numbered(index) + _sized(float(value[index]), float(error[index])) for index in shown]
+        name = _numbered if len(shown) < value.size else lambda index: ""
+        numbers = [name(index) + _sized(float(value[index]), float(error[index])) for index in shown]
         rest = ", all others near 0" if len(shown) < value.size else ""
         unit = describe.unit(parameter)
         yield f"{parameter.name}: {', '.join(numbers)}{rest}{'' if unit == '1' else f' [{unit}]'}"
@@ -78,7 +79,7 @@ def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
 
 
 def _numbered(index: tuple[int, ...]) -> str:
-    return f"no. {', '.join(str(i + 1) for i in index)} " if index else ""
+    return f"no. {', '.join(str(i + 1) for i in index)}: " if index else ""
 
 
 def _sized(value: float, error: float) -> str:

@@ -62,6 +62,18 @@ def test_noise_is_found_through_the_motion():
     np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.06)
 
 
+@pytest.mark.parametrize("apart", [2, 3, 5])
+def test_noise_is_found_between_the_samples_of_a_slower_sensor(apart):
+    """Straight lines between every few rows: as noisy as its samples."""
+    raw = noisy(moved(damped(), rows=3000), 0)
+    slow = {
+        name: np.interp(raw["t"], raw["t"].gather_every(apart), raw[name].gather_every(apart))
+        for name in ("x", "y", "z", "u", "v", "w")
+    }
+    found = noise(recording(raw.with_columns(**slow), damped()))
+    np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.12)
+
+
 def test_a_tumbling_vehicle_is_smoothed_through_the_vertical():
     """Loops about an axis askew: roll and heading jump, the attitude does not."""
     t = np.arange(1500) * 0.02
