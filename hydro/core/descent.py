@@ -82,7 +82,7 @@ def descend(
                 after, stride = moved, step
                 break
             damping = max(damping * 10.0, 1e-4)
-        if not stride.any() and here - normal.cost < max(worth, 1e-9 * here):
+        if not stride.any() and not max(worth, 1e-9 * here) < here - normal.cost:
             break
         x, problem, damping = x + stride, after, max(damping * 0.1, 1e-9)
         normal = linearised(unknown, x, problem)

@@ -75,7 +75,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("the file's own effects", 0.05)
     given = fitted(vehicle, [], problem, reach, 0)
     first = fitted(vehicle, base, problem, reach, THOROUGH)
-    search = Search(first, base, reach, kinematic_tests(record))
+    search = Search(first, base, reach, kinematic_tests(record), problem)
     model, found, last = search.grow(told)
     told("looking back", 0.8)
     model, found, without = search.reconsider(model, found)

@@ -41,6 +41,7 @@ PLAIN = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
+FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best couplings would let damping or added mass drive the vehicle; they are reduced to what "
     "a passive hull can have"
@@ -167,7 +168,11 @@ class OutputError:
     @classmethod
     def of(cls, shots: shooting.Shots, vehicle: Vehicle) -> OutputError:
         """Begin the shots as this vehicle's velocity log says."""
-        return cls(shooting.corrected_first(shots, candidate(vehicle)))
+        return cls(shots).begun(vehicle)
+
+    def begun(self, vehicle: Vehicle) -> OutputError:
+        """The problem with its shots begun as this vehicle's velocity log says."""
+        return OutputError(shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `shooting.linearise`."""
@@ -178,6 +183,7 @@ class OutputError:
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
         """Predict anew, from beginnings moved as the linearised problem would have them."""
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
+        shift = np.clip(shift, -FARTHEST * shooting.TRUST, FARTHEST * shooting.TRUST)
         moved = replace(self.shots, first=shooting.displaced(self.shots.first, shift))
         return shooting.cost(shooting.load(candidate(vehicle), moved), moved), OutputError(moved)
 

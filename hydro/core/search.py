@@ -20,6 +20,7 @@ from hydro.core.descent import Problem, descend
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
+from hydro.core.fit import OutputError
 from hydro.core.normal import Normal
 from hydro.core.parameters import Free, free
 from hydro.core.sensor_tests import KinematicTest, shown, vetoed
@@ -42,6 +43,7 @@ CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST = 4  # findings
 QUICK = 4  # iterations of a contender's fit
+CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
 THOROUGH = 8  # of the base, and of the last joint fit
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing
 
@@ -134,12 +136,14 @@ class Search:
         base: Names of those effects.
         reach: Positions of the recording, (N, 3).
         sensors: What kinematics alone says of the velocity log's errors.
+        sight: The shots, begun where the recording saw the vehicle.
     """
 
     first: Model
     base: tuple[str, ...]
     reach: Array
     sensors: Mapping[str, KinematicTest]
+    sight: OutputError
 
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
@@ -195,7 +199,24 @@ class Search:
             fit = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
             if not self.refuted(name, fit.vehicle):
                 fits[name] = fit
+        least = np.inf
+        for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
+            if fits[name].excess <= FAR * least:
+                fits[name] = self.settled(fits[name], [*chosen, name])
+                least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
         return fits
+
+    def settled(self, model: Model, chosen: Sequence[str]) -> Model:
+        """The model fitted to the end: a name rests on the difference of two fits.
+
+        Begun again where the recording saw the vehicle: what a poor model has made of the beginnings may
+        hold a good one back.
+        """
+        wanted = [*self.base, *chosen]
+        again = fitted(model.vehicle, wanted, self.sight.begun(model.vehicle), self.reach, THOROUGH)
+        if again.normal.cost <= model.normal.cost:
+            return again
+        return fitted(model.vehicle, wanted, model.problem, self.reach, THOROUGH)
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""

@@ -289,7 +289,8 @@ def linearise(
             columns[:, i] = (still - changed).reshape(flat) / size
         for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
             columns[:, i] = (still - residuals(other, shots, None, part, MIDPOINT)).reshape(flat) / share
-        lost = ~np.isfinite(columns).all(axis=(1, 2))
+        lost = ~np.isfinite(columns[:, -1]).all(axis=1)
+        columns[~np.isfinite(columns).all(axis=(1, 2)), :-1] = 0.0  # at the brink: no derivative to be had
         columns[lost] = 0.0
         gram[part], follow[part] = eliminate(columns @ columns.transpose(0, 2, 1), CHANNELS, TRUST**-2)
         gram[part][lost, -1, -1] = np.inf
