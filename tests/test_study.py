@@ -116,6 +116,12 @@ def test_names_tell_runs_apart():
     assert (Run("mlp", 0, 3.0).name, Run("mlp", 0, 3.0).label) == ("mlp-seed0-3min", "seed 0, 3 min")
 
 
+def test_noise_needs_data_without_to_test_on(tmp_path, capsys):
+    line = ["study", "models", "raw.parquet", "--replay", "raw.parquet", "--noise", "dvl"]
+    assert cli.main([*line, "-o", str(tmp_path / "study")]) == 2
+    assert "--noise needs --test" in capsys.readouterr().err
+
+
 def test_an_unknown_model_is_refused(tmp_path, capsys):
     line = ["study", "models", "raw.parquet", "--replay", "raw.parquet", "--model", "gpt"]
     assert cli.main([*line, "-o", str(tmp_path / "study")]) == 2

@@ -92,7 +92,8 @@ def study(
         typer.Option(metavar="MIN", help="Also train on so many minutes alone; repeat for several."),
     ] = None,
     noise: Annotated[
-        str, typer.Option(metavar="SPEC", help="Noise added to the training data: none, ordinary, dvl, ….")
+        str,
+        typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
     ] = "none",
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
     quick: Annotated[
@@ -112,6 +113,8 @@ def study(
     """
     names = tuple(model) if model else QUICK_MODELS if quick else MODELS
     _require_models(names)
+    if noise != "none" and test is None:
+        raise UsageError("--noise needs --test RAW, a recording without noise to evaluate on")
     if quick:
         seeds, epochs = 1, 1
     data = Data(raw, replay, test, vehicle, noise)

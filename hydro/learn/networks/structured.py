@@ -45,9 +45,10 @@ class Structured(Residual):
             )
         super().__init__(inputs=len(names(features)), features=features)
         self.layers = chain(layers)
-        self.inertia = nn.Parameter(torch.zeros(AXES, AXES))
-        with torch.no_grad():  # begin with the drag that the scales suggest
-            self.get_parameter(f"layers.{len(self.layers) - 1}.bias").copy_(0.5 * torch.eye(AXES).flatten())
+        self.inertia = nn.Parameter(torch.eye(AXES) / PACE)
+        with torch.no_grad():  # begin with the drag and inertia that the scales suggest
+            last = self.get_parameter(f"layers.{len(self.layers) - 1}.bias")
+            last.copy_(0.5 * torch.eye(AXES).flatten())
 
     def standardised(self, inputs: Tensor) -> Tensor:
         """The wrench of `forward` in units of its scales, from standardised features."""
