@@ -247,6 +247,7 @@ def train(
     model: str = "physfeat",
     seed: int = 0,
     epochs: int = 60,
+    minutes: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     subtract: Subtract = "inertia",
     progress: Callable[[Any], None] | None = None,
@@ -255,9 +256,10 @@ def train(
 
     Args:
         split: split table.
-        model: architecture, `mlp` or `physfeat`.
+        model: architecture: `mlp`, `resmlp`, `multihead`, `moe`, `physfeat`, `structured` or `temporal`.
         seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
         epochs: passes over the data at most.
+        minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
         device: where to train.
         subtract: what `labels` subtracted: a replay must bring it.
         progress: called after every epoch with a `hydro.learn.train.Epoch`.
@@ -271,9 +273,11 @@ def train(
     """
     from dataclasses import replace
 
+    from hydro.learn.rows import for_minutes
     from hydro.learn.train import train as fit
 
-    trained = fit(split, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+    rows = split if minutes is None else for_minutes(split, minutes)
+    trained = fit(rows, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
     return replace(trained, subtract=subtract)
 
 
@@ -305,6 +309,7 @@ def evaluate(
     labels: pl.DataFrame,
     *,
     part: Literal["test", "train", "all"] = "test",
+    by: Sequence[Literal["speed", "drift", "reach"]] = (),
     dataset: str = "labels",
 ) -> pl.DataFrame:
     """Measure how well models predict the residual wrench.
@@ -313,17 +318,19 @@ def evaluate(
         models: trained models, of different names.
         labels: split table, or a labels table for part `all`.
         part: which side of the split.
+        by: ways to divide the rows, each regime of which is measured besides; see `hydro evaluate --help`.
         dataset: name of the data in the result.
 
     Returns:
-        A metrics table: `rmse`, `mae` [N, N m] and `r2` per axis and over all, with 95 % intervals.
+        A metrics table: `rmse`, `mae` [N, N m] and `r2` per axis and over all, with 95 % intervals. Column
+        `variant` names the regime, and is empty for all rows together.
 
     Raises:
         hydro.core.errors.DataError: the rows are not there, or a model is broken.
     """
     from hydro.learn.evaluate import evaluate as measure
 
-    return measure(models, labels, part=part, dataset=dataset)
+    return measure(models, labels, part=part, dataset=dataset, by=by)
 
 
 def replay(
@@ -333,6 +340,7 @@ def replay(
     models: Sequence[Model] = (),
     variants: Sequence[str] | None = None,
     conditioning: Conditioning = "off",
+    piece: float | None = None,
     dataset: str = "recording",
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Fly a recording's commands again in MuJoCo, open loop.
@@ -344,6 +352,7 @@ def replay(
         variants: names of the variants to fly; all by default.
         conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
             `hydro replay --help`.
+        piece: also measure every piece of so many seconds, such as the 10 s segments of the replay sequence.
         dataset: name of the recording in the metrics.
 
     Returns:
@@ -358,4 +367,6 @@ def replay(
     from hydro.sim import replay as sim
 
     flown = sim.variants(models, variants)
-    return sim.replay(raw, vehicle, flown, conditioning=preset(conditioning, vehicle), dataset=dataset)
+    return sim.replay(
+        raw, vehicle, flown, conditioning=preset(conditioning, vehicle), piece=piece, dataset=dataset
+    )
