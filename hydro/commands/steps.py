@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import shlex
 import time
 from collections.abc import Sequence
@@ -10,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import typer
 
 LEDGER = "steps.json"
@@ -52,8 +52,8 @@ class Runner:
         self._ledger: dict[str, dict[str, str]] = {}
         if self._path.is_file():
             try:
-                self._ledger = msgspec.json.decode(self._path.read_bytes(), type=dict[str, dict[str, str]])
-            except msgspec.DecodeError:
+                self._ledger = json.loads(self._path.read_bytes())
+            except ValueError:
                 typer.echo(f"hydro: {self._path}: cannot be read: every step is run anew", err=True)
 
     def run(self, steps: Sequence[Step]) -> int:
@@ -93,8 +93,7 @@ class Runner:
         from hydro.io.files import write_bytes
 
         self._ledger[step.name] = self._state(step)
-        content = msgspec.json.format(msgspec.json.encode(self._ledger), indent=1)
-        write_bytes(content, str(self._path))
+        write_bytes(json.dumps(self._ledger, indent=1).encode(), str(self._path))
 
     def _digest(self, path: Path) -> str:
         """SHA-256 of a file; computed once as long as the file is not written again."""
