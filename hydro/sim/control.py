@@ -6,6 +6,7 @@ stands on the left-hand side of the balance, as the label does.
 A passive model (`learn.networks.structured`) is not held as a wrench, for a wrench that was right 40 ms ago
 can drive the vehicle.  Its D is held, its inertia is constant, and between control steps the wrench goes on
 from the held one by D nu + C(nu) nu of the present nu: damping keeps taking power between control steps.
+A conditioning that changes the held wrench gives this up.
 
 All that is remembered from one control step
 to the next lies in MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of
