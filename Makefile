@@ -19,7 +19,7 @@ $(STAMP): pyproject.toml
 	@$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	@touch $@
 
-demo: $(STAMP)        ## raw data to a replayed vehicle on the bundled sample; writes into demo-out
+demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo-out
 	@$(BIN)/hydro demo $(DEMO)
 
 test: $(STAMP)        ## the whole test suite on two workers
