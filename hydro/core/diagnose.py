@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
-from hydro.core import advice, naming, shooting, unexplained
+from hydro.core import advice, naming, shooting, slow, unexplained
 from hydro.core.candidate import candidate
 from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
@@ -28,7 +28,6 @@ from hydro.core.search import (
     ALPHA,
     MATERIAL,
     THOROUGH,
-    VISIBLE,
     Found,
     Model,
     Round,
@@ -48,8 +47,10 @@ SECONDS = (shooting.SECONDS, 0.5 * shooting.SECONDS, 0.25 * shooting.SECONDS)
 KEPT = 0.95
 """Part of the shots that must keep within bounds."""
 LEAST_SHOTS, MOST_SHOTS = 16, 600
-KNOWN = 0.5
-"""Share of the error that the findings must explain, or else the catalogue lacks the effect."""
+STRUCTURED = 0.05
+"""Share of the noise that error which no effect explains must reach to be told."""
+KNOWN = 0.8
+"""Share of the error that the findings must explain, or else the catalogue lacks an effect."""
 
 
 def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
@@ -173,8 +174,8 @@ def _tables(result: Fit | None, effect: str) -> tuple[dict[str, object], dict[st
 
 
 def _unknown(search: Search, model: Model) -> bool:
-    """Whether the findings explain less than half of the error."""
-    return model.excess > KNOWN * search.first.excess
+    """Whether the findings leave too much of the error."""
+    return model.excess > (1.0 - KNOWN) * search.first.excess
 
 
 def _left(
@@ -182,12 +183,13 @@ def _left(
 ) -> list[Finding]:
     """That structured error remains which no effect explains.
 
-    Structured is what some effect answers to by more than chance, or what is as large as the noise itself.
+    Structured is what some effect answers to by more than chance, or what a steady force in each shot would.
     """
     first = search.first
-    visible = model.excess >= VISIBLE * model.normal.residuals and last.significant
-    plain = model.excess >= model.normal.residuals
-    if not (_unknown(search, model) and (visible or plain)):
+    if not _unknown(search, model) or model.excess < STRUCTURED * model.normal.residuals:
+        return []
+    pulls = model.problem.linearise(model.vehicle, list(slow.pulled(model.vehicle)), [1.0] * slow.WRENCH)
+    if not last.significant and slow.share(pulls) < STRUCTURED:
         return []
     gain = model.costs - model.normal.freedom
     share, low, high = naming.share(

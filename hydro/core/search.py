@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.descent import Problem, descend
+from hydro.core.descent import PRIOR, Problem, descend
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
@@ -37,7 +37,7 @@ MATERIAL = 0.05
 """Share of the squared error beyond the noise that a finding must explain,"""
 TELLING = 0.1
 """or else by how much of its root it must lower the root of what is left."""
-VISIBLE = 0.01
+VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
@@ -227,7 +227,10 @@ class Search:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""
         suspect, columns = now.ranked[name]
         both, step = [*now.own, *columns], np.zeros(len(now.normal.gram[0]) - 1)
-        step[both] = now.evidence.amounts(both)
+        # What the recording does not show, as one of two thrusters that run in step, stays as it is.
+        known = now.normal.matrix.sum(axis=0)[np.ix_(both, both)]
+        known += PRIOR**-2 * max(now.normal.chi2, 1.0) * np.eye(len(both))
+        step[both] = np.linalg.solve(known, now.normal.score.sum(axis=0)[both])
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
         wanted: Wanted = [*self.base, *chosen, table]
