@@ -20,6 +20,7 @@ from hydro.core.descent import PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
+from hydro.core.left_out import Fitted, scores
 from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
 from hydro.core.parameters import Free, free
@@ -47,6 +48,8 @@ SECONDS = (shooting.SECONDS, 0.5 * shooting.SECONDS, 0.25 * shooting.SECONDS)
 KEPT = 0.95
 """Part of the shots that must keep within bounds."""
 LEAST_SHOTS, MOST_SHOTS = 16, 600
+CONFIRMED = 0.5
+"""Part of what an effect explains that it must explain of sessions left out, or else a warning is due."""
 STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
 KNOWN = 0.8
@@ -126,7 +129,7 @@ def _named(
     one: Found,
     search: Search,
     model: Model,
-    without: Array,
+    without: Model,
     result: Fit | None,
     vehicle: Vehicle,
     shots: shooting.Shots,
@@ -134,7 +137,7 @@ def _named(
     """The finding of one effect that joined the model."""
     first = search.first
     pieces = max(block_length(model.normal.score), 1)
-    share, low, high = naming.share(without - model.costs, first.costs - first.normal.freedom, pieces)
+    share, low, high = naming.share(without.costs - model.costs, first.costs - first.normal.freedom, pieces)
     tied = naming.wins(one.rivals, one.effect)
     parameters, errors = _tables(result, one.effect)
     several = len(tied) > 1
@@ -144,6 +147,9 @@ def _named(
     else:
         words = advice.adding(one.effect, parameters, shots.record.dt)
     known = bool(vehicle.effects(one.effect))
+    if known and not several:
+        words = advice.retuning(one.effect)
+    words += _confirmed(one.effect, without, model, shots)
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         one.effect,
@@ -155,7 +161,20 @@ def _named(
         one.p_value,
         parameters,
         errors,
-        advice=advice.retuning(one.effect) if known and not several else words,
+        advice=words,
+    )
+
+
+def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots) -> str:
+    """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do."""
+    session = shots.record.session[shots.segment]
+    both = (Fitted(one.normal, np.zeros(len(one.values))) for one in (without, model))
+    elsewhere = scores(next(both), {effect: next(both)}, session)[effect].share
+    here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
+    if elsewhere >= CONFIRMED * min(here, 1.0):
+        return ""
+    return (
+        f"; one session alone tells of it: left out, it is predicted {elsewhere:.0%} better, not {here:.0%}"
     )
 
 

@@ -263,17 +263,17 @@ class Search:
             found.append(Found(best, now.p_values[best], fits))
             model = fits[best]
 
-    def reconsider(self, model: Model, found: Sequence[Found]) -> tuple[Model, list[Found], dict[str, Array]]:
+    def reconsider(self, model: Model, found: Sequence[Found]) -> tuple[Model, list[Found], dict[str, Model]]:
         """Drop what the others have made needless, and swap what another effect does better in its place.
 
         Returns:
-            The model, what is left in it, and the squared residual of each shot without each effect.
+            The model, what is left in it, and by name of each effect the model without it.
         """
-        kept, without = list(found), dict[str, Array]()
+        kept, without = list(found), dict[str, Model]()
         for one in found:
             others = [other.effect for other in kept if other is not one]
             if not others:
-                without[one.effect] = self.first.costs
+                without[one.effect] = self.first
                 continue
             lesser = self.lesser(model, one.effect, others)
             if not self.material(lesser.normal.cost - model.normal.cost, lesser):
@@ -287,7 +287,7 @@ class Search:
                 best = leader(fits) or one.effect
                 kept[at] = Found(best, now.p_values.get(best, one.p_value), fits)
                 model = fits[best]
-            without[kept[at].effect] = lesser.costs
+            without[kept[at].effect] = lesser
         return model, kept, without
 
     def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
