@@ -74,7 +74,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told = report or (lambda words, share: None)
     told("shots", 0.0)
     record = recording(raw, vehicle)
-    base, reach, problem = own_effects(vehicle), record.eta[:, :3], _aimed(vehicle, record)
+    base, reach, problem = own_effects(vehicle), record.eta[:, :3], aimed(vehicle, record)
     shots = problem.shots
     told("the file's own effects", 0.05)
     given = fitted(vehicle, [], problem, reach, 0)
@@ -102,7 +102,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
 
 
-def _aimed(vehicle: Vehicle, record: Recording) -> OutputError:
+def aimed(vehicle: Vehicle, record: Recording) -> OutputError:
     """Shots as long as the vehicle's predictions keep within bounds, those that do not left out.
 
     Raises:

@@ -14,14 +14,15 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core import search
 from hydro.core.compare import compare
-from hydro.core.diagnose import diagnose
+from hydro.core.diagnose import aimed, diagnose
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.extend import extended, tables
-from hydro.core.fit import fit
+from hydro.core.fit import judged
+from hydro.core.parameters import free
 from hydro.core.recording import recording
-from hydro.core.search import own_effects
 from hydro.core.vehicle import Vehicle
 
 Report = Callable[[str, float], None]
@@ -166,7 +167,8 @@ def _next(
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
-        fitted = fit(last.vehicle, raw, _wanted(last, found), report=_part(told, 0.0, 0.3)).tables()
+        told("all together", 0.0)
+        fitted = _together(last.vehicle, raw, _wanted(last, found))
         vehicle = extended(vehicle, fitted)
     comparison = compare(vehicle, raw, progress=_part(told, 0.3, 0.5))
     compared = [comparison]
@@ -185,11 +187,22 @@ def _next(
     )
 
 
+def _together(
+    vehicle: Vehicle, raw: pl.DataFrame, wanted: Sequence[str | Table]
+) -> tuple[dict[str, Any], ...]:
+    """Effects fitted together, from the values that the last diagnosis found, with their standard errors."""
+    record = recording(raw, vehicle)
+    reach = record.eta[:, :3]
+    unknown = free(vehicle, wanted, reach=reach)
+    problem = aimed(unknown.at(unknown.starts[0]), record)
+    model = search.fitted(vehicle, wanted, problem, reach, search.THOROUGH)
+    return judged(model.unknown, model.values, model.normal, model.normal.chi2, "output").tables()
+
+
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     """What is fitted together: the file's own effects and all added, from their values, and what is new."""
-    known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
-    new = [_bare(table) for name, table in found.items() if name not in known]
-    return [*known, *new]
+    known = dict.fromkeys([*search.own_effects(last.vehicle), *(table["name"] for table in last.tables)])
+    return [*(name for name in known if name not in found), *(_bare(table) for table in found.values())]
 
 
 def _bare(table: Table) -> dict[str, Any]:

@@ -110,19 +110,19 @@ def staged(monkeypatch, known):
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
-        def fit(vehicle, raw, wanted, report):
+        def together(vehicle, raw, wanted):
             asked.append(list(wanted))
             names = [one if isinstance(one, str) else one["name"] for one in wanted]
             given = {one["name"]: one for one in wanted if not isinstance(one, str)}
             fitted = tuple({"name": n, "standard_error": {}} | given.get(n, {}) for n in names)
-            return type("Fit", (), {"tables": lambda self: fitted})()
+            return fitted
 
         def compare(vehicle, raw, progress):
             row = dict.fromkeys(("low", "high", "noise_floor"), 0.1) | {"level": "replay", "by": "all"}
             row |= {"axis": "all", "horizon": 5.0, "rmse": errors.pop(0), "unit": "m/s"}
             return pl.DataFrame([row])
 
-        monkeypatch.setattr(module, "fit", fit)
+        monkeypatch.setattr(module, "_together", together)
         monkeypatch.setattr(module, "compare", compare)
         monkeypatch.setattr(
             module, "diagnose", lambda v, raw, report: Diagnosis(tuple(left.pop(0)), v, (1.0, 1.0, 1.0))
@@ -137,14 +137,15 @@ def test_new_values_go_along_with_what_is_missing(staged):
     missing = finding("missing", "ocean_current", v_N=0.2)
     steps, asked = staged([[missing, finding("retune", "linear_damping", d=1.0)], []], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("ocean_current",)]
-    assert asked == [["linear_damping", "quadratic_damping", {"name": "ocean_current", "v_N": 0.2}]]
+    begun = {"name": "linear_damping", "d": 1.0}
+    assert asked == [["quadratic_damping", {"name": "ocean_current", "v_N": 0.2}, begun]]
 
 
 def test_new_values_alone_are_one_step_and_not_two(staged):
     again = [finding("retune", "quadratic_damping", diagonal=1.0)]
     steps, asked = staged([again, again], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("quadratic_damping",)]
-    assert asked == [["linear_damping", "quadratic_damping"]]
+    assert asked == [["linear_damping", {"name": "quadratic_damping", "diagonal": 1.0}]]
     assert ending(steps) == "nothing more is found"
 
 
