@@ -59,10 +59,6 @@ class Evidence:
         matrix = self.total[np.ix_(columns, columns)] + RIDGE * np.eye(len(columns))
         return np.linalg.solve(matrix, self.score[:, columns].sum(axis=0))
 
-    def amounts(self, columns: Columns) -> Array:
-        """The same in the problem's own units."""
-        return self.solve(columns) / self.size[list(columns)]
-
     def gain(self, given: Columns, group: Columns) -> float:
         """How much less squared residual is left when a group joins the given columns."""
         return self._explained([*given, *group]) - self._explained(given)

@@ -33,7 +33,7 @@ def test_a_gain_is_the_fall_of_the_squared_residual():
 
     assert evidence.gain([0, 1], [3, 4]) == pytest.approx(left([0, 1]) - left([0, 1, 3, 4]), rel=1e-5)
     expected = np.linalg.lstsq(columns[:, [0, 3]], error)[0]
-    np.testing.assert_allclose(evidence.amounts([0, 3]), expected, rtol=1e-6)
+    np.testing.assert_allclose(evidence.solve([0, 3]) / evidence.size[[0, 3]], expected, rtol=1e-6)
 
 
 def test_standard_errors_are_those_of_least_squares():
