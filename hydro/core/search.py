@@ -81,8 +81,11 @@ class Model:
 
     @property
     def penalised(self) -> Array:
-        """Costs of the shots with what the number of parameters alone would gain (Akaike 1974), (S,)."""
-        fine = 2.0 * len(self.values) * max(self.normal.chi2, 1.0)
+        """Costs of the shots with a fine for each parameter (Schwarz 1978, a shot as one observation), (S,).
+
+        Of two effects of which one can be all that the other is, the smaller is named unless both tell more.
+        """
+        fine = np.log(len(self.costs)) * len(self.values) * max(self.normal.chi2, 1.0)
         return self.costs + fine / len(self.costs)
 
 
