@@ -220,3 +220,24 @@ def test_on_a_terminal_the_catalogue_is_a_table_with_whole_names(monkeypatch):
         assert cli.main(["effects", *arguments]) == 0
         assert all(name in screen.getvalue() for name in expected)
         assert not screen.getvalue().startswith(("{", "["))
+
+
+# fit
+
+
+def test_noise_is_given_as_to_collect_and_few_shots_are_told(folder, tmp_path):
+    """150 rows of two sessions hold two shots; noise a hundred times too great gives so much less chi2."""
+    found = []
+    for noise in ("{velocity=0.01, rate=0.002, position=0.02, attitude=0.001}", "dvl"):
+        path = tmp_path / "fitted.toml"
+        code, _, error = run(
+            "fit", VEHICLE, folder / "raw.parquet", "--effect", "net_buoyancy", "--noise", noise, "-o", path
+        )
+        assert code == 0, error
+        found.append(vehicles.read(path)[0].effects("net_buoyancy")[0]["fit"]["chi2"])
+    assert 0.0 <= found[1] <= found[0]
+    code, _, error = run(
+        "fit", VEHICLE, folder / "raw.parquet", "--effect", "net_buoyancy", "--noise", "loud"
+    )
+    assert code == 2
+    assert error.startswith("hydro: --noise 'loud': neither a profile")

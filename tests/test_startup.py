@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -33,6 +34,19 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     assert "typer" in loaded
     assert not loaded & set(HEAVY)
     assert done.stdout
+
+
+@pytest.mark.parametrize(("command", "threads"), [("labels", "1"), ("train", "None")])
+def test_linear_algebra_has_one_thread_but_where_it_trains(command: str, threads: str) -> None:
+    script = (
+        f"import os; from hydro.cli import main; main(['{command}', '--help']); "
+        "print(os.environ.get('OPENBLAS_NUM_THREADS'))"
+    )
+    free = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, env=free
+    )
+    assert done.stdout.splitlines()[-1] == threads
 
 
 def test_importing_hydro_loads_nothing_heavy_and_offers_its_functions() -> None:

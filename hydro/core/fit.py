@@ -276,6 +276,11 @@ def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: st
     errors = np.sqrt(np.diag(spread))
     plain = (np.abs(values) > PLAIN * errors) & (errors < 0.3 * PRIOR * scales)
     determined = (errors <= UNDETERMINED * scales) | plain
+    if lost := int(normal.lost.sum()):
+        warnings.append(
+            f"{lost} of {len(normal.lost)} predictions grow beyond all bounds with these values and are left "
+            "out; check the vehicle's damping"
+        )
     warnings += _advice(unknown, determined)
     warnings += _confusions(unknown, spread, errors, determined)
     low, high = unknown.bounds

@@ -60,9 +60,15 @@ class Normal:
         return self.freedom * len(self.gram)
 
     @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Which pieces' predictions have left all bounds, (S,): they say nothing of the noise."""
+        return ~np.isfinite(self.gram[:, -1, -1])
+
+    @property
     def chi2(self) -> float:
-        """Mean square of the residuals: 1 where the model is true and the noise is known."""
-        return self.cost / self.residuals
+        """Mean square of the residuals within bounds: 1 where the model is true and the noise is known."""
+        within = self.gram[~self.lost, -1, -1]
+        return float(within.mean()) / self.freedom if within.size else 1.0
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
@@ -127,17 +133,20 @@ def covariance(normal: Normal, prior: Array) -> Array:
 
     The greater, parameter by parameter, of two: what white residuals of the size found would give; and the
     delete-one-block jackknife of the linearised problem (the sandwich with leverage corrected, Cameron and
-    Miller 2015), which needs neither whiteness nor a true model.
+    Miller 2015), which needs neither whiteness nor a true model.  Where the data
+    say nothing, the prior is what is known.
 
     Args:
         normal: The problem at the estimate.
-        prior: Information added to the diagonal, (P,).
+        prior: Information added to the diagonal, (P,), positive.
 
     Returns:
         (P, P), in the units of the problem's parameters.
     """
-    total = normal.matrix.sum(axis=0) + np.diag(prior)
-    plain: Array = np.linalg.inv(total) * max(1.0, normal.chi2)
+    told = normal.matrix.sum(axis=0)
+    total = told + np.diag(prior)
+    inverse = np.linalg.inv(total)
+    plain: Array = inverse @ (max(1.0, normal.chi2) * told + np.diag(prior)) @ inverse
     size = block_length(normal.score)
     edges = np.arange(0, len(normal.gram), size)
     if len(edges) > 1 and len(normal.gram) - edges[-1] < size:

@@ -41,6 +41,8 @@ LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
+ENDLESS = 1e9
+"""Residual or derivative [standard deviations] of a prediction that knows no bounds: sums still hold it."""
 TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
@@ -284,13 +286,16 @@ def linearise(
         columns = np.empty((pieces, CHANNELS + count + 1, shots.residuals))
         columns[:, -1] = error.reshape(flat)
         still = residuals(base, shots, None, part, MIDPOINT)
-        for i, (first, size) in enumerate(zip(nudged, NUDGE, strict=True)):
-            changed = residuals(base, shots, first, part, MIDPOINT)
-            columns[:, i] = (still - changed).reshape(flat) / size
-        for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
-            columns[:, i] = (still - residuals(other, shots, None, part, MIDPOINT)).reshape(flat) / share
-        lost = ~np.isfinite(columns[:, -1]).all(axis=1)
-        columns[~np.isfinite(columns).all(axis=(1, 2)), :-1] = 0.0  # at the brink: no derivative to be had
+        with np.errstate(over="ignore", invalid="ignore"):
+            for i, (first, size) in enumerate(zip(nudged, NUDGE, strict=True)):
+                changed = residuals(base, shots, first, part, MIDPOINT)
+                columns[:, i] = (still - changed).reshape(flat) / size
+            for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
+                changed = residuals(other, shots, None, part, MIDPOINT)
+                columns[:, i] = (still - changed).reshape(flat) / share
+        tame = np.abs(columns) < ENDLESS
+        lost = ~tame[:, -1].all(axis=1)
+        columns[~tame.all(axis=(1, 2)), :-1] = 0.0  # at the brink: no derivative to be had
         columns[lost] = 0.0
         gram[part], follow[part] = eliminate(columns @ columns.transpose(0, 2, 1), CHANNELS, TRUST**-2)
         gram[part][lost, -1, -1] = np.inf
@@ -311,7 +316,7 @@ def cost(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> float:
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         total = sum(pool.map(work, range(0, len(shots.starts), TOGETHER)))
-    return total if np.isfinite(total) else np.inf
+    return total if total < ENDLESS**2 else np.inf
 
 
 def displaced(first: Array, shift: Array) -> Array:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import polars as pl
 import pytest
+import synthetic
 from scipy.spatial.transform import Rotation
 from test_fit import damped, moved, noisy
 
@@ -146,6 +148,42 @@ def test_a_step_within_bounds_is_the_best_there():
     grid = np.stack(np.meshgrid(np.linspace(-5, 5, 401), np.linspace(-5, 1, 241)), -1).reshape(-1, 2)
     costs = np.einsum("ki,ij,kj->k", grid, matrix, grid) - 2 * grid @ score
     assert step @ matrix @ step - 2 * score @ step <= costs.min() + 1e-9
+
+
+def test_a_piece_that_knows_no_bounds_leaves_errors_finite_and_an_unseen_entry_to_the_prior():
+    """One lost piece of a hundred: as if it had not been recorded.  Residuals four times the noise."""
+    rng = np.random.default_rng(0)
+    X, e = rng.standard_normal((100, 20, 3)), 4.0 * rng.choice([-1.0, 1.0], (100, 20, 1))
+    X[..., 2] = 0.0
+    both = np.concatenate([X, e], axis=2)
+    gram = both.transpose(0, 2, 1) @ both
+    gram[7] = 0.0
+    gram[7, -1, -1] = np.inf
+    normal = Normal(gram, 20, np.zeros((100, 1)), np.zeros((100, 0, 4)))
+    assert normal.cost == np.inf
+    assert normal.chi2 == pytest.approx(16.0)
+    assert np.flatnonzero(normal.lost).tolist() == [7]
+    errors = np.sqrt(np.diag(covariance(normal, np.full(3, 0.01))))
+    np.testing.assert_allclose(errors[:2], 4.0 / np.sqrt(99 * 20), rtol=0.2)
+    assert errors[2] == pytest.approx(10.0)
+
+
+def test_a_shot_that_leaves_all_bounds_is_lost_and_no_other():
+    """Drag too stiff for the steps: the faster shots grow without end, and take no others with them."""
+    stiff = {"name": "quadratic_damping", "diagonal": [1e5, *synthetic.QUADRATIC[1:]]}
+    record = recording(moved(damped(), rows=2000), damped())
+    shots = shooting.aim(record)
+    known = damped()
+    changed = msgspec.structs.replace(known, effect=(*known.effect[:-1], stiff))
+    tame, wild = (shooting.load(candidate(vehicle), shots) for vehicle in (known, changed))
+    normal = shooting.linearise(wild, [tame], [1.0], shots)
+    assert 0 < normal.lost.sum() < len(normal.lost)
+    assert np.isfinite(normal.matrix).all()
+    assert shooting.cost(wild, shots) == np.inf
+    # At the brink: a finite prediction whose derivative is not has no derivative, but counts.
+    other = shooting.linearise(tame, [wild], [1.0], shots)
+    assert not other.lost.any()
+    np.testing.assert_array_equal(other.matrix[normal.lost], 0.0)
 
 
 def pieces(rng, count, correlated):
