@@ -221,7 +221,7 @@ def _left(
             share=share,
             low=low,
             high=high,
-            p_value=min(last.p_values.values()),
+            p_value=last.p_value,
             advice=f"structured error remains that no effect of the catalogue explains: {where}",
         )
     ]
@@ -231,7 +231,7 @@ def _nothing(first: Model, last: Round) -> Finding:
     """That the file, its own effects fitted anew, explains the recording."""
     return Finding(
         "nothing_missing",
-        p_value=min(last.p_values.values(), default=np.nan),
+        p_value=last.p_value,
         advice=f"mean squared residual {first.normal.chi2:.3g} of the noise (1: nothing but noise)",
     )
 

@@ -86,7 +86,8 @@ class Model:
         Of two effects of which one can be all that the other is, the smaller is named unless both tell more.
         """
         fine = np.log(len(self.costs)) * len(self.values) * max(self.normal.chi2, 1.0)
-        return self.costs + fine / len(self.costs)
+        penalised: Array = self.costs + fine / len(self.costs)
+        return penalised
 
 
 @dataclass(frozen=True)
@@ -125,9 +126,14 @@ class Round:
     p_values: Mapping[str, float]
 
     @property
+    def p_value(self) -> float:
+        """Probability that chance alone would tell as much as the most telling effect."""
+        return min(self.p_values.values(), default=1.0)
+
+    @property
     def significant(self) -> bool:
         """Whether any effect tells more than chance would."""
-        return min(self.p_values.values(), default=1.0) <= ALPHA
+        return self.p_value <= ALPHA
 
 
 @dataclass(frozen=True)
@@ -187,16 +193,20 @@ class Search:
     def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model.
 
+        That something is missing is tested over all effects at once; which one it is the fits say, and one
+        of many parameters may be it though few blocks cannot test it alone.
         What the velocity log misreads for all that kinematics shows comes before any force; what kinematics
         refutes does not come at all.
         """
-        sure = [n for n, test in self.sensors.items() if shown(test) and now.p_values.get(n, 1.0) <= ALPHA]
+        if not now.significant:
+            return {}
+        sure = [n for n, test in self.sensors.items() if shown(test) and n in now.gains]
         gains = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)} or now.gains
         most, fits = max(gains.values(), default=0.0), dict[str, Model]()
         for name in gains:
             told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
             near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
-            if now.p_values[name] > ALPHA or now.gains[name] < near or len(fits) == CONTENDERS:
+            if now.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             fine = shapes(model.vehicle, name, reach=self.reach)
             fit = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
@@ -263,7 +273,7 @@ class Search:
             best = leader(fits)
             if best is None or not self.material(model.normal.cost - fits[best].normal.cost, model):
                 return model, found, now
-            found.append(Found(best, now.p_values[best], fits))
+            found.append(Found(best, now.p_value, fits))
             model = fits[best]
 
     def reconsider(self, model: Model, found: Sequence[Found]) -> tuple[Model, list[Found], dict[str, Model]]:
@@ -288,7 +298,7 @@ class Search:
                 now = self.round(lesser, others)
                 fits = self.contend(lesser, others, now) | {one.effect: model}
                 best = leader(fits) or one.effect
-                kept[at] = Found(best, now.p_values.get(best, one.p_value), fits)
+                kept[at] = Found(best, min(now.p_value, one.p_value), fits)
                 model = fits[best]
             without[kept[at].effect] = lesser
         return model, kept, without
