@@ -6,10 +6,13 @@ is searched along its own line, from wide to narrow (`searched`).
 
 Its standard error cannot come from a curvature either, which depends on how far apart it is taken.  Near a
 corner of slope a the cost is a |x| and a Brownian motion of variance 4 a |x|, whose lowest point scatters
-about the truth with a standard deviation of sqrt(26)/a (Yao 1987).  A derivative over h has the information
-a/h.  Where h is sqrt(26) times the standard error that it gives itself, both agree: `told_by_errors` takes
-that h.  Of a smooth cost no h changes anything.  Between two levels of the commands the cost does not
-change at all, and the error is no smaller than that plateau.
+about the truth with a standard deviation of sqrt(26)/a: 26 is the variance of the place where W(s) + |s|/2 is
+least, W a Brownian motion in both directions (its density in Y.-C. Yao, Approximating the distribution of the
+maximum likelihood estimate of the change-point in a sequence of independent random variables, Annals of
+Statistics 15, 1321-1328, 1987).  A derivative over h has the information a/h.  Where h is sqrt(26) times the
+standard error that it gives itself, both agree: `told_by_errors` takes that h.  Of a smooth cost no h changes
+anything.  Between two levels of the commands the cost does not change at all, and the error is no smaller
+than that plateau.
 """
 
 from __future__ import annotations

@@ -415,7 +415,12 @@ def _rate(model: int, data: int, actuator: int) -> float:
 
 
 def _thrust(model: int, data: int, actuator: int) -> float:
-    """`mjcb_act_bias`: thrust [N] of a thruster."""
+    """`mjcb_act_bias`: thrust [N] of a thruster.
+
+    Under Euler and implicitfast it is that of the lag state at the start of the step.  Stonefish moves its
+    rotors before its body in each Euler tick, so that there it is that of the lag state at the end of it:
+    one step earlier than here.
+    """
     row = _thruster(model, actuator)
     if row.size == 0:
         return 0.0
