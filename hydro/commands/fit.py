@@ -48,7 +48,7 @@ def fit(
         int,
         typer.Option(
             min=8,
-            help="Two-second predictions compared at most; they are spread evenly over a longer recording.",
+            help="Stretches of two seconds compared at most; they are spread evenly over a longer recording.",
         ),
     ] = 1000,
     output: Output = STREAM,
@@ -82,9 +82,9 @@ def fit(
             most=shots,
             report=lambda words, share: update(round(100 * share), 100, words),
         )
-    if method == "output" and found.share < 1.0:
+    if found.share < 1.0:
         typer.echo(
-            f"hydro: {shots} shots show {100 * found.share:.0f} % of the recording; more with --shots",
+            f"hydro: {shots} stretches show {100 * found.share:.0f} % of the recording; more with --shots",
             err=True,
         )
     origin = {"data": source.provenance.content, "method": method, "chi2": round(found.chi2, 4)}

@@ -97,9 +97,17 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
 
 def accelerations(model: Candidate, record: Recording, eta: Array, nu: Array) -> Array:
     """Acceleration of CO over ground that the candidate's forces give along a known motion, (N, 6)."""
-    out = np.empty((record.rows, 6))
-    rotors, memory = rotor_states_around(model, record), memories(model, record, eta, nu)
-    _accelerate_along(model.program.flat, eta, nu, rotors, memory, out)
+    rotors = rotor_states_around(model, record)
+    return accelerations_at(np.arange(record.rows), model, record, eta, nu, rotors)
+
+
+def accelerations_at(
+    rows: Rows, model: Candidate, record: Recording, eta: Array, nu: Array, rotors: Array
+) -> Array:
+    """The same at some rows (K,), where the lag states of the thrusters are `rotors` (K, n); (K, 6)."""
+    out = np.empty((rows.size, 6))
+    memory = memories(model, record, eta, nu)[rows]
+    _accelerate_along(model.program.flat, eta[rows], nu[rows], rotors, memory, out)
     return out
 
 

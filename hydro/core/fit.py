@@ -35,7 +35,7 @@ METHODS: tuple[str, ...] = ("output", "equation")
 FEW, QUICK = 4, 6  # beginnings that are each followed to the end; iterations from each of more
 TURNS = 8  # of search and iteration
 MOST = 1000
-"""Shots that output error looks at: half an hour of predictions."""
+"""Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
@@ -62,7 +62,7 @@ class Fit:
         chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
         method: `output` or `equation`.
         warnings: What the user should know, one line each.
-        share: Share of the recording that output error looked at.
+        share: Share of the recording that was looked at.
     """
 
     vehicle: Vehicle
@@ -126,7 +126,8 @@ def fit(
             choice), or tables with values to begin from.
         method: `output` or `equation`.
         noise: Standard deviation of pose and velocity, (12,); by default found from the data.
-        most: Shots of output error, spread evenly over a longer recording; None for all there are.
+        most: Shots of output error and windows of equation error, spread evenly over a longer recording;
+            None for all there are.
         report: Called with a few words and the share of the work done.
 
     Returns:
@@ -141,8 +142,9 @@ def fit(
     record = recording(raw, vehicle)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     told("equation error", 0.0)
-    share = 1.0
-    values, problem, chi2 = _begin(unknown, weakform.Windows.of(record, noise))
+    windows = weakform.Windows.of(record, noise, most)
+    share = windows.share
+    values, problem, chi2 = _begin(unknown, windows)
     if method == "output":
         told("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(

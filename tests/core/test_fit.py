@@ -7,16 +7,19 @@ import numpy as np
 import polars as pl
 import pytest
 import synthetic
+from scipy.integrate import quad
+from scipy.stats import norm
 
-from hydro.core.descent import searched
+from hydro.core.descent import ERRORS, searched
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.fit import fit
 from hydro.core.noise import PROFILES, disturb
 from hydro.core.normal import Normal
 from hydro.core.parameters import free
-from hydro.core.recording import POSE, VELOCITY
+from hydro.core.recording import POSE, VELOCITY, recording
 from hydro.core.simulate import simulate
+from hydro.core.weakform import Windows
 from hydro.io import vehicle as files
 
 DAMPING = (
@@ -101,6 +104,17 @@ def test_a_dead_band_is_found_from_afar_and_to_its_standard_error():
         errors.append(found.standard_errors[0])
     assert max(errors) < 0.002
     assert np.abs(scores).max() < 4.0
+
+
+def test_a_corner_scatters_by_the_variance_of_the_lowest_point_of_brownian_motion():
+    """Second moment of Yao's density (1987), of which ERRORS is the root."""
+
+    def density(x: float) -> float:
+        tail = np.exp(x + norm.logcdf(-1.5 * np.sqrt(x)))
+        return float(1.5 * tail - 0.5 * norm.cdf(-0.5 * np.sqrt(x)))
+
+    assert 2.0 * quad(density, 0.0, np.inf, limit=500)[0] == pytest.approx(1.0)
+    assert 2.0 * quad(lambda x: x**2 * density(x), 0.0, 400.0, limit=800)[0] == pytest.approx(ERRORS**2)
 
 
 def test_the_search_passes_over_false_valleys():
@@ -199,6 +213,34 @@ def test_a_long_recording_is_judged_by_some_of_its_shots():
     assert (every.share, some.share) == (1.0, 0.5)
     assert (np.abs(some.values - every.values) < 4.0 * some.standard_errors).all()
     assert (some.standard_errors > every.standard_errors).all()
+
+
+def test_windows_of_a_long_recording_are_some_of_all_and_no_other():
+    """A third of the windows, with a late command and a memory, which both look back on rows left out."""
+    vehicle = damped(
+        {"name": "command_delay", "d": 0.3},
+        {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
+        {"name": "sensor_delay", "d": 0.1},
+    )
+    record = recording(noisy(moved(vehicle, rows=2000), 0), vehicle)
+    every, some = Windows.of(record), Windows.of(record, most=12)
+    first = every.rows[every.starts].tolist()
+    kept = [first.index(row) for row in some.rows[some.starts].tolist()]
+    assert len(kept) == 12
+    assert some.share == pytest.approx(12 / len(first))
+    assert (every.freedom, some.freedom) == (5, 9)
+    assert some.rows.size < 0.7 * record.rows
+    np.testing.assert_allclose(some.residuals(vehicle), every.residuals(vehicle)[kept], rtol=1e-9, atol=1e-9)
+
+
+def test_equation_error_of_a_long_recording_looks_at_some_of_its_windows():
+    raw = noisy(moved(damped(), rows=4000), 0)
+    every, some = (
+        fit(damped(), raw, ["linear_damping"], method="equation", most=most) for most in (None, 26)
+    )
+    assert every.share == 1.0
+    assert some.share == pytest.approx(1 / 3, rel=0.05)
+    assert (np.abs(some.values - every.values) < 4.0 * some.standard_errors).all()
 
 
 def test_a_matrix_in_place_of_a_diagonal():
