@@ -24,7 +24,7 @@ from hydro.core.left_out import Fitted, scores
 from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
 from hydro.core.parameters import Free, free
-from hydro.core.recording import Array, Recording, recording
+from hydro.core.recording import Array, Recording, drawn, recording
 from hydro.core.search import (
     ALPHA,
     MATERIAL,
@@ -207,8 +207,7 @@ def _left(
     first = search.first
     if not _unknown(search, model) or model.excess < STRUCTURED * model.normal.residuals:
         return []
-    pulls = model.problem.linearise(model.vehicle, list(slow.pulled(model.vehicle)), [1.0] * slow.WRENCH)
-    if not last.significant and slow.share(pulls) < STRUCTURED:
+    if not last.significant and _steadily(model, record) < STRUCTURED:
         return []
     gain = model.costs - model.normal.freedom
     share, low, high = naming.share(
@@ -225,6 +224,14 @@ def _left(
             advice=f"structured error remains that no effect of the catalogue explains: {where}",
         )
     ]
+
+
+def _steadily(model: Model, record: Recording) -> float:
+    """What steady forces explain of what is left; nothing is said of noise that is not white."""
+    if drawn(record):
+        return 0.0
+    pulls = list(slow.pulled(model.vehicle))
+    return slow.share(model.problem.linearise(model.vehicle, pulls, [1.0] * slow.WRENCH))
 
 
 def _nothing(first: Model, last: Round) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -135,23 +135,40 @@ def noise(record: Recording) -> Array:
     Raises:
         DataError: No segment has five rows.
     """
-    channels = np.hstack([record.eta, record.nu])
-    for start, stop in record.segments:
-        channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)
-    parts = [channels[start:stop] for start, stop in record.segments]
-    found = np.array([_noise([part[:, i] for part in parts]) for i in range(channels.shape[1])])
+    found = np.array([_noise(parts) for parts in _channels(record)])
     sigma: Array = np.maximum(found, LEAST_NOISE)
     return sigma
 
 
-def _noise(parts: Sequence[Array]) -> float:
-    """The same of one channel, segment by segment."""
+def drawn(record: Recording) -> bool:
+    """Whether any channel was drawn in straight lines between the samples of a slower sensor.
+
+    Its noise is not white from row to row, however well its size is known.
+    """
+    return any(_apart(parts) > 1 for parts in _channels(record))
+
+
+def _channels(record: Recording) -> Iterator[list[Array]]:
+    """Each channel segment by segment, pose then velocity, angles without jumps."""
+    channels = np.hstack([record.eta, record.nu])
+    for start, stop in record.segments:
+        channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)
+    for column in channels.T:
+        yield [column[start:stop] for start, stop in record.segments]
+
+
+def _apart(parts: Sequence[Array]) -> int:
+    """Rows from one sample of a channel to the next; 1 where every row is one."""
     bends = np.concatenate([np.diff(part, 2) for part in parts])
     bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
     corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
-    drawn = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN
-    apart = round(len(bent) / corners) if drawn else 1
-    sizes = []
+    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN
+    return round(len(bent) / corners) if slower else 1
+
+
+def _noise(parts: Sequence[Array]) -> float:
+    """The same of one channel, segment by segment."""
+    apart, sizes = _apart(parts), list[float]()
     for first in range(apart):  # of the rows that fall on the samples, or nearest to them
         differences = [np.diff(part[first::apart], 4) for part in parts if len(part) > first]
         if sum(part.size for part in differences):
