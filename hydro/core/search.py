@@ -161,8 +161,16 @@ class Search:
         """
         left = max(before.excess - gain, 0.0)
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(self.first.excess)
-        seen = gain >= VISIBLE * self.first.normal.residuals
-        return bool(seen and (lower or gain >= MATERIAL * self.first.excess))
+        return self.seen(gain) and bool(lower or gain >= MATERIAL * self.first.excess)
+
+    def seen(self, gain: float) -> bool:
+        """Whether explaining so much would show in a replay at all."""
+        return gain >= VISIBLE * self.first.normal.residuals
+
+    def belongs(self, effect: str, gain: float, before: Model) -> bool:
+        """Whether an effect is to be told: it matters, or kinematics shows it, however much else is wrong."""
+        sure = effect in self.sensors and shown(self.sensors[effect])
+        return self.material(gain, before) or (sure and self.seen(gain))
 
     def round(self, model: Model, chosen: Sequence[str]) -> Round:
         """Hold all effects that are not in the model against what it leaves."""
@@ -267,11 +275,11 @@ class Search:
             chosen = [one.effect for one in found]
             told(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
             now = self.round(model, chosen)
-            if len(found) == MOST or not self.material(max(now.gains.values(), default=0.0), model):
+            if len(found) == MOST or not any(self.belongs(*one, model) for one in now.gains.items()):
                 return model, found, now
             fits = self.contend(model, chosen, now)
             best = leader(fits)
-            if best is None or not self.material(model.normal.cost - fits[best].normal.cost, model):
+            if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
                 return model, found, now
             found.append(Found(best, now.p_value, fits))
             model = fits[best]
@@ -289,7 +297,7 @@ class Search:
                 without[one.effect] = self.first
                 continue
             lesser = self.lesser(model, one.effect, others)
-            if not self.material(lesser.normal.cost - model.normal.cost, lesser):
+            if not self.belongs(one.effect, lesser.normal.cost - model.normal.cost, lesser):
                 kept.remove(one)
                 model = lesser
                 continue
