@@ -52,7 +52,7 @@ CONFIRMED = 0.5
 """Part of what an effect explains that it must explain of sessions left out, or else a warning is due."""
 STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
-KNOWN = 0.8
+KNOWN = 0.85
 """Share of the error that the findings must explain, or else the catalogue lacks an effect."""
 
 
