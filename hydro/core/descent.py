@@ -80,9 +80,9 @@ def descend(
             if promise < worth:
                 break
             trial = unknown.within((x + step) * scales)
-            cost, moved = problem.cost(unknown.at(trial), step, normal)
+            cost, along = problem.cost(unknown.at(trial), step, normal)
             if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
-                after, stride = moved, step
+                after, stride = along, step
                 break
             damping = max(damping * 10.0, 1e-4)
         if not stride.any() and not max(worth, 1e-9 * here) < here - normal.cost:
@@ -95,19 +95,19 @@ def descend(
 def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
     """The problem about x (P,) in scales, with one-sided differences that keep within the bounds."""
     here = unknown.within(x * unknown.scales)
-    return problem.linearise(unknown.at(here), *_moved(unknown, here))
+    return problem.linearise(unknown.at(here), *moved(unknown, here))
 
 
-def _moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
-    """The vehicle with each entry moved in turn, and by how many scales."""
-    moved, steps, (_, high) = [], [], unknown.bounds
+def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
+    """The vehicle with each entry a little off `here` (P,), within the bounds; and by how many scales."""
+    vehicles, steps, (_, high) = [], [], unknown.bounds
     for i, entry in enumerate(unknown.entries):
         values = here.copy()
         step = entry.step if values[i] + entry.step <= high[i] else -entry.step
         values[i] += step
-        moved.append(unknown.at(values))
+        vehicles.append(unknown.at(values))
         steps.append(step / entry.scale)
-    return moved, steps
+    return vehicles, steps
 
 
 def searched(unknown: Free, values: Array, problem: Problem) -> Array:
@@ -129,10 +129,10 @@ def searched(unknown: Free, values: Array, problem: Problem) -> Array:
 def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
     """Sum of squares of each of `trials` (K, P), the smooth entries moved to their best from trials[0]."""
     smooth = unknown.holding(trials[0], np.array([entry.resolution > 0.0 for entry in unknown.entries]))
-    moved, steps = _moved(smooth, smooth.starts[0])
+    nudged, steps = moved(smooth, smooth.starts[0])
     others = [unknown.at(trial) for trial in trials[1:]]
-    gram = problem.linearise(unknown.at(trials[0]), moved + others, steps + [1.0] * len(others)).gram
-    total, count = gram.sum(axis=0), len(moved)
+    gram = problem.linearise(unknown.at(trials[0]), nudged + others, steps + [1.0] * len(others)).gram
+    total, count = gram.sum(axis=0), len(nudged)
     if not np.isfinite(total).all():  # a trial's motion knows no bounds: stay, and try nearer
         return np.arange(float(len(trials)))
     # The residual of a trial is the first one's less the column that leads from there to it.

@@ -38,7 +38,7 @@ from hydro.core.search import (
 )
 from hydro.core.sensor_tests import kinematic_tests
 from hydro.core.suspects import CURVED, choice
-from hydro.core.undetermined import spread, undetermined
+from hydro.core.undetermined import undetermined
 from hydro.core.vehicle import Vehicle
 
 Report = Callable[[str, float], None]
@@ -168,8 +168,8 @@ def _named(
 def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots) -> str:
     """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do."""
     session = shots.record.session[shots.segment]
-    both = (Fitted(one.normal, np.zeros(len(one.values))) for one in (without, model))
-    elsewhere = scores(next(both), {effect: next(both)}, session)[effect].share
+    before, after = (Fitted(one.normal, np.zeros(len(one.values))) for one in (without, model))
+    elsewhere = scores(before, {effect: after}, session)[effect].share
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= CONFIRMED * min(here, 1.0):
         return ""
@@ -292,13 +292,12 @@ def _unseen(last: Round, model: Model, shots: shooting.Shots) -> Iterator[Findin
     """Effects, or entries of them, that the recording could not have shown."""
     hidden: dict[str, tuple[str, ...]] = {}
     for name, (_, columns) in last.ranked.items():
-        errors = last.evidence.standard_errors(last.own, columns, model.normal.chi2)
-        if (errors > UNDETERMINED).all():
+        spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
+        if (np.diag(spread) > UNDETERMINED**2).all():
             hidden[name] = ()
         elif name not in CURVED:
             entries = free(model.vehicle, [choice(model.vehicle, name)]).entries
-            covariance = spread(last.evidence, last.own, columns, model.normal.chi2)
-            hidden |= undetermined(entries, covariance)
+            hidden |= undetermined(entries, spread)
     if not hidden:
         return
     vehicles = {name: plain(model.vehicle, name) for name in hidden}

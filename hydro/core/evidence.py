@@ -75,19 +75,18 @@ class Evidence:
         matrix = self.total[np.ix_(columns, columns)]
         return float(2.0 * self.score[:, columns].sum(axis=0) @ found - found @ matrix @ found)
 
-    def standard_errors(self, given: Columns, group: Columns, scale: float) -> Array:
-        """Of a group's amounts beside the given columns, in the problem's own units.
+    def covariance(self, given: Columns, group: Columns, scale: float) -> Array:
+        """Of a group's amounts beside the given columns, (p, p), in the problem's own units.
 
         Args:
             given: Columns in the model.
             group: Further columns.
             scale: Mean square of what is left.
         """
-        both = [*given, *group]
+        both, size = [*given, *group], self.size[list(group)]
         matrix = self.total[np.ix_(both, both)] + RIDGE * np.eye(len(both))
-        spread = np.diag(np.linalg.inv(matrix))[len(given) :]
-        errors: Array = np.sqrt(np.maximum(spread, 0.0) * max(scale, 1.0)) / self.size[list(group)]
-        return errors
+        part = np.linalg.inv(matrix)[len(given) :, len(given) :] * max(scale, 1.0)
+        return np.asarray(part / np.outer(size, size))
 
 
 def p_values(

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.descent import PRIOR, Problem, descend
+from hydro.core.descent import PRIOR, Problem, descend, moved
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
@@ -115,7 +116,6 @@ class Round:
         evidence: The same in columns of unit size.
         own: Columns of the model's own entries.
         gains: Squared residual that each effect would explain.
-        p_values: Of each effect, over all of them at once.
     """
 
     ranked: Mapping[str, tuple[Suspect, Columns]]
@@ -123,12 +123,12 @@ class Round:
     evidence: Evidence
     own: Columns
     gains: Mapping[str, float]
-    p_values: Mapping[str, float]
 
-    @property
+    @cached_property
     def p_value(self) -> float:
         """Probability that chance alone would tell as much as the most telling effect."""
-        return min(self.p_values.values(), default=1.0)
+        groups = {name: columns for name, (_, columns) in self.ranked.items()}
+        return min(p_values(self.evidence, self.own, groups).values(), default=1.0)
 
     @property
     def significant(self) -> bool:
@@ -179,13 +179,13 @@ class Search:
 
     def hold(self, model: Model, tried: Sequence[Suspect]) -> Round:
         """Hold some suspects against what a model leaves."""
-        moved, steps = nudged(model)
-        own, places = range(len(moved)), list[tuple[Suspect, Columns]]()
+        changed, steps = moved(model.unknown, model.values)
+        own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
         for suspect in tried:
-            places.append((suspect, range(len(moved), len(moved) + len(suspect.steps))))
-            moved += suspect.changed
+            places.append((suspect, range(len(changed), len(changed) + len(suspect.steps))))
+            changed += suspect.changed
             steps += suspect.steps
-        normal = model.problem.linearise(model.vehicle, moved, steps)
+        normal = model.problem.linearise(model.vehicle, changed, steps)
         evidence = Evidence.of(normal)
         best: dict[str, tuple[float, Suspect, Columns]] = {}
         for suspect, columns in places:
@@ -195,8 +195,7 @@ class Search:
         order = sorted(best, key=lambda name: -best[name][0])
         ranked = {name: best[name][1:] for name in order}
         gains = {name: best[name][0] for name in order}
-        p = p_values(evidence, own, {name: columns for name, (_, columns) in ranked.items()})
-        return Round(ranked, normal, evidence, own, gains, p)
+        return Round(ranked, normal, evidence, own, gains)
 
     def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model.
@@ -256,10 +255,10 @@ class Search:
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
         wanted: Wanted = [*self.base, *chosen, table]
         begun = msgspec.structs.replace(vehicle, effect=(*without(vehicle, name).effect, table))
-        cost, moved = model.problem.cost(begun, step, now.normal)
+        cost, along = model.problem.cost(begun, step, now.normal)
         if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
-            vehicle, moved = model.vehicle, model.problem
-        return fitted(vehicle, wanted, moved, self.reach, QUICK)
+            vehicle, along = model.vehicle, model.problem
+        return fitted(vehicle, wanted, along, self.reach, QUICK)
 
     def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
         """Let the best effect join until nothing more is significant and material.
@@ -317,18 +316,6 @@ class Search:
         rest = without(model.vehicle, effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *given))
         return fitted(vehicle, [*self.base, *others], model.problem, self.reach, QUICK)
-
-
-def nudged(model: Model) -> tuple[list[Vehicle], list[float]]:
-    """The model with a little more of each entry, or less at a bound; and how much in scales."""
-    moved, steps = list[Vehicle](), list[float]()
-    for i, entry in enumerate(model.unknown.entries):
-        step = entry.step if model.values[i] + entry.step <= entry.high else -entry.step
-        values = model.values.copy()
-        values[i] += step
-        moved.append(model.unknown.at(values))
-        steps.append(step / entry.scale)
-    return moved, steps
 
 
 def without(vehicle: Vehicle, effect: str) -> Vehicle:

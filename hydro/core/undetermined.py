@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 
 from hydro.core.effects import CATALOGUE
-from hydro.core.evidence import RIDGE, Columns, Evidence
 from hydro.core.fit import UNDETERMINED
 from hydro.core.parameters import Entry
 from hydro.core.recording import Array
@@ -27,29 +26,13 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
 BODY = ("forward", "to starboard", "down")
 
 
-def spread(evidence: Evidence, given: Columns, group: Columns, scale: float) -> Array:
-    """Covariance of a group's amounts beside given columns, (p, p), in the problem's own units.
-
-    Args:
-        evidence: The problem.
-        given: Columns in the model.
-        group: Further columns.
-        scale: Mean square of what is left.
-    """
-    both = [*given, *group]
-    total = evidence.matrix[:, both][:, :, both].sum(axis=0) + RIDGE * np.eye(len(both))
-    size = evidence.size[list(group)]
-    part: Array = np.linalg.inv(total)[len(given) :, len(given) :] * max(scale, 1.0)
-    return part / np.outer(size, size)
-
-
 def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple[str, ...]]:
     """What the recording leaves open of effects that it says something of.
 
     Args:
         entries: The free entries.
-        covariance: Of their estimates, (P, P), each in units of its scale: `spread`, or `Fit.covariance`
-            over the product of scales.
+        covariance: Of their estimates, (P, P), each in units of its scale: `Evidence.covariance`, or
+            `Fit.covariance` over the product of scales.
 
     Returns:
         Words by effect, as ("thrusters 5-8",) or ("sway", "yaw"); no effect that is determined wholly, or of

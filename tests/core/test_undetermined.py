@@ -14,7 +14,7 @@ from hydro.core.normal import Normal
 from hydro.core.parameters import free
 from hydro.core.recording import recording
 from hydro.core.suspects import suspects
-from hydro.core.undetermined import spread, undetermined
+from hydro.core.undetermined import undetermined
 
 
 def entries(effect: str):
@@ -71,7 +71,7 @@ def gains(raw):
     own = shooting.load(candidate(vehicle), shots)
     changed = [shooting.load(candidate(one), shots) for one in suspect.changed]
     normal = shooting.linearise(own, changed, suspect.steps, shots)
-    return undetermined(entries("thruster_gain"), spread(Evidence.of(normal), [], range(8), normal.chi2))
+    return undetermined(entries("thruster_gain"), Evidence.of(normal).covariance([], range(8), normal.chi2))
 
 
 def test_thrusters_that_never_ran():
@@ -84,9 +84,10 @@ def test_thrusters_that_all_ran():
     assert gains(noisy(moved(damped(), rows=1500), 0)) == {}
 
 
-def test_the_spread_of_a_group_has_the_standard_errors_of_the_evidence():
+def test_the_covariance_of_a_group_is_that_of_least_squares():
     columns = np.random.default_rng(0).standard_normal((30, 40, 6)) * [1.0, 10.0, 0.1, 1.0, 3.0, 1.0]
     gram = columns.transpose(0, 2, 1) @ columns
     evidence = Evidence.of(Normal(gram, 40, gram[:, -1:, -1], np.zeros((30, 0, 6))))
-    errors = evidence.standard_errors([0, 1], [2, 4], 3.0)
-    np.testing.assert_allclose(np.sqrt(np.diag(spread(evidence, [0, 1], [2, 4], 3.0))), errors, rtol=1e-9)
+    chosen = columns[..., [0, 1, 2, 4]].reshape(-1, 4)
+    expected = 3.0 * np.linalg.inv(chosen.T @ chosen)[2:, 2:]
+    np.testing.assert_allclose(evidence.covariance([0, 1], [2, 4], 3.0), expected, rtol=1e-6, atol=1e-9)
