@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hydro.commands.shell import (
     STREAM,
+    Measured,
+    ModelFile,
     Output,
     about,
     print_table,
@@ -26,13 +27,8 @@ if TYPE_CHECKING:
 
 
 def compare(
-    vehicle: Annotated[
-        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
-    ],
-    measured: Annotated[
-        str,
-        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
-    ] = STREAM,
+    vehicle: ModelFile,
+    measured: Measured = STREAM,
     against: Annotated[
         str | None,
         typer.Option(

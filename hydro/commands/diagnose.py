@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, progress, read, shows_table, write
+from hydro.commands.shell import (
+    STREAM,
+    Measured,
+    ModelFile,
+    Output,
+    about,
+    progress,
+    read,
+    shows_table,
+    write,
+)
 
 if TYPE_CHECKING:
     from hydro.core.findings import Diagnosis
@@ -16,13 +26,8 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    vehicle: Annotated[
-        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
-    ],
-    measured: Annotated[
-        str,
-        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
-    ] = STREAM,
+    vehicle: ModelFile,
+    measured: Measured = STREAM,
     output: Output = STREAM,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, about, person, print_table, progress, read
+from hydro.commands.shell import STREAM, Measured, ModelFile, about, person, print_table, progress, read
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -20,17 +20,12 @@ if TYPE_CHECKING:
 
 
 def explain(
-    vehicle: Annotated[
-        Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
-    ],
+    vehicle: ModelFile,
     folder: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; made if need be."),
     ],
-    measured: Annotated[
-        str,
-        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
-    ] = STREAM,
+    measured: Measured = STREAM,
     holdout: Annotated[
         str | None,
         typer.Option(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, noise_for, progress, read
+from hydro.commands.shell import STREAM, Measured, Output, about, noise_for, progress, read
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
 def fit(
     vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to begin from.")],
-    measured: Annotated[
-        str,
-        typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
-    ] = STREAM,
+    measured: Measured = STREAM,
     effect: Annotated[
         list[str] | None,
         typer.Option(

@@ -32,6 +32,13 @@ CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
 )
 
+ModelFile = Annotated[
+    Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
+]
+Measured = Annotated[
+    str,
+    typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
+]
 Output = Annotated[
     str,
     typer.Option(
