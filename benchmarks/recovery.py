@@ -23,7 +23,7 @@ import polars as pl
 from scipy.stats import beta
 
 from hydro.core.allocation import configuration_matrix
-from hydro.core.effects import CATALOGUE, validate
+from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.excitation import Session, demands
 from hydro.core.fit import fit
@@ -85,6 +85,10 @@ TRUTHS: dict[str, Draw] = {
         ("D15", "D51", "D24", "D42", "D13", "D31"), [0.1 * cross(v)] * 6, rng
     ),
     "crossflow_drag": lambda rng, v: {"Cd_y": within(0.3, 1.0, signs=False)(rng), "Cd_z": 0.5},
+    "cross_axis_drag": lambda rng, v: {
+        f"D{i}{j}": float((mass(v) if i < 3 else moment(v)) * rng.uniform(0.3, 1.5))
+        for i, j in damping.ACROSS
+    },
     "body_lift": lambda rng, v: several(
         ("L11", "L15", "L51", "L55", "L22", "L24", "L42", "L44"),
         [0.3 * mass(v), 0.1 * cross(v), 0.1 * cross(v), 0.1 * moment(v)] * 2,

@@ -47,6 +47,7 @@ def build(
     rho, gravity = vehicle.environment.water_density, vehicle.environment.gravity
     rigid = rigid_body(body.mass, body.center_of_gravity, np.array(body.inertia, float))
     added, linear = np.zeros((6, 6)), np.zeros((6, 6))
+    across = np.zeros((6, 3))
     quadratic, drag, lift = np.zeros(6), np.zeros(2), np.zeros((2, 2, 2))
     buoyancy = np.array(vehicle.buoyancy.center, float)
     extra = [np.array([body.mass * gravity, *body.center_of_gravity])]
@@ -72,6 +73,9 @@ def build(
                     linear[int(key[1]), int(key[2])] += get(key, 0.0)
             case "quadratic_damping":
                 quadratic += table["diagonal"]
+            case "cross_axis_drag":
+                for key in set(table) - {"name"}:
+                    across[int(key[1]), int(key[2])] += table[key]
             case "crossflow_drag":
                 drag += 0.5 * rho * np.array([get("Cd_y", 0.0) * hull.height, get("Cd_z", 0.0) * hull.width])
             case "body_lift":
@@ -117,6 +121,7 @@ def build(
         lifted=np.array([lifted, *buoyancy]),
         linear=linear,
         quadratic=quadratic,
+        across=across,
         drag=drag,
         span=np.array([hull.length, hull.center[0]]),
         lift=lift,

@@ -70,6 +70,7 @@ class Plant(NamedTuple):
         lifted: Extra buoyancy [N] and where it acts, (4,); it may grow with depth.
         linear: D_L, (6, 6).
         quadratic: Diagonal of D_Q, (6,).
+        across: Drag of each axis per speed along another one, (6, 3).
         drag: 1/2 rho Cd H and 1/2 rho Cd W, (2,).
         span: Hull length and the x of its centre, (2,).
         lift: Y, N of v, r and Z, M of w, q per |u|, (2, 2, 2).
@@ -95,6 +96,7 @@ class Plant(NamedTuple):
     lifted: Array
     linear: Array
     quadratic: Array
+    across: Array
     drag: Array
     span: Array
     lift: Array
@@ -193,7 +195,7 @@ def propel(plant: Plant, rotor: Array, nu_r: Array, t: float, tau: Array) -> Arr
 def resist(plant: Plant, n: Array, tau: Array) -> None:
     """Add damping, cross-flow drag and lift (Fossen 6.4)."""
     f = plant.foreign
-    tau -= plant.linear @ n + plant.quadratic * np.abs(n) * n
+    tau -= plant.linear @ n + (plant.quadratic * np.abs(n) + plant.across @ np.abs(n[:3])) * n
     tau -= plant.quadratic * (f[CUBIC] * n**3 + f[POWER] * np.sign(n) * np.abs(n) ** 1.5)
     if plant.drag.any():
         length, step = plant.span[0], plant.span[0] / (STATIONS - 1)

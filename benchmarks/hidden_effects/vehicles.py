@@ -15,7 +15,7 @@ from hydro.io import vehicle as files
 
 VEHICLES = Path(__file__).resolve().parents[2] / "datasets" / "vehicles"
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
-DAMPING = ("linear_damping", "quadratic_damping", "crossflow_drag", "coupled_damping")
+DAMPING = ("linear_damping", "quadratic_damping", "crossflow_drag", "coupled_damping", "cross_axis_drag")
 WRONG = 0.25
 """Greatest relative error of a file's damping."""
 STONEFISH: tuple[dict[str, Any], ...] = (

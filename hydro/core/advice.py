@@ -32,6 +32,7 @@ MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
                 "added_mass_coupling",
                 "coupled_damping",
                 "crossflow_drag",
+                "cross_axis_drag",
                 "sensor_lever_arm",
             }
         ),

@@ -343,6 +343,7 @@ def _natural(unit: str, vehicle: Vehicle) -> float:
         "N s": 0.3 * cross,
         "N m s": 0.5 * J,
         "N s^2/m^2": 1.0 * m,
+        "N s^2": 1.0 * J,  # a moment per rate and speed, not one per speed squared
         "N m s^2": 1.0 * J,
     }[unit]
 

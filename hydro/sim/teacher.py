@@ -53,6 +53,7 @@ REPLACED = frozenset(
         "quadratic_damping",
         "coupled_damping",
         "crossflow_drag",
+        "cross_axis_drag",
         "fluid_memory",
     }
 )

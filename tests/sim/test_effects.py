@@ -25,6 +25,7 @@ EFFECTS = {
     "quadratic_damping": {"diagonal": [50.0, 100.0, 120.0, 9.0, 12.0, 11.0]},
     "coupled_damping": {"D15": 5.0, "D51": 4.0, "D24": -3.0, "D42": -4.0, "D13": 1.0, "D31": 2.0},
     "crossflow_drag": {"Cd_y": 1.1, "Cd_z": 0.8},
+    "cross_axis_drag": {"D01": 60.0, "D02": 90.0, "D10": 30.0, "D12": 80.0, "D20": 20.0, "D32": 9.0},
     "body_lift": {"L11": 40.0, "L15": 9, "L51": 8, "L55": 5, "L22": 30, "L24": 9, "L42": 7, "L44": 6},
     "net_buoyancy": {"dB": -7.0},
     "buoyancy_offset": {"dx": 0.02, "dy": -0.01, "dz": 0.03},

@@ -12,6 +12,7 @@ from hydro.core.effects.record import Array, Effect, Parameter
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
+ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
 
 
 @jit
@@ -57,6 +58,22 @@ def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     tau[3] -= p[5] * v
 
 
+@jit
+def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -D[i,j] |nu_r[j]| nu_r[i]: drag along or about one axis that speed along another one raises.
+
+    The flow separates from a blunt hull or an open frame at its whole speed, so that a vehicle which heaves
+    meets more drag in surge: a cylinder across the flow has Y = -1/2 rho C_d A sqrt(v^2 + w^2) v, and these
+    are the products nearest to it.  With every D[i,j] >= 0, as here, it never does positive work.
+    """
+    k = 0
+    for i in range(6):
+        for j in range(3):
+            if j != i:
+                tau[i] -= p[k] * abs(s[RELATIVE_VELOCITY + j]) * s[RELATIVE_VELOCITY + i]
+                k += 1
+
+
 EFFECTS = (
     Effect(
         name="linear_damping",
@@ -80,7 +97,13 @@ EFFECTS = (
         definition="-D_Q abs(nu_r) nu_r",
         source="Morison et al. (1950); Fossen (2011), section 6.4",
         excitation="steady speeds from slow to full on every axis",
-        lookalikes=("linear_damping", "crossflow_drag", "thruster_inflow", "thruster_gain"),
+        lookalikes=(
+            "linear_damping",
+            "crossflow_drag",
+            "cross_axis_drag",
+            "thruster_inflow",
+            "thruster_gain",
+        ),
         parameters=(Parameter("diagonal", ("N s^2/m^2", "N m s^2"), "diagonal of D_Q", (6,), required=True),),
         kernel=quadratic,
     ),
@@ -94,5 +117,24 @@ EFFECTS = (
         lookalikes=("body_lift", "crossflow_drag", "added_mass_coupling", "sensor_lever_arm"),
         parameters=tuple(Parameter(f"D{i}{j}", ("N s",), f"D[{i},{j}]") for i, j in COUPLED),
         kernel=coupled,
+    ),
+    Effect(
+        name="cross_axis_drag",
+        family="damping",
+        kind="wrench",
+        definition="-D[i,j] abs(nu_r[j]) nu_r[i] for the six axes i and the three speeds j, j not i",
+        source="Fossen (2011), section 6.4 (abs(nu)^T D_n nu, its terms that only oppose motion)",
+        excitation="surge, sway, heave and turns at once, in pairs and at several speeds",
+        lookalikes=("quadratic_damping", "body_lift", "crossflow_drag", "linear_damping"),
+        parameters=tuple(
+            Parameter(
+                f"D{i}{j}",
+                ("N s^2/m^2" if i < 3 else "N s^2",),
+                f"{'XYZKMN'[i]} per abs({'uvw'[j]}) {'uvwpqr'[i]}",
+                low=0.0,
+            )
+            for i, j in ACROSS
+        ),
+        kernel=across,
     ),
 )

@@ -65,7 +65,7 @@ EFFECTS = (
         definition="dY = -1/2 rho Cd_y H abs(s_H) s_H dx, dZ likewise of W, s_W; N = int x dY, M = -int x dZ",
         source="Hoerner (1965); Fossen (2011), section 6.4.3",
         excitation="sway together with yaw, heave together with pitch rate, at strong drift angles",
-        lookalikes=("quadratic_damping", "coupled_damping"),
+        lookalikes=("quadratic_damping", "coupled_damping", "cross_axis_drag"),
         parameters=(
             Parameter("Cd_y", ("1",), "drag coefficient of the hull's side"),
             Parameter("Cd_z", ("1",), "drag coefficient of the hull's bottom"),
@@ -79,7 +79,7 @@ EFFECTS = (
         definition="-|u_r| L nu_r in Y, N of v_r, r and in Z, M of w_r, q",
         source="Prestero (2001), chapter 4 (body and fin lift); Hoerner (1965)",
         excitation="drift and turns at speed, ahead and astern",
-        lookalikes=("added_mass_coriolis", "coupled_damping"),
+        lookalikes=("added_mass_coriolis", "coupled_damping", "cross_axis_drag"),
         parameters=tuple(
             Parameter(
                 f"L{i}{j}",

@@ -28,6 +28,7 @@ EVERYTHING = (
     {"name": "added_mass_coriolis", "kappa": -0.2},
     {"name": "coupled_damping", "D15": 1.0, "D51": 2.0},
     {"name": "crossflow_drag", "Cd_y": 0.6, "Cd_z": 0.7},
+    {"name": "cross_axis_drag", "D01": 3.0, "D52": 2.0},
     {"name": "body_lift", "L11": 9.0, "L15": -2.0, "L51": -2.0, "L55": 1.0},
     {"name": "net_buoyancy", "dB": 4.0},
     {"name": "buoyancy_offset", "dx": 0.01},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bench import BUOYANCY, CENTER_OF_BUOYANCY, R, equipped, force_at, wrench
+from bench import BUOYANCY, CENTER_OF_BUOYANCY, R, equipped, force_at, neutral, wrench
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -12,8 +12,9 @@ from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
-from hydro.core.effects import effect_wrenches
+from hydro.core.effects import assemble, effect_wrenches
 from hydro.core.rigid_body import coriolis_matrix
+from hydro.core.simulate import trajectory
 
 LEVEL = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
 HULL_X = (0.1 - 0.8, 0.1 + 0.8)  # of the bench's hull
@@ -46,6 +47,26 @@ def test_coupled_damping_fills_six_entries(nu, values):
         matrix[i, j] = value
     names = {f"D{i}{j}": float(v) for v, (i, j) in zip(values, pairs, strict=True)}
     close(wrench({"name": "coupled_damping", **names}, LEVEL, nu), -matrix @ nu)
+
+
+@given(velocities(), vectors(15, 50.0))
+def test_cross_axis_drag_is_a_damping_by_the_other_speeds(nu, values):
+    """-diag(D |v|) nu: it turns with the motion, grows with its square, and never drives the vehicle."""
+    matrix = np.zeros((6, 3))
+    matrix[~np.eye(6, 3, dtype=bool)] = np.abs(values)
+    names = {f"D{i}{j}": matrix[i, j] for i in range(6) for j in range(3) if i != j}
+    tau = wrench({"name": "cross_axis_drag", **names}, LEVEL, nu)
+    close(tau, -(matrix @ np.abs(nu[:3])) * nu)
+    assert tau @ nu <= 0.0
+
+
+def test_cross_axis_drag_slows_an_oblique_coast_as_one_over_time():
+    """With u = v and D01 = D10 both obey m u' = -D u^2, of which u0 / (1 + D u0 t / m) is the solution."""
+    vehicle = equipped({"name": "cross_axis_drag", "D01": 40.0, "D10": 40.0}, bare=neutral())
+    t = np.arange(500) * 0.02
+    motion = trajectory(assemble(vehicle), np.zeros((500, 1)), t, nu=[1.5, 1.5, 0, 0, 0, 0])
+    expected = 1.5 / (1.0 + 40.0 / 50.0 * 1.5 * t)
+    np.testing.assert_allclose(motion[:, 6:8], np.column_stack([expected, expected]), rtol=1e-8)
 
 
 @given(velocities(), numbers(0.1, 2.0), numbers(0.1, 2.0))
@@ -252,6 +273,7 @@ def test_zero_is_absence(data):
         {"name": "quadratic_damping", "diagonal": [0.0] * 6},
         {"name": "coupled_damping"},
         {"name": "crossflow_drag"},
+        {"name": "cross_axis_drag"},
         {"name": "body_lift"},
         {"name": "added_mass_coriolis"},
         {"name": "net_buoyancy"},
