@@ -53,7 +53,9 @@ CONFIRMED = 0.5
 STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
 KNOWN = 0.85
-"""Share of the error that the findings must explain, or else the catalogue lacks an effect."""
+"""Share of the error that the findings must explain, or else that the catalogue lacks one comes first."""
+LEFT = 0.05
+"""Share of the error that must be left for it to be told at all."""
 
 
 def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
@@ -92,7 +94,8 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     named = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
     named.sort(key=lambda one: -one.share)
     left = _left(search, model, named, last, record, raw)
-    findings = [*left, *named] if _unknown(search, model) else [*named, *left]
+    mostly = model.excess <= (1.0 - KNOWN) * first.excess
+    findings = [*named, *left] if mostly else [*left, *named]
     if not findings:
         findings.append(_nothing(first, last))
     findings += sorted(_retuned(vehicle, base, given, model, result), key=lambda one: -one.share)
@@ -192,11 +195,6 @@ def _tables(result: Fit | None, effect: str) -> tuple[dict[str, object], dict[st
     raise KeyError(effect)
 
 
-def _unknown(search: Search, model: Model) -> bool:
-    """Whether the findings leave too much of the error."""
-    return model.excess > (1.0 - KNOWN) * search.first.excess
-
-
 def _left(
     search: Search, model: Model, named: Sequence[Finding], last: Round, record: Recording, raw: pl.DataFrame
 ) -> list[Finding]:
@@ -205,7 +203,7 @@ def _left(
     Structured is what some effect answers to by more than chance, or what a steady force in each shot would.
     """
     first = search.first
-    if not _unknown(search, model) or model.excess < STRUCTURED * model.normal.residuals:
+    if model.excess < max(LEFT * first.excess, STRUCTURED * model.normal.residuals):
         return []
     if not last.significant and _steadily(model, record) < STRUCTURED:
         return []
