@@ -1,13 +1,15 @@
 """Compile scalar kernels once per version of the sources, whichever module they stand in.
 
 Numba keys its on-disk cache on the file of the *calling* function alone, so a kernel edited in another
-module would leave stale machine code behind.  The cache folder here is therefore named by a digest of every
-source that a kernel can see: the modules that compile something, and all that these import.
+module would leave stale machine code behind.  The cache folder of a layer's kernels is therefore named by a
+digest of every source that they can see: the modules of the layer that compile something, and all that these
+import.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import importlib.metadata
 import os
@@ -27,13 +29,18 @@ _IMPORTS = re.compile(
 )
 
 
-def _cache_folder() -> Path:
-    """Folder of compiled kernels for exactly these sources."""
+PARTS = ("core", "sim", "rl")
+"""Layers that compile something."""
+
+
+@functools.cache
+def _cache_folder(part: str) -> Path:
+    """Folder of compiled kernels for exactly the sources that a layer's kernels can see."""
     digest = hashlib.sha256(numba.__version__.encode())
     # sim's kernels hold offsets into MuJoCo's structs
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("mujoco").encode())
-    for source in kernel_sources():
+    for source in kernel_sources((part,) if part in PARTS else PARTS):
         digest.update(source.read_bytes())
     base = (
         os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
@@ -41,10 +48,15 @@ def _cache_folder() -> Path:
     return Path(base) / "hydro" / f"kernels-{digest.hexdigest()[:16]}"
 
 
-def kernel_sources() -> list[Path]:
-    """Sources that compile something, with all of hydro's that they import, in order."""
-    text = {path: path.read_bytes() for part in ("core", "sim") for path in (_PACKAGE / part).rglob("*.py")}
-    waiting = [path for path, source in text.items() if b"hydro.core.compiled" in source]
+def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
+    """Sources of some layers that compile something, with all of hydro's that they import, in order."""
+    text = _sources()
+    own = tuple(_PACKAGE / part for part in parts)
+    waiting = [
+        path
+        for path, source in text.items()
+        if b"hydro.core.compiled" in source and any(path.is_relative_to(folder) for folder in own)
+    ]
     found = set[Path]()
     while waiting:
         path = waiting.pop()
@@ -52,6 +64,12 @@ def kernel_sources() -> list[Path]:
             found.add(path)
             waiting += _imported(text[path])
     return sorted(found)
+
+
+@functools.cache
+def _sources() -> dict[Path, bytes]:
+    """Text of every module of the layers that compile something."""
+    return {path: path.read_bytes() for part in PARTS for path in (_PACKAGE / part).rglob("*.py")}
 
 
 def _imported(source: bytes) -> list[Path]:
@@ -65,14 +83,11 @@ def _imported(source: bytes) -> list[Path]:
     return files
 
 
-_FOLDER = str(_cache_folder())
-
-
 @contextlib.contextmanager
-def _cache_in_own_folder() -> Iterator[None]:
+def _cache_in_own_folder(function: Callable[..., Any]) -> Iterator[None]:
     """Point Numba at our folder while a dispatcher sets up its cache; leave other users of Numba alone."""
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _FOLDER
+    numba.config.CACHE_DIR = str(_cache_folder(function.__module__.removeprefix("hydro.").split(".")[0]))
     try:
         yield
     finally:
@@ -87,7 +102,7 @@ def jit(function: F, *, reorder_sums: bool = False) -> F:
     """
     fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
     dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath)
-    with _cache_in_own_folder(), contextlib.suppress(RuntimeError):
+    with _cache_in_own_folder(function), contextlib.suppress(RuntimeError):
         dispatcher.enable_caching()
     return dispatcher  # type: ignore[no-any-return]
 
@@ -96,7 +111,7 @@ def cfunc(signature: Any) -> Callable[[F], F]:
     """`numba.cfunc` (a native function pointer, called without the GIL) with the same cache."""
 
     def decorate(function: F) -> F:
-        with _cache_in_own_folder():
+        with _cache_in_own_folder(function):
             return numba.cfunc(signature, cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
 
     return decorate

@@ -34,23 +34,14 @@ from hydro.core.effects.program import (
     wrench,
 )
 from hydro.core.effects.record import Array
+from hydro.core.frames import quaternion_kernel
 from hydro.core.rigid_body import coriolis_kernel, restoring_kernel
 
 
 @jit
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
     """Write the state of motion `s`: R of a quaternion (w, x, y, z) of any length, nu_r of the current."""
-    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    twice = 2.0 / (w * w + x * x + y * y + z * z)
-    s[ROTATION] = 1.0 - twice * (y * y + z * z)
-    s[ROTATION + 1] = twice * (x * y - w * z)
-    s[ROTATION + 2] = twice * (x * z + w * y)
-    s[ROTATION + 3] = twice * (x * y + w * z)
-    s[ROTATION + 4] = 1.0 - twice * (x * x + z * z)
-    s[ROTATION + 5] = twice * (y * z - w * x)
-    s[ROTATION + 6] = twice * (x * z - w * y)
-    s[ROTATION + 7] = twice * (y * z + w * x)
-    s[ROTATION + 8] = 1.0 - twice * (x * x + y * y)
+    quaternion_kernel(quaternion, s[ROTATION : ROTATION + 9])
     for i in range(3):
         s[POSITION + i] = position[i]
     for i in range(6):

@@ -43,6 +43,22 @@ def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
 
 
 @jit
+def quaternion_kernel(quaternion: Array, out: Array) -> None:
+    """Write R_nb of a quaternion (w, x, y, z) of any length but zero into `out` (9,), row-major."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    twice = 2.0 / (w * w + x * x + y * y + z * z)
+    out[0] = 1.0 - twice * (y * y + z * z)
+    out[1] = twice * (x * y - w * z)
+    out[2] = twice * (x * z + w * y)
+    out[3] = twice * (x * y + w * z)
+    out[4] = 1.0 - twice * (x * x + z * z)
+    out[5] = twice * (y * z - w * x)
+    out[6] = twice * (x * z - w * y)
+    out[7] = twice * (y * z + w * x)
+    out[8] = 1.0 - twice * (x * x + y * y)
+
+
+@jit
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
     for k in range(phi.size):
         rotation_kernel(phi[k], theta[k], psi[k], out[k])

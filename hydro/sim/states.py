@@ -33,8 +33,14 @@ def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
     """
     eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
     quaternion = quaternion_from_euler(eta[..., 3], eta[..., 4], eta[..., 5])
+    return coordinates(np.concatenate([eta[..., :3], quaternion], axis=-1), nu)
+
+
+def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
+    """`qpos` (..., 7) and `qvel` (..., 6) of x y z and quaternion (..., 7), FRD to NED, and nu (..., 6)."""
+    quaternion = pose[..., 3:]
     linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
-    qpos = np.concatenate([swap_frd_flu(eta[..., :3]), _turn(quaternion)], axis=-1)
+    qpos = np.concatenate([swap_frd_flu(pose[..., :3]), _turn(quaternion)], axis=-1)
     return qpos, np.concatenate([swap_frd_flu(linear), swap_frd_flu(nu[..., 3:])], axis=-1)
 
 

@@ -112,6 +112,24 @@ class Student:
                 for thruster in np.flatnonzero(np.isfinite(commands)):
                     self._settle(vehicle, int(thruster), commands[thruster])
 
+    def restart(self, mask: NDArray[np.bool_], pose: Array, nu: Array) -> None:
+        """Put some vehicles somewhere, at their own time 0, thrusters at rest, and work out their forces.
+
+        Args:
+            mask: Which, (count,).
+            pose: x y z NED and quaternion FRD to NED (count, 7); rows outside the mask are not read.
+            nu: Velocity of CO over ground (count, 6), FRD.
+        """
+        self.batch.reset(mask, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.batch.qpos[mask], self.batch.qvel[mask] = states.coordinates(pose[mask], nu[mask])
+        with _warnings_only_counted():
+            self.batch.forward(mask)
+
+    def march(self, steps: int) -> None:
+        """Fly on for some physics steps under the controls that the batch holds."""
+        with _warnings_only_counted():
+            self.batch.step(nstep=steps)
+
     def _settle(self, vehicle: int, thruster: int, command: float) -> None:
         """Let one thruster have obeyed a command for long."""
         if self.model.actuator_actnum[thruster]:

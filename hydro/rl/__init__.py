@@ -1,0 +1,1 @@
+"""Reinforcement learning on the student: environments, and policies trained in them."""

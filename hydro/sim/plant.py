@@ -1,0 +1,189 @@
+"""Vehicles flown side by side, one control step at a time, for a policy to steer.
+
+What a policy needs of either simulator is a `Plant`.  Arrays are live: they are rewritten in place by `reset`
+and `step`, so that compiled code can read them without a copy.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.frames import quaternion_kernel
+from hydro.core.vehicle import Vehicle
+from hydro.sim.student import Physics, Student
+from hydro.sim.water import Water
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Snapshot = dict[str, NDArray[np.generic]]
+
+
+class Plant(Protocol):
+    """Vehicles of one kind, each in water of its own.
+
+    Attributes:
+        vehicle: Their vehicle file.
+        pose: (N, 7): x y z of CO, NED, and the quaternion (w, x, y, z) from FRD to NED with w >= 0.
+        velocity: u v w p q r of CO over ground, FRD, (N, 6).
+        specific_force: What an accelerometer at CO feels, FRD, (N, 3) [m/s^2]; (0, 0, -g) when level at rest.
+        thrust: Thrusts (N, n) [N].
+        diverged: Which vehicles left the realm of numbers since their last reset, (N,); the rest of their
+            rows then holds the last good values.
+    """
+
+    vehicle: Vehicle
+    pose: Array
+    velocity: Array
+    specific_force: Array
+    thrust: Array
+    diverged: Mask
+
+    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
+        """Put some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
+
+    def step(self, commands: Array) -> None:
+        """Fly one control step under held commands (N, n)."""
+
+    def snapshot(self) -> Snapshot:
+        """Everything that the future depends on."""
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot, bit for bit."""
+
+
+class StudentPlant:
+    """A plant of MuJoCo students; see `Plant` for its arrays."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        water: Water | None = None,
+        *,
+        count: int = 1,
+        physics: Physics | None = None,
+        period: float = 0.04,
+        threads: int = 1,
+        folder: Path | None = None,
+    ) -> None:
+        """Build the students; the clock of each runs by itself.
+
+        Args:
+            vehicle: The vehicle file.
+            water: What of the water they feel; everything the file says by default.
+            count: Number of vehicles.
+            physics: Step and integrator.
+            period: Control step [s].
+            threads: Threads that share the vehicles; they change no bit of any result.
+            folder: Folder of the vehicle file, where a hull mesh is looked for.
+
+        Raises:
+            DataError: The vehicle cannot be simulated.
+            UsageError: A control step is no multiple of the physics step.
+        """
+        physics = physics or Physics()
+        self._steps = physics.steps(period, "the control step")
+        self._student = Student(vehicle, water, count=count, physics=physics, threads=threads, folder=folder)
+        batch, thrusters = self._student.batch, len(vehicle.thruster)
+        self._motion = batch.qpos, batch.qvel, batch.qacc, batch.warning
+        self._force = batch.actuator_force[:, :thrusters]
+        self._ctrl = batch.ctrl[:, :thrusters]
+        self._gravity = vehicle.environment.gravity
+        self.vehicle = vehicle
+        self.pose, self.velocity = np.zeros((count, 7)), np.zeros((count, 6))
+        self.pose[:, 3] = 1.0
+        self.specific_force, self.thrust = np.zeros((count, 3)), np.zeros((count, thrusters))
+        self.diverged, self._all = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
+
+    def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
+        """Put some vehicles somewhere; see `Plant`."""
+        self._student.restart(mask, pose, velocity)
+        self.diverged[mask] = False
+        self._read(mask)
+
+    def step(self, commands: Array) -> None:
+        """Fly one control step; see `Plant`."""
+        self._ctrl[:] = commands
+        self._student.march(self._steps)
+        self._read(self._all)
+
+    def _read(self, mask: Mask) -> None:
+        """Bring the arrays of some vehicles up to date."""
+        read_kernel(
+            mask, *self._motion, self._gravity, self.pose, self.velocity, self.specific_force, self.diverged
+        )
+        self.thrust[mask] = self._force[mask]
+
+    def snapshot(self) -> Snapshot:
+        """Everything that the future depends on, and the arrays of the present."""
+        batch = self._student.batch
+        return {name: np.array(getattr(self, name)) for name in _READ} | {
+            "state": np.array(batch.state),
+            "warning": np.array(batch.warning),
+        }
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot, bit for bit."""
+        batch = self._student.batch
+        batch.state[:], batch.warning[:] = snapshot["state"], snapshot["warning"]
+        for name in _READ:
+            getattr(self, name)[:] = snapshot[name]
+
+
+_READ = ("pose", "velocity", "specific_force", "thrust", "diverged")
+
+
+@jit
+def read_kernel(
+    mask: Mask,
+    qpos: Array,
+    qvel: Array,
+    qacc: Array,
+    warning: NDArray[np.int32],
+    gravity: float,
+    pose: Array,
+    velocity: Array,
+    specific_force: Array,
+    diverged: Mask,
+) -> None:
+    """Motion of some vehicles in NED and FRD from MuJoCo's coordinates (see `sim.states`).
+
+    A row that MuJoCo warned of, or that is not finite, is marked as diverged and keeps what it held.
+
+    Args:
+        mask: Which rows to read (N,).
+        qpos: (N, 7).
+        qvel: (N, 6).
+        qacc: (N, 6), at the beginning of the last physics step.
+        warning: Counters (N, warnings, 2).
+        gravity: [m/s^2].
+        pose: (N, 7) written.
+        velocity: (N, 6) written.
+        specific_force: (N, 3) written.
+        diverged: (N,), set and never cleared.
+    """
+    R, force = np.empty(9), np.empty(3)
+    for k in np.flatnonzero(mask):
+        for kind in range(warning.shape[1]):
+            if warning[k, kind, 1] > 0:
+                diverged[k] = True
+        if not np.isfinite(qpos[k].sum() + qvel[k].sum() + qacc[k].sum()):
+            diverged[k] = True
+        if diverged[k]:
+            continue
+        sign = 1.0 if qpos[k, 3] >= 0.0 else -1.0
+        for i in range(7):
+            pose[k, i] = qpos[k, i] if i < 3 else sign * qpos[k, i]
+        for i in (1, 2, 5, 6):
+            pose[k, i] = -pose[k, i]
+        quaternion_kernel(pose[k, 3:7], R)
+        force[0], force[1], force[2] = qacc[k, 0], -qacc[k, 1], -qacc[k, 2] - gravity
+        for i in range(3):
+            here = 1.0 if i == 0 else -1.0
+            velocity[k, i] = R[i] * qvel[k, 0] - R[3 + i] * qvel[k, 1] - R[6 + i] * qvel[k, 2]
+            velocity[k, 3 + i] = here * qvel[k, 3 + i]
+            specific_force[k, i] = R[i] * force[0] + R[3 + i] * force[1] + R[6 + i] * force[2]
