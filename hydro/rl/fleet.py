@@ -36,8 +36,11 @@ class Guidance(Protocol):
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
         """Plan anew for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
 
-    def targets(self, positions: Array) -> tuple[Array, Array]:
-        """Points to swim to (N, 3) and weighted costs of being off the path (N,), at positions (N, 3)."""
+    def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
+        """Points to swim to (N, 3) and weighted costs of being off the path (N,), at positions (N, 3).
+
+        Called once per control step; rows outside the mask (N,) neither advance nor are read.
+        """
 
     def state(self) -> State:
         """Everything that the future depends on."""
@@ -232,10 +235,9 @@ class Fleet:
     def _observe(self, mask: Mask, out: Array32) -> None:
         """Write the observations of some vehicles, with noise and under guidance."""
         plant = self.plant
-        guided = self._stages == tasks.GUIDED
+        guided = mask & (self._stages == tasks.GUIDED)
         if self._guidance is not None and guided.any():
-            ahead, cost = self._guidance.targets(plant.pose[:, :3])
-            guided &= mask
+            ahead, cost = self._guidance.targets(guided, plant.pose[:, :3])
             self.targets[guided], self._path_cost[guided] = ahead[guided], cost[guided]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS))
         sense_kernel(
