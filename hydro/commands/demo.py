@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
+from hydro.io.files import bundled
 
-PACKAGE = Path(__file__).resolve().parents[1]
 EPOCHS = 20
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; made if need be.")]
@@ -88,9 +88,8 @@ _ARTEFACTS = ("labels", "blocks", "split", "mlp", "physfeat", "evaluation", "rep
 
 
 def _bundled(name: str) -> Path:
-    """A folder of the bundled recordings, inside an installed package or beside it in a checkout."""
-    packaged = PACKAGE / "_datasets"
-    data = (packaged if packaged.is_dir() else PACKAGE.parent / "datasets") / name
+    """A folder of the bundled recordings, from here."""
+    data = bundled(name)
     return data.relative_to(Path.cwd()) if data.is_relative_to(Path.cwd()) else data
 
 

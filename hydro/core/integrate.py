@@ -90,7 +90,7 @@ def step(
     total[:] = 0.0
     trial[:] = y
     for stage in range(order):
-        _rates(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
+        rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
         if order == MIDPOINT:
             weight = 6.0 * stage
@@ -151,8 +151,20 @@ def advance(
 
 
 @jit
-def _rates(flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array) -> None:
-    """Rates of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance."""
+def rates_kernel(
+    flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
+) -> None:
+    """Rates of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance.
+
+    Args:
+        flat: The vehicle's program.
+        facets: (8, F), or `NO_HULL`.
+        y: State.
+        s: State of motion, overwritten.
+        rotors: (n,) lag states.
+        tau: (6,) overwritten.
+        rates: (y.size,) written; nu_dot of CO stands in 7 to 12.
+    """
     observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
     for i in range(3):

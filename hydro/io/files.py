@@ -28,6 +28,15 @@ _REMEDIES = {
 }
 
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def bundled(name: str) -> Path:
+    """A bundled data set or vehicle file, inside an installed package or beside it in a checkout."""
+    packaged = _PACKAGE / "_datasets"
+    return (packaged if packaged.is_dir() else _PACKAGE.parent / "datasets") / name
+
+
 def name_of(place: Source, stream: str = "stdin") -> str:
     """What an error line calls this place: the path as given, or `stream` for a stream."""
     return shown(os.fspath(place)) if isinstance(place, str | Path) else stream

@@ -148,13 +148,14 @@ class Fleet:
             np.array([settings.task.radius, settings.task.steps, settings.overspeed, settings.period]),
         )
         self._sigma = observation.sigmas(settings.noise)
-        self._noise = np.random.default_rng([seed, 1 << 32])
+        self._noise = _generator(seed)
 
         self._stages = np.ones(count, dtype=np.int64)
         self._episode = np.full(count, -1, dtype=np.int64)
         self._before = np.zeros((count, ACTIONS))
         self._distance, self._path_cost, self._least = np.zeros(count), np.zeros(count), np.zeros(count)
         self._rotation, self._totals = np.zeros((count, 9)), np.zeros((count, TOTALS))
+        self._seen = np.zeros((count, OBSERVATIONS), dtype=np.float32)
         self._commands, self._all = np.zeros_like(plant.thrust), np.ones(count, dtype=np.bool_)
 
     def set_level(self, stage: int, level: int = 0) -> None:
@@ -166,18 +167,33 @@ class Fleet:
         tasks.require_level(self.settings, stage, level, guided=self._guidance is not None)
         self.stage, self.level = stage, level
 
-    def reset(self, mask: Mask | None = None) -> Array32:
-        """Begin the next episode of some vehicles (N,), of all by default; all observations (N, 36)."""
-        observations = np.zeros((self.count, OBSERVATIONS), dtype=np.float32)
-        self._begin(self._all if mask is None else mask)
-        self._observe(self._all, observations)
-        return observations
+    def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
+        """Begin the next episode of some vehicles.
 
-    def step(self, actions: ArrayLike) -> Step:
+        Args:
+            mask: Which (N,); all by default.
+            seed: Begin anew with the tasks and the noise of this seed.
+
+        Returns:
+            Observations of all vehicles (N, 36), those of the others as they were.
+        """
+        if seed is not None:
+            self.reseed(seed)
+        self._begin(self._all if mask is None else mask)
+        return self._seen.copy()
+
+    def reseed(self, seed: int) -> None:
+        """Let the next episode of every vehicle be the first one of a seed."""
+        self.seed, self._noise = seed, _generator(seed)
+        self._episode[:] = -1
+
+    def step(self, actions: ArrayLike, *, renew: bool = True) -> Step:
         """Fly one control step.
 
         Args:
             actions: Demands (N, 6), clipped to [-1, 1].
+            renew: Whether vehicles whose episode ends begin their next one at once; else it is for the caller
+                to `reset` them.
 
         Raises:
             DataError: The actions are of another shape, or not numbers.
@@ -189,8 +205,8 @@ class Fleet:
             raise DataError("actions: some are not finite; look at what the policy saw")
         self.plant.step(self._commands)
 
-        final = np.empty((self.count, OBSERVATIONS), dtype=np.float32)
-        self._observe(self._all, final)
+        self._observe(self._all)
+        final = self._seen.copy()
         earned = np.empty(self.count, dtype=np.float32)
         flags = np.empty((FLAGS, self.count), dtype=np.bool_)
         plant = self.plant
@@ -207,10 +223,9 @@ class Fleet:
         )  # fmt: skip
         done = terminated | truncated
         following = final
-        if done.any():
-            following = final.copy()
+        if renew and done.any():
             self._begin(done)
-            self._observe(done, following)
+            following = self._seen.copy()
         return Step(following, earned, terminated, truncated, final, info)
 
     def _begin(self, mask: Mask) -> None:
@@ -231,9 +246,10 @@ class Fleet:
         guided = mask & (self._stages == tasks.GUIDED)
         if self._guidance is not None and guided.any():
             self._guidance.reset(guided, self.starts, self.goals, self.pillars)
+        self._observe(mask)
 
-    def _observe(self, mask: Mask, out: Array32) -> None:
-        """Write the observations of some vehicles, with noise and under guidance."""
+    def _observe(self, mask: Mask) -> None:
+        """Renew what some vehicles see, with noise and under guidance."""
         plant = self.plant
         guided = mask & (self._stages == tasks.GUIDED)
         if self._guidance is not None and guided.any():
@@ -242,7 +258,7 @@ class Fleet:
         noise = self._noise.standard_normal((self.count, OBSERVATIONS))
         sense_kernel(
             mask, self._bounds, *self._senses, plant.pose, plant.velocity, plant.specific_force, self.targets,
-            self.pillars, self._sigma, noise, self._rotation, self._least, out,
+            self.pillars, self._sigma, noise, self._rotation, self._least, self._seen,
         )  # fmt: skip
 
     def state(self) -> State:
@@ -270,8 +286,13 @@ class Fleet:
 
 _STATE = (
     "seed", "stage", "level", "starts", "goals", "targets", "pillars", "_stages", "_episode", "_before",
-    "_distance", "_path_cost", "_least", "_rotation", "_totals",
+    "_distance", "_path_cost", "_least", "_rotation", "_totals", "_seen",
 )  # fmt: skip
+
+
+def _generator(seed: int) -> np.random.Generator:
+    """The generator of the sensors' noise, apart from those of the tasks."""
+    return np.random.default_rng([seed, 1 << 32])
 
 
 def _part(state: State, prefix: str) -> State:
