@@ -1,42 +1,46 @@
-"""Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue.
+"""Does `hydro fit` find what is there?  Seeded trials for every effect of the catalogue, in every form.
 
 Each trial simulates a vehicle of `datasets/vehicles` with one effect of random size that its file does not
 have, adds ordinary sensor noise, makes the file's damping up to 25 % wrong, and fits the effect together with
 the damping.  A trial succeeds when every number of the effect lies within three standard errors of the truth.
 
-    python benchmarks/recovery.py --trials 20 --out recovery.parquet
+    python -m benchmarks.recovery --trials 20 --out recovery.parquet
 
-The file grows by one row per trial; the same command goes on where an earlier one stopped.
+The file grows by one row per trial; the same command goes on where an earlier one stopped.  Seeds take turns
+with the vehicles.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Mapping
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from scipy.stats import beta
 
+from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
 from hydro.core.allocation import configuration_matrix
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.excitation import Session, demands
 from hydro.core.fit import fit
 from hydro.core.noise import PROFILES, disturb
+from hydro.core.parameters import Free
 from hydro.core.recording import POSE, VELOCITY
 from hydro.core.simulate import simulate
 from hydro.core.vehicle import Vehicle
-from hydro.io import vehicle as files
 
-VEHICLES = Path(__file__).resolve().parents[1] / "datasets" / "vehicles"
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
-DAMPING = ("linear_damping", "quadratic_damping")
+ATTEMPTS = 200
+Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 
@@ -69,6 +73,21 @@ def vector(rng: np.random.Generator, size: float, count: int = 3) -> list[float]
 
 def cross(vehicle: Vehicle) -> float:
     return float(np.sqrt(mass(vehicle) * moment(vehicle)))
+
+
+def semidefinite(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
+    """A symmetric matrix (6, 6) with `axes` on its diagonal, its entries correlated by about 0.3."""
+    rows = rng.normal(size=(6, 12))
+    rows *= np.sqrt(axes(vehicle, share, rng))[:, None] / np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows @ rows.T
+
+
+def lopsided(vehicle: Vehicle, share: float, rng: np.random.Generator) -> Array:
+    """The same with an antisymmetric part, which does no work."""
+    matrix = semidefinite(vehicle, share, rng)
+    sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
+    turned = np.triu(0.3 * sizes * rng.uniform(-1.0, 1.0, (6, 6)), 1)
+    return matrix + turned - turned.T
 
 
 TRUTHS: dict[str, Draw] = {
@@ -125,6 +144,12 @@ TRUTHS: dict[str, Draw] = {
     "sensor_lever_arm": lambda rng, v: {"r": vector(rng, 0.3)},
     "sensor_bias": lambda rng, v: {"b": vector(rng, 0.05)},
 }
+FORMS: dict[str, Draw] = {
+    "added_mass.matrix": lambda rng, v: {"matrix": semidefinite(v, 0.3, rng).tolist()},
+    "linear_damping.matrix": lambda rng, v: {"matrix": lopsided(v, 0.3, rng).tolist()},
+    "sensor_scale.s": lambda rng, v: {"s": within(0.01, 0.05)(rng)},
+}
+"""Effects of which a file may state other numbers than TRUTHS does."""
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
@@ -147,54 +172,72 @@ def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.Da
     return pl.concat(sessions)
 
 
-def wrong(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """The vehicle with damping up to 25 % off."""
-    tables = []
-    for table in vehicle.effect:
-        if table["name"] in DAMPING:
-            table = {**table, "diagonal": [x * rng.uniform(0.75, 1.25) for x in table["diagonal"]]}
-        tables.append(table)
-    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle, Vehicle]:
+    """The file and the truth: one with the effect or more of it, as the vehicle can have it.
+
+    Raises:
+        DataError: The vehicle cannot.
+    """
+    effect, _, _ = name.partition(".")
+    if effect == "coupled_damping":  # where the damping of an axis is zero, no coupling with it is passive
+        vehicle = joined(vehicle, [{"name": "linear_damping"} | TRUTHS["linear_damping"](rng, vehicle)])
+    for attempt in range(ATTEMPTS):
+        truth = joined(vehicle, [{"name": effect} | (TRUTHS | FORMS)[name](rng, vehicle)])
+        try:
+            validate(truth)
+        except DataError:
+            if attempt == ATTEMPTS - 1:
+                raise
+        else:
+            break
+    return vehicle, truth
 
 
-def trial(name: str, seed: int, preset: str, seconds: float) -> dict[str, Any]:
+def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, Any]:
     """One study: simulate, disturb, fit, compare."""
-    if name == "coupled_damping":
-        preset = "auv151"  # the others' linear damping has zeros, beside which no coupling is passive
-    vehicle, _ = files.read(VEHICLES / f"{preset}.toml")
-    rng = np.random.default_rng([seed, list(CATALOGUE).index(name)])
-    hidden = {"name": name, **TRUTHS[name](rng, vehicle)}
-    record = CATALOGUE[name]
-    present = vehicle.effects(name)
-    if present and "diagonal" in hidden:  # already in the file: what is fitted is the sum
-        hidden["diagonal"] = [a + b for a, b in zip(hidden["diagonal"], present[0]["diagonal"], strict=True)]
-    rest = tuple(table for table in vehicle.effect if table["name"] != name)
-    truth = msgspec.structs.replace(vehicle, effect=(*rest, hidden))
-    validate(truth)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    row = {"effect": name, "vehicle": vehicle_name, "seed": seed}
+    clock = time.perf_counter()
+    try:
+        found = recovered(name, seed, preset(vehicle_name), seconds, rng)
+    except DataError as error:
+        found = {"entries": 1, "within": 0, "determined": 0, "worst": np.inf, "z": [], "chi2": np.inf}
+        found["failure"] = str(error)
+    return row | found | {"seconds": time.perf_counter() - clock}
+
+
+def recovered(
+    name: str, seed: int, vehicle: Vehicle, seconds: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """What a trial finds of an effect, in standard errors from the truth."""
+    known, truth = hide(name, vehicle, rng)
+    effect, _, _ = name.partition(".")
+    hidden = next(iter(truth.effects(effect)))
+    form = next((f".{key}" for key in CATALOGUE[effect].one_of if key in hidden), "")
     depth = 1.5 if name == "surface_suction" else 5.0
     motion = simulate(commands(vehicle, seconds, seed, depth), truth)
     logged = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     raw = motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
-    wanted = f"{name}.axes" if name == "sensor_scale" else name
-    clock = time.perf_counter()
-    found = fit(wrong(vehicle, rng), raw, [wanted, *[d for d in DAMPING if d != name]])
-    entries = found.free.entries
-    packed = record.pack(hidden, thrusters=len(vehicle.thruster))
-    mine = np.array([entry.effect == name for entry in entries])
-    z = (found.values[mine] - packed) / found.standard_errors[mine]
+    others = [other for other in damping_of(known) if other != effect]
+    found = fit(misjudged(known, rng), raw, [effect + form, *others])
+    mine = np.array([entry.effect == effect for entry in found.free.entries])
+    z = ((found.values - true_values(truth, found.free)) / found.standard_errors)[mine]
     return {
-        "effect": name,
-        "vehicle": preset,
-        "seed": seed,
         "entries": len(z),
         "within": int((np.abs(z) <= 3.0).sum()),
         "determined": int(found.determined[mine].sum()),
         "worst": float(np.abs(z).max()),
         "z": z.tolist(),
         "chi2": found.chi2,
-        "seconds": time.perf_counter() - clock,
         "failure": "",
     }
+
+
+def true_values(truth: Vehicle, free: Free) -> Array:
+    """The free entries (P,) as they are in truth; what a table leaves out is 0."""
+    tables: dict[str, Mapping[str, Any]] = {table["name"]: table for table in truth.effect}
+    found = [np.asarray(tables[e.effect].get(e.parameter, 0.0), float) for e in free.entries]
+    return np.array([v[e.index] if v.ndim else v for v, e in zip(found, free.entries, strict=True)], float)
 
 
 def interval(hits: int, count: int) -> str:
@@ -207,7 +250,7 @@ def interval(hits: int, count: int) -> str:
 def summary(rows: pl.DataFrame) -> None:
     """The table: trials with all numbers, and numbers of all trials, within three standard errors."""
     print(f"{'effect':22} trials  all within 3 s.e.          numbers within 3 s.e.      determined  s/trial")
-    for (name,), group in rows.group_by("effect", maintain_order=True):
+    for (name,), group in rows.sort("effect").group_by("effect", maintain_order=True):
         count, hits = group.height, int((group["within"] == group["entries"]).sum())
         numbers, inside = int(group["entries"].sum()), int(group["within"].sum())
         print(
@@ -224,24 +267,28 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0, help="seeds from here on; hold some back")
     parser.add_argument("--seconds", type=float, default=180.0, help="length of a recording")
     parser.add_argument("--vehicle", action="append", help="preset; repeat for several")
-    parser.add_argument("--effect", action="append", help="only these effects")
+    parser.add_argument("--effect", action="append", help="only these effects, or forms of one")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, default=Path("recovery.parquet"))
     chosen = parser.parse_args()
-    presets = chosen.vehicle or ["auv151", "bluerov2_heavy"]
+    presets = chosen.vehicle or PRESETS
     rows = pl.read_parquet(chosen.out).to_dicts() if chosen.out.exists() else []
     done = {(row["effect"], row["seed"]) for row in rows}
-    for seed in range(chosen.first_seed, chosen.first_seed + chosen.trials):
-        for name in chosen.effect or TRUTHS:
-            if (name, seed) in done:
-                continue
-            try:
-                rows.append(trial(name, seed, presets[seed % len(presets)], chosen.seconds))
-            except DataError as error:
-                empty = {"entries": 1, "within": 0, "determined": 0, "worst": np.inf, "z": [], "chi2": np.inf}
-                which = {"effect": name, "vehicle": presets[seed % len(presets)], "seed": seed}
-                rows.append(which | empty | {"seconds": 0.0, "failure": str(error)})
+    jobs = [
+        (name, seed, presets[seed % len(presets)], chosen.seconds)
+        for seed in range(chosen.first_seed, chosen.first_seed + chosen.trials)
+        for name in chosen.effect or (*TRUTHS, *FORMS)
+        if (name, seed) not in done
+    ]
+    with get_context("spawn").Pool(chosen.workers) as pool:
+        for row in pool.imap_unordered(job, jobs):
+            rows.append(row)
             pl.DataFrame(rows, infer_schema_length=None).write_parquet(chosen.out)
     summary(pl.DataFrame(rows, infer_schema_length=None))
+
+
+def job(arguments: tuple[str, int, str, float]) -> dict[str, Any]:
+    return trial(*arguments)
 
 
 if __name__ == "__main__":

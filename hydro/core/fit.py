@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from hydro.core import shooting, weakform
 from hydro.core.candidate import candidate
 from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
-from hydro.core.effects import CATALOGUE, sensor, validate, velocity_log
+from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
 from hydro.core.normal import Normal, covariance
-from hydro.core.parameters import LONGEST_SENSOR_DELAY, Entry, Free, effect_table, free
+from hydro.core.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
+from hydro.core.passive import bounded_in_sum, possible
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
 
@@ -43,7 +44,7 @@ OTHERWISE = 0.1  # share by which a channel's residual differs from its noise fo
 LEAST_SIGMA = 1e-6
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
-    "the best couplings would let damping or added mass drive the vehicle; they are reduced to what "
+    "the best values would let damping or added mass drive the vehicle; they are the best of what "
     "a passive hull can have"
 )
 
@@ -253,23 +254,29 @@ def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Norma
 
 
 def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal]:
-    """Where couplings had to be drawn back to what `validate` accepts: all else fitted again around them."""
-    within = _possible(unknown, values)
-    couplings = np.array([_couples(entry) for entry in unknown.entries])
-    if np.array_equal(within, values):
+    """Where the best values would drive the vehicle, the best that a passive hull can have; the rest anew."""
+    kept = possible(unknown, values, _information(normal))
+    if np.array_equal(kept, values):
         return values, normal
-    rest = unknown.holding(within, couplings)
-    again, _, _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
-    values = within.copy()
-    values[~couplings] = again
-    kept = _possible(unknown, values)
+    held = bounded_in_sum(unknown)
+    rest = unknown.holding(kept, held)
+    _, problem = problem.cost(unknown.at(kept), (kept - values) / unknown.scales, normal)
+    if rest.entries:
+        kept[~held], _, _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
     return kept, linearised(unknown, kept / unknown.scales, problem)
+
+
+def _information(normal: Normal) -> Array:
+    """X^T X of all pieces and what is known beforehand, (P, P)."""
+    told = normal.matrix.sum(axis=0)
+    total: Array = told + PRIOR**-2 * np.eye(len(told))
+    return total
 
 
 def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
     """Covariance, warnings and a vehicle that is physically possible."""
     warnings: list[str] = []
-    within = _possible(unknown, values)
+    within = possible(unknown, values, _information(normal))
     if not np.array_equal(within, values):
         warnings.append(IMPASSIVE)
         values = within
@@ -326,32 +333,3 @@ def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray
         for j in range(i)
         if abs(correlation[i, j]) > ALIKE and determined[i] and determined[j]
     ]
-
-
-def _possible(unknown: Free, values: Array) -> Array:
-    """Values that `validate` accepts: the fitted ones, or couplings, or all, drawn back toward the start."""
-
-    def accepted(trial: Array) -> bool:
-        try:
-            validate(unknown.at(trial))
-        except DataError:
-            return False
-        return True
-
-    couplings = np.array([_couples(entry) for entry in unknown.entries])
-    for moving in (couplings, np.ones(len(values), bool)):
-        if accepted(values):
-            break
-        way = np.where(moving, values - unknown.starts[0], 0.0)
-        low, high = 0.0, 1.0
-        for _ in range(20):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if accepted(values - (1.0 - middle) * way) else (low, middle)
-        values = values - (1.0 - low) * way
-    return values
-
-
-def _couples(entry: Entry) -> bool:
-    """Whether an entry stands off the diagonal of a matrix."""
-    off = len(entry.index) == 2 and entry.index[0] != entry.index[1] and entry.parameter == "matrix"
-    return off or entry.effect in ("coupled_damping", "added_mass_coupling")
