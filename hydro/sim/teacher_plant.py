@@ -14,10 +14,11 @@ from hydro.core.dynamics import observe
 from hydro.core.effects.layout import MOTION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
+from hydro.core.excitation import RATE
 from hydro.core.integrate import BODY, CLASSICAL, advance, rates_kernel
 from hydro.core.vehicle import Vehicle
 from hydro.sim.plant import Mask, Snapshot
-from hydro.sim.teacher import RATE, SUBSTEPS, teacher
+from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (RATE * SUBSTEPS)
 """Integration step [s], that of `hydro collect`."""

@@ -1,0 +1,121 @@
+"""A tank around a vehicle to look at and to cast rays in: floor, walls, surface and movable pillars.
+
+Nothing in it touches anything: an episode ends where a hull would (`rl.geometry`), so that vehicles fly in
+the bare model, which is faster, and are shown in this one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.vehicle import Vehicle
+from hydro.sim import mjcf, native
+from hydro.sim.water import Water
+
+Array = NDArray[np.float64]
+
+PILLAR, GOAL = "pillar", "goal"
+"""Names of the bodies that are moved; pillars are numbered from 0."""
+SURFACE_GROUP = 3
+"""Geom group of the surface and the goal, which no ray is to meet."""
+_THICK = 0.05  # half thickness of floor and walls [m]
+_AWAY = 1e3  # where unused pillars stand [m]
+
+
+def tank(
+    vehicle: Vehicle,
+    size: tuple[float, float, float],
+    *,
+    pillars: int = 0,
+    radius: float = 0.1,
+    water: Water | None = None,
+    folder: Path | None = None,
+) -> mujoco.MjModel:
+    """A vehicle in a tank, ready to step, render and cast rays in.
+
+    Args:
+        vehicle: The vehicle file.
+        size: Length north, width east and depth of the water [m], from the corner at the world's origin.
+        pillars: Number of pillars; `place` moves them.
+        radius: Of a pillar [m].
+        water: What of the water the vehicle feels; everything the file says by default.
+        folder: Folder of the vehicle file, where a hull mesh is looked for.
+
+    Raises:
+        DataError: The vehicle cannot be simulated.
+    """
+    spec = mjcf.scene(vehicle, water, folder=folder)
+    length, width, depth = size
+    spec.add_texture(
+        name="sand",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.55, 0.50, 0.38],
+        rgb2=[0.48, 0.44, 0.34],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name="sand", texrepeat=[1.0, 1.0], texuniform=True)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "sand"
+    middle = np.array([0.5 * length, -0.5 * width, -0.5 * depth])
+    half = np.array([0.5 * length, 0.5 * width, 0.5 * depth])
+    for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
+        center, extent = middle.copy(), half.copy()
+        center[axis] += side * (half[axis] + _THICK)
+        extent[axis] = _THICK
+        _add(spec.worldbody, mujoco.mjtGeom.mjGEOM_BOX, extent, center, [0.35, 0.5, 0.6, 0.15])
+    floor = spec.worldbody.geoms[-1]
+    floor.material, floor.rgba = "sand", [1.0, 1.0, 1.0, 1.0]
+    surface = [middle[0], middle[1], 0.0]
+    _add(
+        spec.worldbody,
+        mujoco.mjtGeom.mjGEOM_BOX,
+        [half[0], half[1], 0.001],
+        surface,
+        [0.5, 0.8, 1, 0.08],
+        SURFACE_GROUP,
+    )
+    for number in range(pillars):
+        body = spec.worldbody.add_body(name=f"{PILLAR}{number}", mocap=True, pos=[_AWAY, 0.0, middle[2]])
+        _add(
+            body,
+            mujoco.mjtGeom.mjGEOM_CYLINDER,
+            [radius, half[2], 0.0],
+            [0.0, 0.0, 0.0],
+            [0.75, 0.35, 0.2, 1.0],
+        )
+    goal = spec.worldbody.add_body(name=GOAL, mocap=True, pos=[_AWAY, 0.0, middle[2]])
+    _add(
+        goal,
+        mujoco.mjtGeom.mjGEOM_SPHERE,
+        [0.15, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.9, 0.1, 0.1, 1.0],
+        SURFACE_GROUP,
+    )
+    return native.prepare(spec.compile())
+
+
+def _add(
+    body: mujoco.MjsBody,
+    kind: mujoco.mjtGeom,
+    size: Array | list[float],
+    at: Array | list[float],
+    rgba: list[float],
+    group: int = 0,
+) -> None:
+    """Add something that can be seen and not touched."""
+    body.add_geom(type=kind, size=size, pos=at, rgba=rgba, group=group, contype=0, conaffinity=0)
+
+
+def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Array | None = None) -> None:
+    """Stand the pillars at x y (P, 2), NED, out of sight where NaN; put the sphere at a target (3,), NED."""
+    for number, (x, y) in enumerate(pillars):
+        moved = data.mocap_pos[model.body(f"{PILLAR}{number}").mocapid[0]]
+        moved[:2] = (x, -y) if np.isfinite(x) else (_AWAY, 0.0)
+    if target is not None:
+        data.mocap_pos[model.body(GOAL).mocapid[0]] = mjcf.FLIP * target
