@@ -42,6 +42,7 @@ PLAIN = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
+GROSS = 100.0  # mean square residual in units of the noise from which the noise has no say in the weights
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
@@ -154,10 +155,12 @@ def fit(
         shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most)
         share = shots.share
         values, problem = _aimed(unknown, values, shots)
-    values, normal, left, problem = _settle(unknown, values, problem, told)
-    kept, normal = _passive(unknown, values, normal, problem)
+    values, normal, problem = _settle(unknown, values, problem, told)
+    kept, normal, problem = _passive(unknown, values, normal, problem)
+    if isinstance(problem, OutputError):
+        chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
     told("done", 1.0)
-    found = judged(unknown, kept + 0.0, normal, left if method == "output" else chi2, method)
+    found = judged(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
     return replace(found, warnings=(*reduced, *found.warnings), share=share)
 
@@ -196,7 +199,11 @@ class OutputError:
         sigma = np.maximum(self.shots.sigma * rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE).all():
             return self, False
-        return OutputError(replace(self.shots, sigma=sigma)), True
+        return self.weighed(sigma), True
+
+    def weighed(self, sigma: Array) -> OutputError:
+        """The problem with other deviations of its channels, (12,)."""
+        return OutputError(replace(self.shots, sigma=sigma))
 
 
 def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem, float]:
@@ -221,19 +228,18 @@ def _aimed(unknown: Free, values: Array, shots: shooting.Shots) -> tuple[Array, 
     )
 
 
-def _settle(
-    unknown: Free, values: Array, problem: Problem, told: Report
-) -> tuple[Array, Normal, float, Problem]:
-    """Iterate, weigh anew by what is left, and iterate again; chi2 is in units of the noise at first."""
-    chi2 = 0.0
+def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, Problem]:
+    """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
+    first = linearised(unknown, values / unknown.scales, problem)
+    if first.chi2 > GROSS:
+        problem, _ = problem.reweighted(first)
     for attempt in range(4):
         values, normal, problem = _found(unknown, values, problem)
-        chi2 = chi2 or normal.chi2
         told("weights", 0.5 + 0.1 * attempt)
         problem, changed = problem.reweighted(normal)
         if not changed:
             break
-    return values, told_by_errors(unknown, values, normal, problem), chi2, problem
+    return values, told_by_errors(unknown, values, normal, problem), problem
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:
@@ -253,17 +259,17 @@ def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Norma
     return values, linearised(unknown, values / unknown.scales, problem), problem
 
 
-def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal]:
+def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal, Problem]:
     """Where the best values would drive the vehicle, the best that a passive hull can have; the rest anew."""
     kept = possible(unknown, values, _information(normal))
     if np.array_equal(kept, values):
-        return values, normal
+        return values, normal, problem
     held = bounded_in_sum(unknown)
     rest = unknown.holding(kept, held)
     _, problem = problem.cost(unknown.at(kept), (kept - values) / unknown.scales, normal)
     if rest.entries:
-        kept[~held], _, _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
-    return kept, linearised(unknown, kept / unknown.scales, problem)
+        kept[~held], _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
+    return kept, linearised(unknown, kept / unknown.scales, problem), problem
 
 
 def _information(normal: Normal) -> Array:
