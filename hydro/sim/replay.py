@@ -123,7 +123,7 @@ def replay(
 
     Where the vehicle's velocity log has errors (effects of kind `sensor`), a flight begins with the velocity
     behind what was logged, and its own velocities are given as the log would have misread them: like is
-    compared with like.
+    compared with like.  What a late log tells of the time before the flight stands there as it was logged.
 
     Args:
         raw: Raw table.
@@ -168,6 +168,8 @@ def replay(
         report = partial(progress, variant.name) if progress is not None else None
         motion = _fly(student, np.hstack([measured[:, :6], begun]), commands, bounds, steps, report)
         motion[:, 6:] = _along(sensor.measured, log, clock, motion[:, 6:], bounds)
+        before = _before(log, clock, bounds)
+        motion[before, 6:9] = measured[before, 6:9]
         valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
@@ -187,6 +189,12 @@ def _along(
         end = start + int(np.isfinite(nu[start:stop]).all(axis=1).sum())
         out[start:end] = through(log, t[start:end], nu[start:end])
     return out
+
+
+def _before(log: Array, t: Array, bounds: Bounds) -> NDArray[np.bool_]:
+    """Rows (N,) in which a late log tells of the time before the flight: there it reads what it read."""
+    begun = np.repeat(t[bounds[:, 0]], np.diff(bounds, axis=1)[:, 0])
+    return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
 
 
 def _water(

@@ -90,6 +90,26 @@ def test_velocities_are_compared_as_the_log_misreads_them(craft):
     assert abs(pose).max() < 1e-7
 
 
+def test_a_late_log_is_compared_with_a_late_log(craft):
+    """Cut out of a longer recording: its log still tells of the time before the cut when the flight begins."""
+    prompt = tuple(msgspec.structs.replace(one, time_constant=0.0) for one in craft.thruster)
+    late = ({"name": "sensor_delay", "d": 0.1}, {"name": "sensor_lever_arm", "r": [0.3, 0.0, 0.1]})
+    craft = msgspec.structs.replace(craft, thruster=prompt)
+    logging = msgspec.structs.replace(craft, effect=(*craft.effect, *late))
+    raw = recording(craft, sessions=("a",))
+    read = sensor.measured(velocity_log(logging), raw["t"].to_numpy(), raw.select(*"uvwpqr").to_numpy())
+    logged = raw.with_columns(pl.Series(name, read[:, i]) for i, name in enumerate("uvw"))[30:]
+    late_by = abs(logged.select(*"uvw").to_numpy() - raw[30:].select(*"uvw").to_numpy()).max()
+    assert late_by > 0.02
+    series, metrics = replay(logged, logging, [EFFECTS], physics=RK4)
+    assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
+    flown = of(series, "effects").drop("session").to_numpy()
+    assert abs(flown - logged.select(of(series, "effects").columns[1:]).to_numpy()).max() < 1e-7
+    # A flight without the delay in the file begins with the velocity of a moment ago.
+    _, unaware = replay(logged, craft, [EFFECTS], physics=RK4)
+    assert unaware.filter(pl.col("metric") == "rmse")["value"].max() > 1e-3
+
+
 def test_the_baselines_are_what_they_say(craft):
     raw = recording(craft, sessions=("a",))
     bare = msgspec.structs.replace(craft, effect=())
