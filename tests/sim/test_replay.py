@@ -91,7 +91,7 @@ def test_velocities_are_compared_as_the_log_misreads_them(craft):
 
 
 def test_a_late_log_is_compared_with_a_late_log(craft):
-    """Cut out of a longer recording: its log still tells of the time before the cut when the flight begins."""
+    """Cut out of a longer recording: its log still tells of the time before when the flight begins."""
     prompt = tuple(msgspec.structs.replace(one, time_constant=0.0) for one in craft.thruster)
     late = ({"name": "sensor_delay", "d": 0.1}, {"name": "sensor_lever_arm", "r": [0.3, 0.0, 0.1]})
     craft = msgspec.structs.replace(craft, thruster=prompt)
