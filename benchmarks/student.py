@@ -58,8 +58,8 @@ Work = Callable[[], int]
 """Does some work and tells how many steps it was."""
 
 
-def random_network(widths: tuple[int, ...] = PHYSFEAT) -> Network:
-    """PhysicsFeature-MLP with random weights and a weak output: what it costs does not depend on them."""
+def random_model(kind: str = "physfeat", widths: tuple[int, ...] = PHYSFEAT) -> SimpleNamespace:
+    """A residual model with random weights and a weak output: what it costs does not depend on them."""
     rng = np.random.default_rng(0)
     tensors = {}
     for i, (wide, next_wide) in enumerate(pairwise(widths)):
@@ -70,11 +70,10 @@ def random_network(widths: tuple[int, ...] = PHYSFEAT) -> Network:
         for side, length in (("input", widths[0]), ("output", widths[-1]))
         for what, value in (("mean", 0.0), ("scale", 1.0))
     }
-    architecture = {"model": "physfeat", "features": "physfeat", "layers": widths, "activation": "silu"}
-    return Network.of(
-        SimpleNamespace(
-            name="physfeat", architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
-        )
+    features = "physfeat" if kind == "physfeat" else "raw"
+    architecture = {"model": kind, "features": features, "layers": widths, "activation": "silu"}
+    return SimpleNamespace(
+        name=kind, architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
     )
 
 
@@ -92,7 +91,7 @@ def bare(vehicle: Vehicle) -> mujoco.MjModel:
 
 def models(vehicle: Vehicle) -> dict[str, mujoco.MjModel]:
     """The four cases."""
-    control = Control(random_network(), CONTROL_STEP)
+    control = Control(Network.of(random_model()), CONTROL_STEP)
     waters = {
         "effects": wet(vehicle),
         "network": residual(vehicle, control),

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 PILLAR, GOAL = "pillar", "goal"
 """Names of the bodies that are moved; pillars are numbered from 0."""
-SURFACE_GROUP = 3
+SURFACE_GROUP = 2
 """Geom group of the surface and the goal, which no ray is to meet."""
 _THICK = 0.05  # half thickness of floor and walls [m]
 _AWAY = 1e3  # where unused pillars stand [m]

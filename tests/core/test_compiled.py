@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 from hydro.core import compiled
 
 LOADED = """
 import sys, pathlib
-import hydro.core.shooting, hydro.core.labels, hydro.sim.callbacks, hydro.sim.teacher
+import hydro.core.shooting, hydro.core.labels, hydro.sim.callbacks, hydro.sim.teacher_plant
+import hydro.rl.action, hydro.rl.judge
 for name, module in sorted(sys.modules.items()):
     if name.startswith("hydro.") and getattr(module, "__file__", None):
         print(module.__file__)
@@ -20,6 +22,7 @@ def test_the_digest_covers_all_that_kernel_modules_load():
     loaded = set(ran.stdout.split())
     seen = {str(path) for path in compiled.kernel_sources()}
     assert {name for name in loaded - seen if "/core/" in name or "/sim/" in name} == set()
+    assert {Path(name).name for name in loaded - seen if "/rl/" in name} == {"__init__.py"}
     assert len(loaded) > 30
 
 
@@ -27,3 +30,13 @@ def test_what_no_kernel_sees_does_not_compile_everything_again():
     names = {path.name for path in compiled.kernel_sources()}
     assert "shooting.py" in names
     assert not names & {"search.py", "diagnose.py", "cli.py"}
+
+
+def test_a_layer_sees_only_what_it_imports():
+    layers = {
+        part: {path.relative_to(compiled._PACKAGE).parts[0] for path in compiled.kernel_sources((part,))}
+        for part in compiled.PARTS
+    }
+    assert layers["core"] == {"core"}
+    assert layers["sim"] == {"core", "sim"}
+    assert "rl" in layers["rl"]

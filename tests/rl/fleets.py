@@ -1,0 +1,58 @@
+"""Fleets, vehicles and poses that the tests of reinforcement learning share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from hydro.core.frames import quaternion_from_euler
+from hydro.io import vehicle as files
+from hydro.io.files import bundled
+from hydro.rl import conditions
+from hydro.rl.config import Noise, Settings
+from hydro.rl.fleet import Fleet
+from hydro.sim.teacher_plant import TeacherPlant
+
+SILENT = Noise(velocity=0.0, rate=0.0, depth=0.0, range=0.0)
+QUIET = replace(Settings(), noise=SILENT)
+"""The defaults without noise."""
+
+
+def vehicle(**changes):
+    return msgspec.structs.replace(files.read(bundled("vehicles") / "auv151.toml")[0], **changes)
+
+
+def neutral():
+    """The vehicle of the paper, weightless in water: it stays where it is put."""
+    known = vehicle()
+    weight = known.rigid_body.mass * known.environment.gravity
+    return msgspec.structs.replace(known, buoyancy=msgspec.structs.replace(known.buoyancy, force=weight))
+
+
+def fleet(settings=QUIET, count=1, condition="R_effects", craft=None, seed=0, **more):
+    return Fleet(
+        settings, conditions.plant(condition, craft or vehicle(), settings, count, **more), seed=seed
+    )
+
+
+def teachers(settings=QUIET, count=1, seed=0):
+    return Fleet(settings, TeacherPlant(vehicle(), count=count, period=settings.period), seed=seed)
+
+
+def put(
+    flown: Fleet, at=(12.0, 6.0, 4.0), attitude=(0.0, 0.0, 0.0), velocity=(0.0,) * 6, goal=None, pillars=None
+):
+    """Put the only vehicle of a fleet somewhere, with a goal and pillars; what it sees there."""
+    flown.reset()
+    pose = np.concatenate([at, quaternion_from_euler(*attitude)])[None]
+    flown.plant.reset(np.ones(1, dtype=bool), pose, np.array([velocity], dtype=float))
+    if goal is not None:
+        flown.goals[0] = flown.targets[0] = goal
+    flown.pillars[:] = np.nan
+    for number, axis in enumerate(pillars or ()):
+        flown.pillars[0, number] = axis
+    flown._distance[0] = np.linalg.norm(flown.goals[0] - at)
+    flown._observe(np.ones(1, dtype=bool))
+    return flown._seen[0].astype(float)
