@@ -246,7 +246,7 @@ def train(
     *,
     model: str = "physfeat",
     seed: int = 0,
-    epochs: int = 60,
+    epochs: int | None = None,
     minutes: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     subtract: Subtract = "inertia",
@@ -258,7 +258,7 @@ def train(
         split: split table.
         model: architecture: `mlp`, `resmlp`, `multihead`, `moe`, `physfeat`, `structured` or `temporal`.
         seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
-        epochs: passes over the data at most.
+        epochs: passes over the data at most; by default as many as make 25,000 updates, 60 at most.
         minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
         device: where to train.
         subtract: what `labels` subtracted: a replay must bring it.

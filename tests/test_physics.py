@@ -166,7 +166,7 @@ def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
     assert made["subtracted"] == ["added_mass", "linear_damping", "quadratic_damping"]
     assert from_artefact(table.read(files["model"])).subtract == "effects"
     flown = table.read(files["flown"]).provenance.parameters["variants"]
-    assert flown == ["MJ0", "MJ0+M_A", "effects", "effects+MJ1"]
+    assert flown == ["MJ0", "MJ0+M_A", "MJ0+ellipsoid", "effects", "effects+MJ1"]
     errors = table.read(files["errors"]).frame.filter(metric="rmse", axis="u")
     rmse = dict(errors.select("variant", "value").iter_rows())
     assert rmse["effects"] < 0.01 < rmse["MJ0"]

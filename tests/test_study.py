@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from hydro import cli
-from hydro.commands.steps import Runner, Step
+from hydro.commands.steps import Runner, Step, here
 from hydro.commands.study import Run
 from hydro.core.metrics import SCHEMA
 from hydro.report.tables import ranking, seeds_together
@@ -42,12 +42,29 @@ def chain(tmp_path):
     return tmp_path, [step("a", "b"), step("b", "c"), step("x", "d")]
 
 
-def run(chain) -> list[str]:
+def run(chain, workers: int = 1) -> list[str]:
     """What a new process would run."""
     folder, steps = chain
     root = Copier()
-    assert Runner(folder, root).run(steps) == len(root.ran)
+    assert Runner(folder, here(root)).run(steps, workers) == len(root.ran)
     return root.ran
+
+
+@pytest.mark.parametrize("workers", [2, 5])
+def test_side_by_side_no_step_begins_before_what_it_reads_is_there(chain, workers):
+    folder, steps = chain
+    assert set(run((folder, steps[::-1]), workers)) == {"b", "c", "d"}
+    assert (folder / "c").read_text() == "data!!"
+    (folder / "b").unlink()
+    assert run(chain, workers) == ["b"], "what it made again is what it was"
+
+
+def test_one_failure_ends_a_study_side_by_side_and_the_rest_need_not_be_run_again(chain):
+    folder, steps = chain
+    broken = Step(("copy", str(folder / "none"), str(folder / "e")), (), (folder / "e",))
+    with pytest.raises(FileNotFoundError):
+        Runner(folder, here(Copier())).run([steps[0], broken], 1)
+    assert run((folder, steps[:1]), 2) == []
 
 
 def test_what_has_not_changed_is_not_run_again(chain):
@@ -66,7 +83,7 @@ def test_what_has_not_changed_is_not_run_again(chain):
 
 def test_an_interrupted_study_goes_on(chain):
     folder, steps = chain
-    Runner(folder, Copier()).run(steps[:1])
+    Runner(folder, here(Copier())).run(steps[:1])
     assert run(chain) == ["c", "d"]
 
 

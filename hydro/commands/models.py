@@ -41,7 +41,10 @@ def train(
     labels: LabelsOrSplit = STREAM,
     model: Annotated[str, typer.Option(metavar="NAME", help="Architecture, see above.")] = "physfeat",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the order of rows.")] = 0,
-    epochs: Annotated[int, typer.Option(min=1, help="Passes over the data at most.")] = 60,
+    epochs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates' worth, 60 at most."),
+    ] = None,
     minutes: Annotated[
         float | None,
         typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
@@ -51,9 +54,9 @@ def train(
 ) -> None:
     """Train a residual network on the training part of labels, after the paper's protocol.
 
-    Inputs and outputs are standardised on the rows fitted; Adam, gradient clipping, early stopping on a tenth
-    of the training blocks. Labels without a split get the default one. The same data and seed give the same
-    bytes on one machine.
+    Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to nothing as
+    a half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
+    without a split get the default one. The same data and seed give the same bytes on one machine.
 
     \b
     model       weights  the paper's count and what it is
@@ -94,7 +97,9 @@ def train(
         )
     subtract = parameters_of(source.provenance, "labels").get("subtract", "inertia")
     trained = replace(trained, subtract=subtract)
-    parameters: dict[str, Any] = {"model": model, "epochs": epochs, "device": device}
+    parameters: dict[str, Any] = {"model": model, "device": device}
+    if epochs is not None:
+        parameters["epochs"] = epochs
     if minutes is not None:
         parameters["minutes"] = minutes
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)

@@ -51,6 +51,10 @@ def replay(
         ],
         typer.Option(help="What is done to the learned wrench before it acts; see above."),
     ] = "off",
+    lead: Annotated[
+        float,
+        typer.Option(min=0.0, max=1.0, help="How far ahead networks look, in control steps; 0: the paper."),
+    ] = 0.5,
     integrator: Annotated[
         Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
     ] = "implicitfast",
@@ -72,11 +76,14 @@ def replay(
 ) -> None:
     """Fly a recording's commands again in MuJoCo, open loop, and measure how far each variant strays.
 
-    MJ0 has no water forces, MJ0+M_A has added mass alone; every model adds its own variant, under the
-    paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose labels left out all effects flies
-    with them, as effects+MJ4, beside the effects alone. On a terminal without -o the errors are printed; with
-    -o, or into a pipe, the time series of all variants and of the measured motion are written. --piece 10
-    measures replay90 by its nine segments as well.
+    MJ0 has no water forces, MJ0+M_A has added mass alone, MJ0+ellipsoid MuJoCo's own fluid model; every model
+    adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose
+    labels left out all effects flies with them, as effects+MJ4, beside the effects alone. On a terminal
+    without -o the errors are printed; with -o, or into a pipe, the time series of all variants and of the
+    measured motion are written. --piece 10 measures replay90 by its nine segments as well.
+
+    A network's wrench is held from one control step to the next, and the network is asked for that of the
+    middle of this time; --lead 0 asks, as the paper does, for that of its beginning.
 
     --conditioning says what is done to a learned wrench at 25 Hz: off, nothing; or the paper's low-pass with
     beta = 0.9, then clipping of each axis at twice what the thrusters can make there, then a dead band that
@@ -105,6 +112,7 @@ def replay(
             known,
             flown,
             conditioning=preset(conditioning, known),
+            lead=lead,
             physics=Physics(timestep=timestep, integrator=integrator),
             dataset=dataset_name(raw),
             piece=piece,
@@ -115,6 +123,7 @@ def replay(
     parameters: dict[str, Any] = {
         "variants": [one.name for one in flown],
         "conditioning": conditioning,
+        "lead": lead,
         "integrator": integrator,
         "timestep": timestep,
     } | ({} if piece is None else {"piece": piece})

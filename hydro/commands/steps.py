@@ -5,8 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
+import subprocess
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,10 +47,10 @@ class Runner:
     goes no further than it matters.
     """
 
-    def __init__(self, folder: Path, root: Any) -> None:
-        """Open the ledger of a folder; `root` is the Click command that the steps are run by."""
+    def __init__(self, folder: Path, execute: Callable[[Step], None]) -> None:
+        """Open the ledger of a folder; `execute` runs a step, see `here` and `apart`."""
         self._path = folder / LEDGER
-        self._root = root
+        self._execute = execute
         self._digests: dict[tuple[Path, int, int], str] = {}
         self._ledger: dict[str, dict[str, str]] = {}
         if self._path.is_file():
@@ -56,23 +59,42 @@ class Runner:
             except ValueError:
                 typer.echo(f"hydro: {self._path}: cannot be read: every step is run anew", err=True)
 
-    def run(self, steps: Sequence[Step]) -> int:
-        """Run those steps that are not done; how many that were."""
+    def run(self, steps: Sequence[Step], workers: int = 1) -> int:
+        """Run those steps that are not done; how many that were.
+
+        With more than one worker, steps run side by side as soon as none still to be run writes what they
+        read.
+        """
+        if workers > 1:
+            return self._side_by_side(list(steps), workers)
+        todo = (step for step in steps if not self._told_done(step))
+        return sum(self.record(step, self._timed(step)) for step in todo)
+
+    def _side_by_side(self, waiting: list[Step], workers: int) -> int:
+        running: dict[Future[float], Step] = {}
         ran = 0
-        for number, step in enumerate(steps, 1):
-            where = f"[{number}/{len(steps)}]"
-            if self.done(step):
-                typer.echo(f"{where} already done: hydro {step.name}", err=True)
-                continue
-            typer.echo(f"{where} hydro {step.name}", err=True)
-            started = time.perf_counter()
-            for path in step.writes:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            self._root.main(list(step.line), prog_name="hydro", standalone_mode=False)
-            typer.echo(f"  {time.perf_counter() - started:.1f} s", err=True)
-            self.record(step)
-            ran += 1
+        with ThreadPoolExecutor(workers) as pool:
+            while waiting or running:
+                for step in _ready(waiting, running.values(), workers):
+                    waiting.remove(step)
+                    if not self._told_done(step):
+                        running[pool.submit(self._timed, step)] = step
+                for finished in wait(running, return_when=FIRST_COMPLETED).done if running else ():
+                    ran += self.record(running.pop(finished), finished.result())
         return ran
+
+    def _told_done(self, step: Step) -> bool:
+        done = self.done(step)
+        typer.echo(f"{'already done: ' if done else ''}hydro {step.name}", err=True)
+        return done
+
+    def _timed(self, step: Step) -> float:
+        """Run a step; how long it took [s]."""
+        started = time.perf_counter()
+        for path in step.writes:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        self._execute(step)
+        return time.perf_counter() - started
 
     def done(self, step: Step) -> bool:
         """Whether a step has been run on just these inputs and its outputs are as it left them."""
@@ -88,12 +110,14 @@ class Runner:
         files = {str(path): self._digest(path) for path in (*step.reads, *step.writes)}
         return {"version": version("deep-hydro-sim")} | files
 
-    def record(self, step: Step) -> None:
-        """Enter a step that has been run, and write the ledger, whole or not at all."""
+    def record(self, step: Step, seconds: float) -> bool:
+        """Enter a step that has been run, and write the ledger, whole or not at all; True."""
         from hydro.io.files import write_bytes
 
         self._ledger[step.name] = self._state(step)
         write_bytes(json.dumps(self._ledger, indent=1).encode(), str(self._path))
+        typer.echo(f"  {seconds:.1f} s: {', '.join(path.name for path in step.writes)}", err=True)
+        return True
 
     def _digest(self, path: Path) -> str:
         """SHA-256 of a file; computed once as long as the file is not written again."""
@@ -103,3 +127,27 @@ class Runner:
             with path.open("rb") as file:
                 self._digests[key] = hashlib.file_digest(file, "sha256").hexdigest()
         return self._digests[key]
+
+
+def here(root: Any) -> Callable[[Step], None]:
+    """Run steps in this process, by a Click command."""
+    return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
+
+
+def apart(step: Step) -> None:
+    """Run a step in a process of its own.
+
+    Raises:
+        typer.Exit: It failed, and has said why; with its exit code.
+    """
+    code = subprocess.run([sys.executable, "-m", "hydro.cli", *step.line], check=False).returncode
+    if code:
+        raise typer.Exit(code)
+
+
+def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:
+    """Steps that may begin: no other that is still to end writes what they read."""
+    busy = list(running)
+    to_come = {path for step in (*waiting, *busy) for path in step.writes}
+    ready = [step for step in waiting if to_come.isdisjoint(step.reads)]
+    return ready[: workers - len(busy)]

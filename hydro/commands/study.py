@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
-from hydro.commands.steps import Runner, Step
+from hydro.commands.steps import Runner, Step, apart, here
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -86,7 +87,10 @@ def study(
         list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model; repeat for several.")
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each model.")] = 5,
-    epochs: Annotated[int, typer.Option(min=1, help="Passes over the training data at most.")] = 60,
+    epochs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Passes over the training data at most; default: that of `hydro train`."),
+    ] = None,
     minutes: Annotated[
         list[float] | None,
         typer.Option(metavar="MIN", help="Also train on so many minutes alone; repeat for several."),
@@ -96,6 +100,9 @@ def study(
         typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
     ] = "none",
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
+    workers: Annotated[
+        int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
+    ] = 1,
     quick: Annotated[
         bool, typer.Option("--quick", help="See that it runs: three models, one seed, one epoch.")
     ] = False,
@@ -125,10 +132,10 @@ def study(
     for run in (*whole, *parts):
         steps += _of_a_run(run, data, folder, epochs=epochs, device=device)
     steps += _together(names, data, folder, conditionings=() if quick else CONDITIONINGS)
-    runner = Runner(folder, context.find_root().command)
+    runner = Runner(folder, here(context.find_root().command) if workers == 1 else apart)
     if noise != "none":
         _disturb(data, folder, runner)
-    ran = runner.run(steps)
+    ran = runner.run(steps, workers)
     typer.echo(f"{ran} of {len(steps)} steps run, the others were done", err=True)
     _summarise(whole, parts, folder)
 
@@ -159,6 +166,7 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
     step = Step(("noise", data.noise), (data.raw,), (folder / "noisy.parquet",))
     if runner.done(step):
         return
+    started = time.perf_counter()
     source = read(str(data.raw), "raw")
     motion = ["x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r"]
     clean = source.frame.select(pl.col(motion).cast(pl.Float64)).to_numpy()
@@ -174,7 +182,7 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
         vehicle_text=source.provenance.vehicle,
     )
     table.write(made, folder / "noisy.parquet")
-    runner.record(step)
+    runner.record(step, time.perf_counter() - started)
 
 
 def _preparation(data: Data, folder: Path) -> list[Step]:
@@ -199,12 +207,13 @@ def _tested(data: Data, folder: Path) -> tuple[Path, str]:
     return (folder / "split.parquet", "test") if data.test is None else (folder / "test.parquet", "all")
 
 
-def _of_a_run(run: Run, data: Data, folder: Path, *, epochs: int, device: str) -> list[Step]:
+def _of_a_run(run: Run, data: Data, folder: Path, *, epochs: int | None, device: str) -> list[Step]:
     """Training, evaluation and replay of one network."""
     from hydro.sim.replay import PAPER_NAMES
 
     split, model = folder / "split.parquet", folder / "models" / f"{run.name}.parquet"
-    line = ["train", str(split), "--model", run.model, "--seed", str(run.seed), "--epochs", str(epochs)]
+    line = ["train", str(split), "--model", run.model, "--seed", str(run.seed)]
+    line += [] if epochs is None else ["--epochs", str(epochs)]
     line += [] if run.minutes is None else ["--minutes", f"{run.minutes:g}"]
     line += [] if device == "cpu" else ["--device", device]
     table, part = _tested(data, folder)

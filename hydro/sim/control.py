@@ -3,6 +3,10 @@
 At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench
 stands on the left-hand side of the balance, as the label does.
 
+A wrench that is held for 40 ms is 20 ms late on average, and drag that is late is too small while the vehicle
+gathers way.  So the network is asked for the wrench half a control step ahead, at nu + nu_dot dt/2: what is
+held is the wrench of the middle of the time that it acts.
+
 A passive model (`learn.networks.structured`) is not held as a wrench, for a wrench that was right 40 ms ago
 can drive the vehicle.  Its D is held, its inertia is constant, and between control steps the wrench goes on
 from the held one by D nu + C(nu) nu of the present nu: damping keeps taking power between control steps.
@@ -50,7 +54,8 @@ AT_PERIOD, AT_GAINS, AT_GAIN_ROWS, AT_PROGRAM, AT_STEPS, AT_INPUTS, AT_ROOM = ra
 AT_PHYSFEAT, AT_MEMORY, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING = range(7, 13)
 AT_STATES = 13  # in all
 AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no inertia: it is none
-HEADER = 17
+AT_LEAD = 17  # s
+HEADER = 18
 
 
 @dataclass(frozen=True)
@@ -62,12 +67,15 @@ class Control:
         period: Control step [s].
         design: Filter for nu_dot, at any sample time; by default one that trusts every sample.
         conditioning: Conditioning of the network's wrench.
+        lead: How far ahead the network is asked, as a share of the control step; 0 as in the paper.  A
+            passive model needs none and gets none.
     """
 
     network: Network
     period: float = 0.04
     design: Design | None = None
     conditioning: Conditioning = OFF
+    lead: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse a control step that is not the one a network remembers by.
@@ -100,9 +108,11 @@ class Control:
         header[[AT_INPUTS, AT_ROOM]] = network.inputs, network.room
         header[[AT_PHYSFEAT, AT_MEMORY]] = network.physfeat, network.memory
         header[AT_STATES] = self.states
+        header[AT_LEAD] = self.lead * self.period
         inertia = np.empty(0)
         if network.passive is not None:
             header[[AT_ROOT, AT_ROOT_WEIGHTS]] = network.passive
+            header[AT_LEAD] = 0.0
             inertia = network.weights[network.passive[1] :][:36].astype(np.float64)
         blocks = [header]
         for entry, block in (
@@ -144,7 +154,7 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
         history.begin(nu, memory)
     state, wrench = np.empty(12), np.empty(6)
     for i in range(6):
-        state[i] = nu[i]
+        state[i] = nu[i] + block[AT_LEAD] * filters[i, 1]
         state[6 + i] = filters[i, 1]
     inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
     begin = int(block[AT_SCALERS])
@@ -160,7 +170,7 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
         work,
         wrench,
     )
-    history.remember(nu, memory)
+    history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
         held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]
         root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]

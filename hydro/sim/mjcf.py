@@ -40,6 +40,10 @@ _LENT_MASS = 1e-6
 # Radius of gyration of that body, only so that its inertia is not zero [m].
 _LENT_RADIUS = 1e-2
 
+VISCOSITY = 1e-3  # of water [Pa s]
+FLUID = (0.5, 0.25, 1.5, 1.0, 1.0)
+"""MuJoCo's defaults of its fluid model: blunt, slender and angular drag, Kutta and Magnus lift."""
+
 
 def scene(
     vehicle: Vehicle,
@@ -109,8 +113,10 @@ def add_vehicle(
     joint = body.add_freejoint(name=name)
     joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
     _add_mass(body, vehicle, name)
-    _add_hull(spec, body, vehicle.hull, name, folder)
+    hull = _add_hull(spec, body, vehicle.hull, name, folder)
     water = wet(vehicle) if water is None else water
+    if water.ellipsoid:
+        _immerse(spec, hull, vehicle.environment.water_density)
     table = thrusters_of(water.program.flat)
     for i, (thruster, row) in enumerate(zip(vehicle.thruster, table, strict=True)):
         carried = water.activations if i == 0 else 0
@@ -171,21 +177,31 @@ def _refuse_impossible(inertia: Array, vehicle: str) -> None:
         )
 
 
-def _add_hull(spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None) -> None:
+def _add_hull(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None
+) -> mujoco.MjsGeom:
     """A hull to see and to touch, without mass: the file's mesh if its folder is known, else an ellipsoid."""
     style = {"name": f"{name}/hull", "mass": 0.0, "rgba": [0.95, 0.75, 0.1, 1.0]}
     mesh = folder / hull.mesh if folder is not None and hull.mesh else None
     if mesh is None:
         half = np.array([hull.length, hull.width, hull.height]) / 2
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=FLIP * hull.center, **style)
-        return
+        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=FLIP * hull.center, **style)
     if not mesh.is_file():
         raise DataError(
             f"{mesh}: the hull mesh named by the vehicle file is not there; correct hull.mesh or leave it out"
         )
     # The mesh is in FRD: half a turn about x brings it to FLU.
     spec.add_mesh(name=f"{name}/hull", file=str(mesh.resolve()))
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
+
+
+def _immerse(spec: mujoco.MjSpec, hull: mujoco.MjsGeom, density: float) -> None:
+    """Let MuJoCo's own fluid model act on the hull as a user would set it: in water, with its defaults.
+
+    It has drag, lift and the Coriolis terms of the ellipsoid's added mass, but no M_A nu_dot.
+    """
+    spec.option.density, spec.option.viscosity = density, VISCOSITY
+    hull.fluid_ellipsoid, hull.fluid_coefs = 1.0, FLUID
 
 
 def _add_thruster(

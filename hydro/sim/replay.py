@@ -47,18 +47,23 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
-        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix, or
-            all `effects` of the vehicle file.
+        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix,
+            MuJoCo's own `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
 
     name: str
     model: str = "none"
     network: TrainedModel | None = None
-    water: Literal["none", "added_mass", "effects"] = "none"
+    water: Literal["none", "added_mass", "ellipsoid", "effects"] = "none"
 
 
-BASELINES = (Variant("MJ0"), Variant("MJ0+M_A", water="added_mass"))
-"""MuJoCo with restoring forces and thrusters alone (C_RB is native), and with M_A in its mass matrix besides.
+BASELINES = (
+    Variant("MJ0"),
+    Variant("MJ0+M_A", water="added_mass"),
+    Variant("MJ0+ellipsoid", water="ellipsoid"),
+)
+"""MuJoCo with restoring forces and thrusters alone (C_RB is native), with M_A in its mass matrix besides, and
+with MuJoCo's own fluid model on an ellipsoid of the hull's size.
 
 C_A belongs to what a residual model brings (paper eq. 6): the second baseline has none.
 """
@@ -67,7 +72,7 @@ EFFECTS = Variant("effects", water="effects")
 
 
 def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
-    """The two baselines, one variant per model under the paper's name where it has one, and `effects`.
+    """The baselines, one variant per model under the paper's name where it has one, and `effects`.
 
     A model whose labels left out all effects flies with them, as `effects+` and its name.
 
@@ -112,6 +117,7 @@ def replay(
     conditioning: Conditioning = OFF,
     design: Design | None = None,
     control_step: float = 0.04,
+    lead: float = 0.5,
     physics: Physics | None = None,
     dataset: str = "recording",
     piece: float | None = None,
@@ -132,6 +138,7 @@ def replay(
         conditioning: Conditioning of a network's wrench (paper III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
         control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
+        lead: How far ahead a network is asked, as a share of the control step, see `sim.control`.
         physics: Step and integrator; the paper's 500 Hz by default.
         dataset: Name of the recording in the metrics.
         piece: Also measure every piece of so many seconds of each session, such as the segments of a sequence
@@ -160,7 +167,11 @@ def replay(
     begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
     series, metrics = [_series(raw, MEASURED, measured, np.ones(len(measured), dtype=bool))], []
     for variant in flown:
-        water = _water(variant, vehicle, control_step, design, conditioning)
+        water = _water(
+            variant,
+            vehicle,
+            partial(Control, period=control_step, design=design, conditioning=conditioning, lead=lead),
+        )
         student = Student(vehicle, water, count=len(bounds), physics=physics, threads=threads, folder=folder)
         first = bounds[:, 0]
         settled = np.where(resumed[:, None], commands[first], np.nan)
@@ -197,16 +208,14 @@ def _before(log: Array, t: Array, bounds: Bounds) -> NDArray[np.bool_]:
     return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
 
 
-def _water(
-    variant: Variant, vehicle: Vehicle, period: float, design: Design | None, conditioning: Conditioning
-) -> Water:
-    """What of the water a variant feels."""
+def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], Control]) -> Water:
+    """What of the water a variant feels; `controlled` says how a network is run."""
     if variant.network is not None:
-        controlled = Control(Network.of(variant.network), period, design, conditioning)
-        return residual(vehicle, controlled, effects=_needs_effects(variant.network))
+        network = controlled(Network.of(variant.network))
+        return residual(vehicle, network, effects=_needs_effects(variant.network))
     if variant.water == "effects":
         return wet(vehicle)
-    return dry(vehicle, added_mass=variant.water == "added_mass")
+    return dry(vehicle, added_mass=variant.water == "added_mass", ellipsoid=variant.water == "ellipsoid")
 
 
 def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:

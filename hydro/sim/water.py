@@ -56,6 +56,7 @@ class Water:
         control: Residual network that runs inside the simulation.
         held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries,
             FRD.
+        ellipsoid: Whether MuJoCo's own fluid model acts on the hull.
     """
 
     program: Program
@@ -64,6 +65,7 @@ class Water:
     cancelled: Array | None = None
     control: Control | None = None
     held: bool = False
+    ellipsoid: bool = False
 
     @property
     def activations(self) -> int:
@@ -101,13 +103,14 @@ def wet(vehicle: Vehicle) -> Water:
     return Water(assemble(vehicle), inertia=inertia, coriolis=inertia)
 
 
-def dry(vehicle: Vehicle, *, added_mass: bool = False) -> Water:
+def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
     """Thrusters alone, as the file and its actuator effects say; `added_mass` puts M_A in the mass matrix.
 
     MuJoCo's own C_RB stays and there is no C_A, which belongs to what a residual model brings (paper eq. 6).
+    With `ellipsoid` MuJoCo's own fluid model acts on the hull.
     """
     inertia = _some(inertia_matrix(vehicle)) if added_mass else None
-    return Water(assemble(_thrusters_only(vehicle)), inertia=inertia)
+    return Water(assemble(_thrusters_only(vehicle)), inertia=inertia, ellipsoid=ellipsoid)
 
 
 def residual(vehicle: Vehicle, control: Control | None = None, *, effects: bool = False) -> Water:

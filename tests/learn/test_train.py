@@ -180,15 +180,24 @@ def test_training_ends_when_patience_does(table, monkeypatch):
     assert model.training["epochs"] == model.training["best_epoch"] + 3 == len(told) < 60
 
 
-def test_learning_rate_falls_on_a_plateau_and_not_before(table):
-    learning, stuck = [], []
-    train(table(600), epochs=6, progress=learning.append)
-    train(noise(table(600)), epochs=20, progress=stuck.append)
-    assert {epoch.learning_rate for epoch in learning} == {training.LEARNING_RATE}
-    rates = [epoch.learning_rate for epoch in stuck]
-    assert rates[0] == training.LEARNING_RATE
-    assert rates == sorted(rates, reverse=True)
-    assert rates[-1] < 0.2 * rates[0]
+def test_the_learning_rate_rises_and_falls_to_nothing_as_a_half_cosine(table):
+    told = []
+    train(table(600), epochs=20, progress=told.append)
+    rates = np.array([epoch.learning_rate for epoch in told]) / training.LEARNING_RATE
+    share = (np.arange(1, 21) / 20 - training.WARM_UP) / (1.0 - training.WARM_UP)
+    np.testing.assert_allclose(rates, np.cos(0.5 * np.pi * share) ** 2, atol=1e-12)
+    early = [training.annealed(done) for done in np.linspace(0.0, training.WARM_UP, 50)]
+    assert 0.0 < early[0] < 0.05
+    assert early == sorted(early)
+
+
+def test_epochs_make_so_many_updates_where_none_are_given(table, monkeypatch):
+    monkeypatch.setattr(training, "UPDATES", 30)
+    model = train(table(600))
+    batches = -(-model.training["rows"]["fitted"] // model.training["batch"])
+    assert model.training["epochs"] == -(-30 // batches)
+    monkeypatch.setattr(training, "MOST_EPOCHS", 2)
+    assert train(table(600)).training["epochs"] == 2
 
 
 def test_unsplit_labels_are_refused(table):

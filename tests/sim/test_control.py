@@ -80,14 +80,35 @@ def test_every_control_step_is_filter_network_and_conditioning(craft, held_contr
     nus = np.array(nus)
     filtered = smooth(nus, [[0, TICKS]], DESIGN.at(0.04), "kalman")
     network = held_control.network
-    past = history.past(nus, [(0, TICKS)], 1 + network.memory // 6, 1)
-    wrenches = network.wrench(np.hstack([nus, filtered[:, :, 1]]), past)
+    ahead = nus + 0.5 * 0.04 * filtered[:, :, 1]
+    past = history.past(ahead, [(0, TICKS)], 1 + network.memory // 6, 1)
+    wrenches = network.wrench(np.hstack([ahead, filtered[:, :, 1]]), past)
     expected, counts = condition(wrenches, nus, CONDITIONING)
     np.testing.assert_allclose(held, expected, atol=1e-9)
     assert tuple(counted) == (counts.steps, *counts.clipped, counts.held_back)
     assert counts.steps == TICKS
     assert max(counts.clipped) > 0
     assert counts.held_back > 0
+
+
+def test_half_a_control_step_ahead_a_held_wrench_acts_as_one_that_is_always_renewed(craft):
+    """Linear damping from a network: the error of holding it falls to a small part with the lead."""
+    _, model = trained("mlp", layers=[12, 6])
+    weight = np.zeros((6, 12), np.float32)
+    weight[:, :6] = np.diag([300.0, 400.0, 400.0, 20.0, 60.0, 60.0])
+    model.tensors = {"layers.0.weight": weight, "layers.0.bias": np.zeros(6, np.float32)}
+    model.scalers = {f"{side}_mean": np.zeros(n) for side, n in (("input", 12), ("output", 6))}
+    model.scalers |= {f"{side}_scale": np.ones(n) for side, n in (("input", 12), ("output", 6))}
+    network, ends = Network.of(model), {}
+    for period, lead in ((0.002, 0.5), (0.04, 0.5), (0.04, 0.0)):
+        water = compiled(craft, Control(network, period, lead=lead))
+        data = started(water)
+        mujoco.mj_step(water, data, 250)
+        ends[period, lead] = states.from_mujoco(data.qpos, data.qvel)[1]
+    exact = ends[0.002, 0.5]
+    led, held = (np.linalg.norm(ends[0.04, lead] - exact) for lead in (0.5, 0.0))
+    assert held > 1e-3
+    assert led < 0.1 * held
 
 
 def test_the_wrench_of_a_control_step_is_renewed_once(craft, residual_control):
