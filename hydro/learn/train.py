@@ -5,9 +5,11 @@ mean square of the standardised error; gradients are clipped to norm 5; training
 best, or with its last. A tenth of the training part's blocks validates (`rows.validation`): the test part
 takes no part in any decision.
 
-Two things differ from the paper. The learning rate rises over the first twentieth of the updates and then
-falls to nothing as a half cosine, where the paper's waits for plateaus from 1e-3 on; and batches are of 512
-rows at most. Six epochs so are worth sixty of the paper's, at a sixth of the cost (docs/benchmarks.md).
+Three things differ from the paper. The learning rate rises over the first twentieth of the updates and then
+falls to nothing as a half cosine, where the paper's waits for plateaus from 1e-3 on; batches are of 512 rows
+at most; and the weight decay is decoupled from the gradient (AdamW). As a part of the gradient it is all that
+moves weights where the error's own has become small, and bends the wrench enough to be seen in a replay.
+docs/benchmarks.md has what each is worth.
 
 The same rows, seed and device give the same weights to the last bit: deterministic algorithms, own shuffling,
 no clock, and one thread (threads share out the sums over a batch, so that another number rounds otherwise):
@@ -139,7 +141,7 @@ def _fit(
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
     """Run the epochs, leave the best weights in the network and return the summary."""
-    optimiser = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))
     order = torch.Generator().manual_seed(seed)
