@@ -24,7 +24,6 @@ from numba import carray, types
 from numpy.typing import NDArray
 
 from hydro.core.allocation import (
-    COLUMNS,
     INFLOW,
     LAG_STEP,
     TIME_CONSTANT,
@@ -39,48 +38,11 @@ from hydro.core.compiled import cfunc, jit
 from hydro.core.effects import layout
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, relative_to_water, start, wrench
 from hydro.core.rigid_body import coriolis_kernel
-from hydro.sim import control, water
-from hydro.sim.fields import offset
+from hydro.sim import control, structs, water
 from hydro.sim.pointers import ROOM, as_doubles, field, integers, number, numbers, pointer, stack
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
-
-MODEL_FIELDS = (
-    "opt.timestep",
-    "opt.integrator",
-    "nnumeric",
-    "numeric_adr",
-    "numeric_size",
-    "numeric_data",
-    "M_rownnz",
-    "M_rowadr",
-    "body_subtreemass",
-    "actuator_ctrladr",
-    "actuator_actadr",
-    "actuator_actnum",
-    "actuator_biasprm",
-    "actuator_delay",
-)
-DATA_FIELDS = ("time", "qvel", "xpos", "xmat", "M", "qfrc_passive", "act", "act_dot", "ctrl", "userdata")
-
-_TIMESTEP, _INTEGRATOR, _NNUMERIC, _NUMERIC_ADR, _NUMERIC_SIZE, _NUMERIC_DATA = (
-    offset("mjModel", name) for name in MODEL_FIELDS[:6]
-)
-_M_ROWNNZ, _M_ROWADR, _SUBTREE_MASS, _CTRLADR, _ACTADR, _ACTNUM, _BIASPRM, _DELAY = (
-    offset("mjModel", name) for name in MODEL_FIELDS[6:]
-)
-_TIME, _QVEL, _XPOS, _XMAT, _M, _QFRC_PASSIVE, _ACT, _ACT_DOT, _CTRL, _USERDATA = (
-    offset("mjData", name) for name in DATA_FIELDS
-)
-_RK4 = 1  # mjINT_RK4
-_NBIAS = 10  # mjNBIAS
-
-# What `prepare` writes into a thruster's `biasprm`.
-PRM_MAGIC, PRM_VEHICLE = 0, 1  # ..., address of the vehicle's field
-PRM_THRUSTER = 2  # address of the thruster's row; -1 for an actuator that only carries states
-PRM_CARRIES = 3  # 1 where this actuator carries its vehicle's internal states
-PRM_STEP, PRM_SHARE = 4, 5  # a time step [s] and what `lag_share` is for it
 
 _mj_factorM = types.ExternalFunction("mj_factorM", types.void(types.intp, types.intp))
 _mj_makeM = types.ExternalFunction("mj_makeM", types.void(types.intp, types.intp))
@@ -92,32 +54,15 @@ _mj_readCtrl = types.ExternalFunction(
 )
 FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
-_WHOLE = 1 << 30  # length of a view whose end is known from within
-
-
-@jit
-def _vehicle_at(model: int, index: int) -> Array:
-    """Parameters in the numeric field `index`; none (length 0) where it is not of hydro."""
-    adr = integers(model, _NUMERIC_ADR, index, 1)[0]
-    length = integers(model, _NUMERIC_SIZE, index, 1)[0]
-    found = numbers(model, _NUMERIC_DATA, adr, length)
-    return found if length >= water.HEADER and found[water.AT_MAGIC] == water.MAGIC else found[:0]
-
-
-@jit
-def _program(vehicle: Array) -> Array:
-    """The compiled effects and thrusters of a vehicle."""
-    return vehicle[int(vehicle[water.AT_PROGRAM]) :]
-
 
 @jit
 def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
     """The state of motion `s` of `core.effects.layout`, and P (3, 3): z-up world components to body FRD."""
     body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
     xmat, xpos, qvel = (
-        numbers(data, _XMAT, 9 * body, 9),
-        numbers(data, _XPOS, 3 * body, 3),
-        numbers(data, _QVEL, dof, 6),
+        numbers(data, structs.XMAT, 9 * body, 9),
+        numbers(data, structs.XPOS, 3 * body, 3),
+        numbers(data, structs.QVEL, dof, 6),
     )
     for i in range(3):
         here = 1.0 if i == 0 else -1.0
@@ -129,7 +74,7 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
         s[layout.VELOCITY + 3 + i] = here * qvel[3 + i]
     for i in range(3):
         s[layout.VELOCITY + i] = P[i, 0] * qvel[0] + P[i, 1] * qvel[1] + P[i, 2] * qvel[2]
-    relative_to_water(_program(vehicle), s)
+    relative_to_water(structs.program_of(vehicle), s)
 
 
 @jit
@@ -206,10 +151,16 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
     dof = int(vehicle[water.AT_DOF])
 
     if vehicle[water.AT_EFFECTS] > 0.0:
-        program, at = _program(vehicle), int(vehicle[water.AT_STATES])
+        program, at = structs.program_of(vehicle), int(vehicle[water.AT_STATES])
         count = int(program[STATE_COUNT])
         if count:  # MuJoCo clears `act_dot` after this stage: rates written here only need somewhere to go
-            wrench(program, s, numbers(data, _ACT, at, count), numbers(data, _ACT_DOT, at, count), tau)
+            wrench(
+                program,
+                s,
+                numbers(data, structs.ACT, at, count),
+                numbers(data, structs.ACT_DOT, at, count),
+                tau,
+            )
         else:
             wrench(program, s, part[:0], part[:0], tau)
     at = int(vehicle[water.AT_CORIOLIS])
@@ -220,32 +171,24 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
         _add_coriolis(vehicle[at : at + 36], 1.0, nu, part, tau)
     at = int(vehicle[water.AT_HELD])
     if at >= 0:
-        _take(numbers(data, _USERDATA, at, 6), tau)
+        _take(numbers(data, structs.USERDATA, at, 6), tau)
     if vehicle[water.AT_CONTROL] > 0.0:
         block = vehicle[int(vehicle[water.AT_CONTROL]) :]
-        control.exert(block, _control_states(data, vehicle), nu, part, tau)
+        control.exert(block, structs.control_states(data, vehicle), nu, part, tau)
     at = int(vehicle[water.AT_INERTIA])
     if at:
         A = vehicle[at : at + 36]
         _add_transport(A, nu_r, tau)
-        addresses = integers(model, _M_ROWADR, dof, 6)
+        addresses = integers(model, structs.M_ROWADR, dof, 6)
         _add_inertia(
             A,
             P,
             half,
-            integers(model, _M_ROWNNZ, dof, 6),
+            integers(model, structs.M_ROWNNZ, dof, 6),
             addresses,
-            numbers(data, _M, 0, addresses[5] + 6),
+            numbers(data, structs.M, 0, addresses[5] + 6),
         )
-    _exert(P, tau, numbers(data, _QFRC_PASSIVE, dof, 6))
-
-
-@jit
-def _control_states(data: int, vehicle: Array) -> Array:
-    """States of the network's control, none (length 0) where there is none."""
-    at = int(vehicle[water.AT_CONTROL])
-    count = int(vehicle[at + control.AT_STATES]) if at else 0
-    return numbers(data, _ACT, int(vehicle[water.AT_CONTROL_STATES]), count)
+    _exert(P, tau, numbers(data, structs.QFRC_PASSIVE, dof, 6))
 
 
 @jit
@@ -262,23 +205,26 @@ def _stale(model: int, data: int, vehicle: Array) -> bool:
     The translational part of M is the body's mass times the identity, and the trace of the added part is the
     same at any attitude.
     """
-    at, addresses = int(vehicle[water.AT_INERTIA]), integers(model, _M_ROWADR, int(vehicle[water.AT_DOF]), 3)
+    at, addresses = (
+        int(vehicle[water.AT_INERTIA]),
+        integers(model, structs.M_ROWADR, int(vehicle[water.AT_DOF]), 3),
+    )
     added = vehicle[at] + vehicle[at + 7] + vehicle[at + 14]
-    mass = numbers(model, _SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
-    M = numbers(data, _M, 0, addresses[2] + 3)
+    mass = numbers(model, structs.SUBTREE_MASS, int(vehicle[water.AT_BODY]), 1)[0]
+    M = numbers(data, structs.M, 0, addresses[2] + 3)
     found = M[addresses[0]] + M[addresses[1] + 1] + M[addresses[2] + 2] - 3.0 * mass
     return bool(added < 1e-6 * mass or found > 0.5 * added)
 
 
 def _passive(model: int, data: int) -> None:
     """`mjcb_passive`: all vehicles of a model."""
-    count = field(model, _NNUMERIC)
+    count = field(model, structs.NNUMERIC)
     heavier = stale = False
     for index in range(count):
-        vehicle = _vehicle_at(model, index)
+        vehicle = structs.vehicle_at(model, index)
         if vehicle.size and vehicle[water.AT_DOF] < 0.0:
             # Never prepared: let MuJoCo stop with its warning, not fly on without water.
-            numbers(data, _QFRC_PASSIVE, 0, 1)[0] = np.nan
+            numbers(data, structs.QFRC_PASSIVE, 0, 1)[0] = np.nan
             return
         if vehicle.size and vehicle[water.AT_INERTIA] > 0.0:
             heavier = True
@@ -286,7 +232,7 @@ def _passive(model: int, data: int) -> None:
     if stale:
         _mj_makeM(model, data)
     for index in range(count):
-        vehicle = _vehicle_at(model, index)
+        vehicle = structs.vehicle_at(model, index)
         if vehicle.size:
             _add_forces(model, data, vehicle)
     if heavier:
@@ -300,14 +246,14 @@ def _delay_commands(model: int, data: int, vehicle: Array) -> None:
     Under RK4 the last stage of a step has the time of the next one's first, so a delay by time alone would
     let it see the next command.  Delays are rounded to whole steps.
     """
-    program, first = _program(vehicle), int(vehicle[water.AT_ACTUATOR])
-    read = number(data, _TIME) + 0.5 * number(model, _TIMESTEP)
+    program, first = structs.program_of(vehicle), int(vehicle[water.AT_ACTUATOR])
+    read = number(data, structs.TIME) + 0.5 * number(model, structs.TIMESTEP)
     room = stack()
     for actuator in range(first, first + int(program[THRUSTER_COUNT])):
-        if numbers(model, _DELAY, actuator, 1)[0] > 0.0:
+        if numbers(model, structs.DELAY, actuator, 1)[0] > 0.0:
             found = _mj_readCtrl(model, data, np.int32(actuator), read, as_doubles(room), np.int32(0))
             command = carray(pointer(found), (1,), np.float64) if found else carray(room, (1,), np.float64)
-            numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0] = command[0]
+            numbers(data, structs.ACT, structs.last_activation(model, actuator) - 1, 1)[0] = command[0]
 
 
 @jit
@@ -318,21 +264,25 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
     started = int(vehicle[water.AT_STARTED])
     if started < 0:
         return
-    flag = numbers(data, _ACT, started, 1)
+    flag = numbers(data, structs.ACT, started, 1)
     block = vehicle[int(vehicle[water.AT_CONTROL]) :]
-    time = number(data, _TIME)
-    states = _control_states(data, vehicle)
+    time = number(data, structs.TIME)
+    states = structs.control_states(data, vehicle)
     renew = states.size > 0 and control.due(block, states, time)
     if flag[0] != 0.0 and not renew:
         return
     room = carray(stack(), (ROOM,), np.float64)
     P, s = room[0:9].reshape(3, 3), room[9:33]
     _observe(data, vehicle, P, s)
-    program = _program(vehicle)
+    program = structs.program_of(vehicle)
     if flag[0] == 0.0:
         flag[0] = 1.0
         if vehicle[water.AT_EFFECTS] > 0.0 and program[STATE_COUNT] > 0.0:
-            start(program, s, numbers(data, _ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])))
+            start(
+                program,
+                s,
+                numbers(data, structs.ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])),
+            )
     if renew:
         packed = block[int(block[control.AT_WEIGHTS]) :]
         weights = carray(pointer(packed.ctypes.data), (int(block[control.AT_WEIGHT_COUNT]),), np.float32)
@@ -341,45 +291,22 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
 
 def _sensor(model: int, data: int, _stage: int) -> None:
     """`mjcb_sensor`: what happens once per step."""
-    for index in range(field(model, _NNUMERIC)):
-        vehicle = _vehicle_at(model, index)
+    for index in range(field(model, structs.NNUMERIC)):
+        vehicle = structs.vehicle_at(model, index)
         if vehicle.size and vehicle[water.AT_DOF] >= 0.0:
             _begin(model, data, vehicle)
 
 
 @jit
-def _thruster(model: int, actuator: int) -> Array:
-    """Row of the thruster table of an actuator; none (length 0) where it is not one of hydro's."""
-    prm = numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
-    if prm[PRM_MAGIC] != water.MAGIC or prm[PRM_THRUSTER] < 0.0:
-        return prm[:0]
-    return numbers(model, _NUMERIC_DATA, int(prm[PRM_THRUSTER]), COLUMNS)
-
-
-@jit
-def _last_activation(model: int, actuator: int) -> int:
-    """Address of a thruster's lag state; a delayed command stands before it."""
-    return int(integers(model, _ACTADR, actuator, 1)[0] + integers(model, _ACTNUM, actuator, 1)[0] - 1)
-
-
-@jit
-def _command(model: int, data: int, actuator: int) -> float:
-    """The command that a thruster obeys during this step."""
-    if numbers(model, _DELAY, actuator, 1)[0] > 0.0:
-        return float(numbers(data, _ACT, _last_activation(model, actuator) - 1, 1)[0])
-    return float(numbers(data, _CTRL, integers(model, _CTRLADR, actuator, 1)[0], 1)[0])
-
-
-@jit
 def _internal_rates(model: int, data: int, actuator: int) -> None:
     """Write the rates of the internal states of a vehicle, which this actuator carries."""
-    vehicle = numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
-    program, at = _program(vehicle), int(vehicle[water.AT_STATES])
+    vehicle = numbers(model, structs.NUMERIC_DATA, structs.vehicle_address(model, actuator), structs.WHOLE)
+    program, at = structs.program_of(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
     room = carray(stack(), (ROOM,), np.float64)
     s, tau = room[9:33], room[33:39]
     _observe(data, vehicle, room[0:9].reshape(3, 3), s)
-    wrench(program, s, numbers(data, _ACT, at, count), numbers(data, _ACT_DOT, at, count), tau)
+    wrench(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
 
 
 @jit
@@ -394,23 +321,23 @@ def _rate(model: int, data: int, actuator: int) -> float:
     Under RK4 its derivative.  The other integrators add `rate * timestep`, so they get the mean rate over the
     step, which makes the lag exact for a held command.
     """
-    prm = numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)
-    if prm[PRM_MAGIC] != water.MAGIC:
+    prm = numbers(model, structs.BIASPRM, structs.NBIAS * actuator, structs.NBIAS)
+    if prm[structs.PRM_MAGIC] != water.MAGIC:
         return 0.0
-    if prm[PRM_CARRIES] > 0.0:
+    if prm[structs.PRM_CARRIES] > 0.0:
         _internal_rates(model, data, actuator)
-    row = _thruster(model, actuator)
+    row = structs.thruster_row(model, actuator)
     if row.size == 0 or row[TIME_CONSTANT] <= row[LAG_STEP]:
         return 0.0
-    last = _last_activation(model, actuator)
-    state, command = numbers(data, _ACT, last, 1)[0], _command(model, data, actuator)
-    if carray(pointer(model + _INTEGRATOR), (1,), np.int32)[0] == _RK4:
+    last = structs.last_activation(model, actuator)
+    state, command = numbers(data, structs.ACT, last, 1)[0], structs.command_of(model, data, actuator)
+    if carray(pointer(model + structs.INTEGRATOR), (1,), np.int32)[0] == structs.RK4:
         rate = state_derivative(row, state, command)
     else:
-        step = number(model, _TIMESTEP)
-        share = prm[PRM_SHARE] if step == prm[PRM_STEP] else lag_share(row, step)
+        step = number(model, structs.TIMESTEP)
+        share = prm[structs.PRM_SHARE] if step == prm[structs.PRM_STEP] else lag_share(row, step)
         rate = (settled_state(row, command) - state) * share
-    numbers(data, _ACT_DOT, last, 1)[0] = rate
+    numbers(data, structs.ACT_DOT, last, 1)[0] = rate
     return rate
 
 
@@ -421,26 +348,22 @@ def _thrust(model: int, data: int, actuator: int) -> float:
     rotors before its body in each Euler tick, so that there it is that of the lag state at the end of it:
     one step earlier than here.
     """
-    row = _thruster(model, actuator)
+    row = structs.thruster_row(model, actuator)
     if row.size == 0:
         return 0.0
     if row[TIME_CONSTANT] > row[LAG_STEP]:
-        state = numbers(data, _ACT, _last_activation(model, actuator), 1)[0]
+        state = numbers(data, structs.ACT, structs.last_activation(model, actuator), 1)[0]
     else:
-        state = advance_state(row, 0.0, _command(model, data, actuator), 0.0)
+        state = advance_state(row, 0.0, structs.command_of(model, data, actuator), 0.0)
     inflow = 0.0
     if row[INFLOW] != 0.0:
         room = carray(stack(), (ROOM,), np.float64)
-        vehicle = numbers(model, _NUMERIC_DATA, _vehicle_address(model, actuator), _WHOLE)
+        vehicle = numbers(
+            model, structs.NUMERIC_DATA, structs.vehicle_address(model, actuator), structs.WHOLE
+        )
         _observe(data, vehicle, room[0:9].reshape(3, 3), room[9:33])
         inflow = inflow_speed(row, room[9 + layout.RELATIVE_VELOCITY : 15 + layout.RELATIVE_VELOCITY])
     return state_to_thrust(row, state, inflow)
-
-
-@jit
-def _vehicle_address(model: int, actuator: int) -> int:
-    """Where in the numeric data a thruster's vehicle begins."""
-    return int(numbers(model, _BIASPRM, _NBIAS * actuator, _NBIAS)[PRM_VEHICLE])
 
 
 def compile_callbacks() -> dict[str, Any]:

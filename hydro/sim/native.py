@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hydro.core.allocation import COLUMNS
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
 from hydro.core.errors import DataError, HydroError
-from hydro.sim import callbacks, control, fields, water
+from hydro.sim import callbacks, control, fields, structs, water
 from hydro.sim.water import PREFIX
 
 Array = NDArray[np.float64]
@@ -96,14 +96,14 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
     states = int(data[program + STATE_COUNT])
     for actuator in actuators:
         prm = model.actuator_biasprm[actuator]
-        prm[[callbacks.PRM_MAGIC, callbacks.PRM_VEHICLE]] = water.MAGIC, address
-        prm[callbacks.PRM_CARRIES] = float(states > 0 and actuator == actuators[0])
-        prm[callbacks.PRM_THRUSTER] = water.UNKNOWN
+        prm[[structs.PRM_MAGIC, structs.PRM_VEHICLE]] = water.MAGIC, address
+        prm[structs.PRM_CARRIES] = float(states > 0 and actuator == actuators[0])
+        prm[structs.PRM_THRUSTER] = water.UNKNOWN
         if actuator in thrusters:
             at = table + thrusters.index(actuator) * COLUMNS
             row = model.numeric_data[at : at + COLUMNS]
-            prm[callbacks.PRM_THRUSTER] = at
-            prm[[callbacks.PRM_STEP, callbacks.PRM_SHARE]] = step, callbacks.lag_share(row, step)
+            prm[structs.PRM_THRUSTER] = at
+            prm[[structs.PRM_STEP, structs.PRM_SHARE]] = step, callbacks.lag_share(row, step)
     data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     if states or data[water.AT_CONTROL]:
         first = int(model.actuator_actadr[actuators[0]])
@@ -158,7 +158,7 @@ def install() -> None:
     Raises:
         HydroError: The installed MuJoCo differs from the one hydro knows, or other callbacks are in place.
     """
-    fields.verify({"mjModel": callbacks.MODEL_FIELDS, "mjData": callbacks.DATA_FIELDS})
+    fields.verify({"mjModel": structs.MODEL_FIELDS, "mjData": structs.DATA_FIELDS})
     library = _library()
     for name in callbacks.FUNCTIONS:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)

@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 from hydro.core.errors import HydroError
-from hydro.sim import callbacks, fields
+from hydro.sim import fields, structs
 
 
 def test_a_number_read_through_its_offset_is_the_number():
@@ -19,7 +19,7 @@ def test_a_number_read_through_its_offset_is_the_number():
 
 
 def test_every_field_that_the_callbacks_use_is_verified():
-    fields.verify({"mjModel": callbacks.MODEL_FIELDS, "mjData": callbacks.DATA_FIELDS})
+    fields.verify({"mjModel": structs.MODEL_FIELDS, "mjData": structs.DATA_FIELDS})
 
 
 @pytest.mark.parametrize(
