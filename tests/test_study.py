@@ -9,7 +9,7 @@ import pytest
 
 from hydro import cli
 from hydro.commands.steps import Runner, Step, here
-from hydro.commands.study import Run
+from hydro.commands.study import Data, Run, _beside_effects
 from hydro.core.metrics import SCHEMA
 from hydro.report.tables import ranking, seeds_together
 
@@ -131,6 +131,23 @@ def test_ranking_counts_a_diverged_flight_as_the_worst():
 def test_names_tell_runs_apart():
     assert Run("mlp", 2).name == "mlp-seed2"
     assert (Run("mlp", 0, 3.0).name, Run("mlp", 0, 3.0).label) == ("mlp-seed0-3min", "seed 0, 3 min")
+
+
+def test_a_network_beside_effects_learns_what_they_leave_and_flies_with_them():
+    data = Data(Path("raw"), Path("replay"), Path("test"), None, "dvl", Path("fitted.toml"))
+    labels, _, train, replay = _beside_effects(data, Path("out"), epochs=2, device="cpu")
+    assert labels.line[1] == "out/noisy.parquet"
+    assert {"--subtract", "effects", "--noise", "dvl", "fitted.toml"} <= set(labels.line)
+    assert labels.reads == (Path("out/noisy.parquet"), Path("fitted.toml"))
+    assert train.line[-4:] == ("--epochs", "2", "-o", "out/models/beside-effects.parquet")
+    assert [replay.line[k + 1] for k, word in enumerate(replay.line) if word == "--variant"] == [
+        "effects",
+        "effects+MJ4",
+    ]
+    assert _beside_effects(Data(Path("raw"), Path("replay"), None, None, "none"), Path("out"), **FREE) == []
+
+
+FREE = {"epochs": None, "device": "cpu"}
 
 
 def test_noise_needs_data_without_to_test_on(tmp_path, capsys):

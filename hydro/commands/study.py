@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MODELS = ("mlp", "resmlp", "multihead", "moe", "physfeat", "structured", "temporal")
 PIECE = "10"  # s, a segment of the paper's replay sequence
 CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
+BESIDE_EFFECTS = "physfeat"
 QUICK_MODELS = ("mlp", "moe", "structured")
 RANKING_TITLE = (
     "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
@@ -56,6 +57,7 @@ class Data:
         replay: Recording of the sequence that is replayed.
         vehicle: Vehicle file, where the recordings carry none.
         noise: Noise added to `raw` alone; evaluation and replay stay free of it.
+        effects: Vehicle file with identified effects, beside which a network flies of what they leave.
     """
 
     raw: Path
@@ -63,6 +65,7 @@ class Data:
     test: Path | None
     vehicle: Path | None
     noise: str
+    effects: Path | None = None
 
 
 def study(
@@ -99,6 +102,12 @@ def study(
         str,
         typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
     ] = "none",
+    effects: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Vehicle file with fitted effects: fly them alone, and with a network."
+        ),
+    ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
     workers: Annotated[
         int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
@@ -124,7 +133,7 @@ def study(
         raise UsageError("--noise needs --test RAW, a recording without noise to evaluate on")
     if quick:
         seeds, epochs = 1, 1
-    data = Data(raw, replay, test, vehicle, noise)
+    data = Data(raw, replay, test, vehicle, noise, effects)
     folder.mkdir(parents=True, exist_ok=True)
     whole = [Run(name, seed) for name in names for seed in range(seeds)]
     parts = [Run(run.model, run.seed, share) for run in whole for share in minutes or ()]
@@ -132,12 +141,13 @@ def study(
     for run in (*whole, *parts):
         steps += _of_a_run(run, data, folder, epochs=epochs, device=device)
     steps += _together(names, data, folder, conditionings=() if quick else CONDITIONINGS)
+    steps += _beside_effects(data, folder, epochs=epochs, device=device)
     runner = Runner(folder, here(context.find_root().command) if workers == 1 else apart)
     if noise != "none":
         _disturb(data, folder, runner)
     ran = runner.run(steps, workers)
     typer.echo(f"{ran} of {len(steps)} steps run, the others were done", err=True)
-    _summarise(whole, parts, folder)
+    _summarise(whole, parts, data, folder)
 
 
 def _require_models(names: Sequence[str]) -> None:
@@ -187,10 +197,8 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
 
 def _preparation(data: Data, folder: Path) -> list[Step]:
     """Labels and split of the training data, and labels to test on."""
-    noisy = data.noise != "none"
-    raw = folder / "noisy.parquet" if noisy else data.raw
     labels, split = folder / "labels.parquet", folder / "split.parquet"
-    stated = ("--noise", data.noise) if noisy else ()
+    raw, stated = _learnt_from(data, folder)
     steps = [
         Step(("labels", str(raw), *_vehicle(data), *stated, "-o", str(labels)), _reads(data, raw), (labels,)),
         Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
@@ -200,6 +208,11 @@ def _preparation(data: Data, folder: Path) -> list[Step]:
         line = ("labels", str(data.test), *_vehicle(data), "-o", str(target))
         steps.append(Step(line, _reads(data, data.test), (target,)))
     return steps
+
+
+def _learnt_from(data: Data, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """The recording that labels are made from, and what is said of its noise."""
+    return (data.raw, ()) if data.noise == "none" else (folder / "noisy.parquet", ("--noise", data.noise))
 
 
 def _tested(data: Data, folder: Path) -> tuple[Path, str]:
@@ -212,10 +225,8 @@ def _of_a_run(run: Run, data: Data, folder: Path, *, epochs: int | None, device:
     from hydro.sim.replay import PAPER_NAMES
 
     split, model = folder / "split.parquet", folder / "models" / f"{run.name}.parquet"
-    line = ["train", str(split), "--model", run.model, "--seed", str(run.seed)]
-    line += [] if epochs is None else ["--epochs", str(epochs)]
+    line = ["train", str(split), "--model", run.model, "--seed", str(run.seed), *_trained(epochs, device)]
     line += [] if run.minutes is None else ["--minutes", f"{run.minutes:g}"]
-    line += [] if device == "cpu" else ["--device", device]
     table, part = _tested(data, folder)
     predicted, replayed = (folder / kind / f"{run.name}.parquet" for kind in ("evaluated", "replayed"))
     ways = ("--by", "speed", "--by", "drift", "--by", "reach")
@@ -236,6 +247,50 @@ def _of_a_run(run: Run, data: Data, folder: Path, *, epochs: int | None, device:
             (replayed,),
         ),
     ]
+
+
+def _trained(epochs: int | None, device: str) -> tuple[str, ...]:
+    """How long and where networks are trained."""
+    limited = () if epochs is None else ("--epochs", str(epochs))
+    return limited if device == "cpu" else (*limited, "--device", device)
+
+
+def _beside_effects(data: Data, folder: Path, *, epochs: int | None, device: str) -> list[Step]:
+    """Labels of what the identified effects leave, a network of them, and the replay of both and of one."""
+    from hydro.sim.replay import PAPER_NAMES
+
+    if data.effects is None:
+        return []
+    raw, stated = _learnt_from(data, folder)
+    labels, split = folder / "labels-effects.parquet", folder / "split-effects.parquet"
+    model, replayed = folder / "models" / "beside-effects.parquet", _flown_with_effects(folder)
+    given, name = ("--vehicle", str(data.effects)), PAPER_NAMES.get(BESIDE_EFFECTS, BESIDE_EFFECTS)
+    return [
+        Step(
+            ("labels", str(raw), *given, *stated, "--subtract", "effects", "-o", str(labels)),
+            (raw, data.effects),
+            (labels,),
+        ),
+        Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
+        Step(
+            ("train", str(split), "--model", BESIDE_EFFECTS, *_trained(epochs, device), "-o", str(model)),
+            (split,),
+            (model,),
+        ),
+        Step(
+            (
+                *("replay", str(data.replay), *given, "--model", str(model), "--piece", PIECE),
+                *("--variant", "effects", "--variant", f"effects+{name}"),
+                *("--metrics", str(replayed), "-o", "/dev/null"),
+            ),
+            (data.replay, data.effects, model),
+            (replayed,),
+        ),
+    ]
+
+
+def _flown_with_effects(folder: Path) -> Path:
+    return folder / "replayed" / "effects.parquet"
 
 
 def _together(names: Sequence[str], data: Data, folder: Path, *, conditionings: Sequence[str]) -> list[Step]:
@@ -277,7 +332,7 @@ def _together(names: Sequence[str], data: Data, folder: Path, *, conditionings: 
     return steps
 
 
-def _summarise(whole: Sequence[Run], parts: Sequence[Run], folder: Path) -> None:
+def _summarise(whole: Sequence[Run], parts: Sequence[Run], data: Data, folder: Path) -> None:
     """Write and print the means over seeds, and how the two errors rank the models."""
     import polars as pl
 
@@ -295,6 +350,8 @@ def _summarise(whole: Sequence[Run], parts: Sequence[Run], folder: Path) -> None
     predicted, replayed = errors("evaluated", whole), errors("replayed", whole)
     besides = read(str(folder / "replayed" / "side-by-side.parquet"), "metrics").frame
     baselines = besides.filter(~pl.col("variant").is_in(replayed["variant"].unique()))
+    if data.effects is not None:
+        baselines = pl.concat([baselines, read(str(_flown_with_effects(folder)), "metrics").frame])
     summary = {
         "evaluation": seeds_together(predicted),
         "errors": pl.concat([baselines, seeds_together(replayed)]),

@@ -1,4 +1,4 @@
-"""Do two measures of error rank models alike? Kendall's tau, with an interval from the spread over seeds."""
+"""Do two measures of error rank models alike? Kendall's tau, with an interval over models and seeds."""
 
 from __future__ import annotations
 
@@ -20,21 +20,20 @@ INTERVAL = (2.5, 97.5)  # percentiles
 class Agreement(NamedTuple):
     """Kendall's tau-b of two rankings: 1 the same, -1 the reverse, 0 unrelated.
 
-    `low` and `high` are the 95 % interval, None where there is one seed only.  `p_value` is that of no
-    relation, for so few models.
+    `low` and `high` are the 95 % interval.  `p_value` is that of no relation, for so few models.
     """
 
     tau: float
-    low: float | None
-    high: float | None
+    low: float
+    high: float
     p_value: float
 
 
 def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: int = 0) -> Agreement:
     """How far two errors of the same models agree on which is better.
 
-    Models are ranked by their means over seeds.  The interval draws seeds anew, within every model and the
-    same for both errors, for they are of one trained network.
+    Models are ranked by their means over seeds.  The interval draws models anew, for others could have been
+    compared, and within every model seeds, the same for both errors, for they are of one trained network.
 
     Args:
         first: An error of every model, one number per seed, shapes (S_k,).
@@ -48,13 +47,12 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
     if len(one) < 3 or [len(values) for values in one] != [len(values) for values in other]:
         raise DataError("a ranking needs three models or more, and both errors of every network")
     tau, p_value = _tau(one, other)
-    if max(map(len, one)) < 2:
-        return Agreement(tau, None, None, p_value)
     rng = np.random.default_rng(seed)
     drawn = []
     for _ in range(SAMPLES):
-        chosen = [rng.integers(0, len(values), len(values)) for values in one]
-        again = ([values[rows] for values, rows in zip(table, chosen, strict=True)] for table in (one, other))
+        seeds = [rng.integers(0, len(values), len(values)) for values in one]
+        models = rng.integers(0, len(one), len(one))
+        again = ([table[k][seeds[k]] for k in models] for table in (one, other))
         drawn.append(_tau(*again)[0])
     low, high = np.nanpercentile(drawn, INTERVAL)
     return Agreement(tau, float(low), float(high), p_value)
