@@ -43,6 +43,14 @@ EFFECTS = {
 }  # fmt: skip
 
 
+STEPS = {"thruster_inflow": 0.0005}
+"""Where RK4 needs shorter steps: this loss goes with the root of the thrust, whose slope is endless at 0."""
+
+
+CARRIED = ("stonefish", "ocean_current")
+"""Without damping, and of one added mass in all directions: to a steady current, still water is as good."""
+
+
 def preset(datasets, name):
     return vehicle_file.read(datasets / "vehicles" / f"{name}.toml")[0]
 
@@ -87,12 +95,14 @@ def fly(vehicle, held, *, timestep=0.002, integrator="rk4"):
     return student.fly(held, round(DT / timestep))
 
 
-def reference(vehicle, held):
+def reference(vehicle, held, *, timestep=0.002):
     t = np.arange(held.shape[1] + 1) * DT
     program = assemble(vehicle)
     return np.stack(
         [
-            trajectory(program, np.vstack([segment, segment[-1:]]), t, eta=ETA, nu=nu, dt=DT)[1:]
+            trajectory(
+                program, np.vstack([segment, segment[-1:]]), t, eta=ETA, nu=nu, dt=DT, rate=1.0 / timestep
+            )[1:]
             for segment, nu in zip(held, STARTS, strict=False)
         ]
     )
@@ -106,11 +116,11 @@ def apart(one, other):
 
 
 def orders(vehicle, held, integrator):
-    """By which power of the step the error falls, from 4 ms to 2 ms and from there to 1 ms."""
+    """By which power of the step the error falls, from 5 ms to 2.5 ms and from there to 1.25 ms."""
     truth = reference(vehicle, held)
     errors = [
         np.sqrt(np.mean(apart(fly(vehicle, held, timestep=h, integrator=integrator), truth)[..., 6:] ** 2))
-        for h in (0.004, 0.002, 0.001)
+        for h in (0.005, 0.0025, 0.00125)
     ]
     return np.log2(np.array(errors[:-1]) / errors[1:])
 
@@ -123,14 +133,15 @@ def test_a_preset_flies_as_simulated(datasets, name):
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_an_effect_acts_as_simulated(datasets, effect):
-    vehicle = with_effect(preset(datasets, "auv151"), effect)
+@pytest.mark.parametrize("name", PRESETS)
+def test_an_effect_acts_as_simulated(datasets, name, effect):
+    vehicle = with_effect(preset(datasets, name), effect)
     held = minute(vehicle)
-    motion = fly(vehicle, held)
-    assert apart(motion, reference(vehicle, held)).max() < 1e-6
-    # It acts at all: without it the motion is another.
+    motion = fly(vehicle, held, timestep=STEPS.get(effect, 0.002))
+    assert apart(motion, reference(vehicle, held, timestep=STEPS.get(effect, 0.002))).max() < 1e-6
     without = msgspec.structs.replace(vehicle, effect=vehicle.effect[:-1])
-    assert apart(motion, reference(without, held)).max() > 1e-4
+    acts = apart(motion, reference(without, held)).max() > 1e-5
+    assert acts or (name, effect) == CARRIED, "without it the motion is another"
 
 
 def test_every_effect_on_the_motion_is_tried():
@@ -146,9 +157,10 @@ def test_presets_converge_at_first_order(datasets, name, integrator):
 
 @pytest.mark.parametrize("integrator", ["euler", "implicitfast"])
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_effects_converge_at_first_order(datasets, effect, integrator):
-    vehicle = with_effect(preset(datasets, "auv151"), effect)
-    np.testing.assert_allclose(orders(vehicle, minute(vehicle), integrator), 1.0, atol=0.1)
+@pytest.mark.parametrize("name", PRESETS)
+def test_effects_converge_at_first_order(datasets, name, effect, integrator):
+    vehicle = with_effect(preset(datasets, name), effect)
+    np.testing.assert_allclose(orders(vehicle, minute(vehicle)[:2], integrator), 1.0, atol=0.1)
 
 
 @pytest.mark.parametrize("name", PRESETS)
