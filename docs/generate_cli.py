@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo
 
-from hydro.cli import GROUPS
+from hydro.cli import FAMILIES, GROUPS
 
 PAGE = Path(__file__).with_name("cli.md")
 INTRODUCTION = """# The command line
@@ -38,9 +38,11 @@ stderr: what, where, what to do; `--debug`, anywhere, adds the traceback.
 
 def page() -> str:
     """The whole page: the introduction, then one section per command."""
-    commands = {command: example for group in GROUPS for command, example in group.COMMANDS.items()}
+    groups = (*GROUPS, *FAMILIES)
+    commands = {command: example for group in groups for command, example in group.COMMANDS.items()}
     contents = "\n".join(
-        f"- [`{_title(command)}`](#hydro-{_name(command)}): {_text(command)[0]}" for command in commands
+        f"- [`{_title(command)}`](#{_title(command).replace(' ', '-')}): {_text(command)[0]}"
+        for command in commands
     )
     sections = [_section(command, example) for command, example in commands.items()]
     return "\n".join([INTRODUCTION, contents, "", *sections])
@@ -85,12 +87,9 @@ def _bare(value: Any) -> str:
     return str(plain[0].__name__)
 
 
-def _name(command: Callable[..., Any]) -> str:
-    return command.__name__
-
-
 def _title(command: Callable[..., Any]) -> str:
-    return f"hydro {_name(command)}"
+    family = next((f"{one.NAME} " for one in FAMILIES if command in one.COMMANDS), "")
+    return f"hydro {family}{command.__name__.removesuffix('_')}"
 
 
 def _text(command: Callable[..., Any]) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 import typer
@@ -26,6 +27,7 @@ from hydro.commands import (
     physics,
     replay,
     report,
+    rl,
     study,
 )
 
@@ -55,6 +57,9 @@ GROUPS = (
     study,
 )
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
+
+FAMILIES = (rl,)
+"""Modules of commands under one name: `NAME` and `HELP` beside `COMMANDS`."""
 
 app = typer.Typer(
     name="hydro",
@@ -86,10 +91,20 @@ def root(
     """Hold the options that stand before any command."""
 
 
-for group in GROUPS:
-    for command, example in group.COMMANDS.items():
+def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str]) -> None:
+    """Make commands of functions; a trailing underscore, as in `eval_`, is not part of the name."""
+    for command, example in commands.items():
         summary = (command.__doc__ or "").partition("\n")[0]
-        app.command(short_help=summary, epilog=f"\b\nExample:\n  {example}")(command)
+        name = command.__name__.removesuffix("_")
+        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}")(command)
+
+
+for group in GROUPS:
+    _register(app, group.COMMANDS)
+for family in FAMILIES:
+    branch = typer.Typer(rich_markup_mode=None, help=family.HELP, no_args_is_help=True)
+    _register(branch, family.COMMANDS)
+    app.add_typer(branch, name=family.NAME)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -110,16 +110,10 @@ def from_artefact(artefact: Artefact) -> Model:
     described = artefact.provenance.model or {}
     if not described.keys() >= _DESCRIBED:
         raise DataError("model: the file's footer lacks the architecture: write it with `hydro train`")
-    tensors = {}
-    for name, shape, data in artefact.frame.iter_rows():
-        if np.prod(shape, dtype=np.int64) != len(data):
-            raise DataError(f"model: tensor {name} has {len(data)} numbers, its shape {shape} wants others")
-        dtype = np.float32 if artefact.frame.schema["data"] == pl.List(pl.Float32) else np.float64
-        tensors[name] = np.array(data, dtype=dtype).reshape(shape)
     return Model(
         name=described["name"],
         architecture=described["architecture"],
-        tensors=tensors,
+        tensors=tensors(artefact),
         features=described["features"],
         scalers={name: np.array(described["scalers"][name]) for name in SCALERS},
         inputs=tuple(described["inputs"]),
@@ -128,3 +122,20 @@ def from_artefact(artefact: Artefact) -> Model:
         training=described["training"],
         subtract=described.get("subtract", "inertia"),
     )
+
+
+def tensors(artefact: Artefact) -> dict[str, NDArray[Any]]:
+    """The tensors of a network's table by name, in the order of its layers.
+
+    Raises:
+        DataError: a tensor's shape is not that of its data.
+    """
+    dtype = np.float32 if artefact.frame.schema["data"] == pl.List(pl.Float32) else np.float64
+    found: dict[str, NDArray[Any]] = {}
+    for name, shape, data in artefact.frame.select("tensor", "shape", "data").iter_rows():
+        if np.prod(shape, dtype=np.int64) != len(data):
+            raise DataError(
+                f"{artefact.kind}: tensor {name} has {len(data)} numbers, its shape {shape} wants others"
+            )
+        found[name] = np.array(data, dtype=dtype).reshape(shape)
+    return found

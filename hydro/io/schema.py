@@ -49,6 +49,11 @@ KINDS = (
     "comparison",
     "diagnosis",
     "ladder",
+    "run",
+    "curves",
+    "evaluations",
+    "episodes",
+    "policy",
 )
 """The kinds of table that hydro reads and writes."""
 

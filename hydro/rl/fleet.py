@@ -110,6 +110,7 @@ class Fleet:
         goals: Its goal (N, 3).
         pillars: Axes of its pillars (N, P, 2), NaN where there is none.
         targets: What it is to swim to (N, 3): the goal, or in stage 3 a point ahead on the path.
+        guidance: What leads it there, if anything.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class Fleet:
         vehicle = plant.vehicle
         crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
         count, hull = len(plant.pose), vehicle.hull
-        self.settings, self.plant, self.seed, self._guidance = settings, plant, seed, guidance
+        self.settings, self.plant, self.seed, self.guidance = settings, plant, seed, guidance
         self.count, self.stage, self.level = count, tasks.POINT_TO_POINT, 0
         self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
         self.pillars = np.full((count, settings.world.pillars, 2), np.nan)
@@ -164,7 +165,7 @@ class Fleet:
         Raises:
             UsageError: There is no such stage or level, or stage 3 is asked for without guidance.
         """
-        tasks.require_level(self.settings, stage, level, guided=self._guidance is not None)
+        tasks.require_level(self.settings, stage, level, guided=self.guidance is not None)
         self.stage, self.level = stage, level
 
     def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
@@ -244,16 +245,16 @@ class Fleet:
         self._distance[mask] = np.linalg.norm(self.starts[mask] - self.goals[mask], axis=1)
         self.targets[mask], self._path_cost[mask] = self.goals[mask], 0.0
         guided = mask & (self._stages == tasks.GUIDED)
-        if self._guidance is not None and guided.any():
-            self._guidance.reset(guided, self.starts, self.goals, self.pillars)
+        if self.guidance is not None and guided.any():
+            self.guidance.reset(guided, self.starts, self.goals, self.pillars)
         self._observe(mask)
 
     def _observe(self, mask: Mask) -> None:
         """Renew what some vehicles see, with noise and under guidance."""
         plant = self.plant
         guided = mask & (self._stages == tasks.GUIDED)
-        if self._guidance is not None and guided.any():
-            ahead, cost = self._guidance.targets(guided, plant.pose[:, :3])
+        if self.guidance is not None and guided.any():
+            ahead, cost = self.guidance.targets(guided, plant.pose[:, :3])
             self.targets[guided], self._path_cost[guided] = ahead[guided], cost[guided]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS))
         sense_kernel(
@@ -265,8 +266,8 @@ class Fleet:
         """Everything that the future depends on, as arrays; see `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
         parts |= {f"plant/{name}": value for name, value in self.plant.snapshot().items()}
-        if self._guidance is not None:
-            parts |= {f"guidance/{name}": value for name, value in self._guidance.state().items()}
+        if self.guidance is not None:
+            parts |= {f"guidance/{name}": value for name, value in self.guidance.state().items()}
         generator = json.dumps(self._noise.bit_generator.state).encode()
         return parts | {"noise": np.frombuffer(generator, dtype=np.uint8).copy()}
 
@@ -279,8 +280,8 @@ class Fleet:
             else:
                 setattr(self, name, int(value))
         self.plant.restore(_part(state, "plant/"))
-        if self._guidance is not None:
-            self._guidance.restore(_part(state, "guidance/"))
+        if self.guidance is not None:
+            self.guidance.restore(_part(state, "guidance/"))
         self._noise.bit_generator.state = json.loads(state["noise"].tobytes())
 
 

@@ -1,0 +1,295 @@
+"""`rl`: policies that steer the vehicle, trained in the student and flown in the student or the teacher."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from hydro.commands.rl_study import study
+from hydro.commands.shell import (
+    STREAM,
+    ModelFile,
+    Output,
+    print_table,
+    progress,
+    shows_table,
+    write,
+)
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.io.table import Artefact
+    from hydro.rl.build import Builder
+    from hydro.rl.policy import Policy
+    from hydro.rl.train import Plan, Training
+
+NAME = "rl"
+HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
+
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", show_default=False, help="Folder of a training.")]
+In = Annotated[Literal["student", "teacher"], typer.Option("--in", help="Where to fly.")]
+Stage = Annotated[
+    int | None, typer.Option(min=1, max=3, help="Stage to fly; default: the one that training has come to.")
+]
+Pillars = Annotated[int | None, typer.Option(min=0, help="Pillars of stage 2 and 3; default: likewise.")]
+
+
+def train(
+    vehicle: ModelFile,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")],
+    condition: Annotated[
+        str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
+    ] = "R_effects",
+    model: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, tasks and noise.")] = 0,
+    stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
+    steps: Annotated[
+        int, typer.Option(min=1, help="Control steps of all vehicles together at most.")
+    ] = 500_000,
+    choices: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
+    ] = None,
+) -> None:
+    """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
+
+    Stage 1 is point to point in open water, stage 2 pillars, from none to a slalom of eight, stage 3 a
+    planned way to follow. A level is passed when 97 % of 150 episodes of training succeed, and of as many
+    without exploration after them. Training ends with the last level or with the steps.
+
+    DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
+    at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
+    bits as if it never had; with more --steps or --stages it goes on beyond.
+    """
+    from hydro.io import table
+    from hydro.io.vehicle import read as read_vehicle
+    from hydro.rl.curriculum import Ladder
+    from hydro.rl.runs import Folder, changed, run_artefact
+    from hydro.rl.train import Plan, Training
+
+    _, text = read_vehicle(vehicle)
+    residual = table.read(model, "model") if model is not None else None
+    plan = Plan(condition=condition, seed=seed, steps=steps, ladder=Ladder(last=stages))
+    plan = changed(plan, dict(_choice(one) for one in choices or ()))
+    folder, run = Folder(output), run_artefact(plan, text, residual)
+    builder = _builder(plan, text, residual, vehicle.parent)
+    state = folder.open(run, residual)
+    training = Training(plan, builder)
+    if state is not None:
+        training.restore(state)
+        typer.echo(f"{output}: goes on after {training.steps:,} steps", err=True)
+    else:
+        print_table(run.frame, f"{output}: every choice; --set NAME=VALUE makes another", _stderr())
+    clock = _Clock(training)
+    with progress("train") as update:
+        while not training.finished:
+            training.advance(lambda one: update(one.steps, one.plan.steps, clock.words(one)))
+            folder.save(training, run)
+            typer.echo(f"{clock.words(training)}; {_evaluated(training)}", err=True)
+    typer.echo(_ending(training), err=True)
+
+
+def _choice(text: str) -> tuple[str, str]:
+    """Name and value in JSON of a `--set`; a bare word is a text."""
+    import json
+
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise UsageError(f"--set {text}: give a name and a value, such as sac.batch=256")
+    try:
+        json.loads(value)
+    except ValueError:
+        value = json.dumps(value)
+    return name, value
+
+
+class _Clock:
+    """Tells how fast a training goes and how long it may take at most."""
+
+    def __init__(self, training: Training) -> None:
+        self._first, self._started = training.steps, time.perf_counter()
+
+    def words(self, training: Training) -> str:
+        """Steps, steps per second, success, stage and time left."""
+        rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
+        left = (training.plan.steps - training.steps) / rate if rate else 0.0
+        stage, pillars = training.curriculum.level
+        where = f"stage {stage}" + (f" with {pillars} pillars" if stage > 1 else "")
+        return (
+            f"{training.steps:,} steps, {rate:.0f}/s, {where}, success {training.curriculum.share:.0%}, "
+            f"at most {left / 60.0:.0f} min left"
+        )
+
+
+def _evaluated(training: Training) -> str:
+    """The last evaluation in a few words."""
+    last = training.evaluations[-1]
+    return f"without exploration {last['success']:.0%} of {last['episodes']}, reward {last['reward']:.3g}"
+
+
+def _ending(training: Training) -> str:
+    """How a training ended."""
+    if verdict := training.watch.verdict:
+        return f"diverged ({verdict}) by {training.steps:,} steps; {training.watch.episodes} episodes did"
+    if training.curriculum.done:
+        return f"passed its last level after {training.steps:,} steps"
+    stage, pillars = training.curriculum.level
+    return f"its steps are used up in stage {stage} with {pillars} pillars: go on with more --steps"
+
+
+def _builder(plan: Plan, text: str, residual: Artefact | None, folder: Path | None) -> Builder:
+    """What makes a plan's fleets."""
+    from hydro.core import effects
+    from hydro.io import vehicle
+    from hydro.io.model import from_artefact
+    from hydro.rl.build import Builder
+
+    subject = vehicle.parse(text)
+    effects.validate(subject)
+    return Builder(plan, subject, from_artefact(residual) if residual is not None else None, folder)
+
+
+def _stderr() -> Any:
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False, markup=False)
+
+
+def _opened(run: Path) -> tuple[Policy, Artefact, Builder]:
+    """Policy of a run, its table, and what makes its fleets."""
+    from hydro.rl.runs import Folder
+
+    folder = Folder(run)
+    policy, artefact = folder.policy()
+    text = folder.run().provenance.vehicle or ""
+    return policy, artefact, _builder(folder.plan(), text, folder.model(), run)
+
+
+def _level(policy: Policy, stage: int | None, pillars: int | None) -> tuple[int, int]:
+    """Stage and pillars to fly, by default those that training has come to."""
+    stage = policy.training["stage"] if stage is None else stage
+    if stage == 1:
+        return 1, 0
+    return stage, policy.training["pillars"] if pillars is None else pillars
+
+
+def eval_(
+    run: RunFolder,
+    simulator: In = "student",
+    episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of the tasks and the sensors' noise.")] = 1_000_000,
+    stage: Stage = None,
+    pillars: Pillars = None,
+    details: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the episodes one by one.")
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Fly a trained policy without exploration, in the simulator it was trained in or in the teacher.
+
+    The same seed gives the same tasks to every policy and in both simulators: starts, goals and pillars.
+    Success with its 95 % interval (Wilson), collisions, time to goal of those that arrived and energy. A
+    policy that wins in its own simulator alone has not won. On a terminal without -o the result is printed.
+    """
+    import polars as pl
+
+    from hydro.io import table
+    from hydro.rl.evaluate import fly, summary
+
+    if details is not None and str(details) == STREAM:
+        raise UsageError("--details needs a file")
+    policy, learnt, builder = _opened(run)
+    fleet = builder(episodes, seed, simulator)
+    where = _level(policy, stage, pillars)
+    fleet.set_level(*where)
+    with progress(f"fly {episodes} tasks"):
+        flown = fly(policy, fleet)
+    parameters = {"in": simulator, "episodes": episodes, "seed": seed}
+
+    def made(kind: str, frame: pl.DataFrame) -> Artefact:
+        return table.make(kind, frame, stage="rl eval", parameters=parameters, seed=seed, inputs=[learnt])
+
+    if details is not None:
+        table.write(made("episodes", flown), details)
+    plan = builder.plan
+    who = {"condition": plan.condition, "seed": plan.seed, "steps": policy.training["steps"]}
+    where_and_why = {"plant": simulator, "purpose": "test", "stage": where[0], "pillars": where[1]}
+    found = [who | where_and_why | summary(flown)]
+    result = pl.DataFrame(found, schema_overrides={"time_to_goal": pl.Float64})
+    if shows_table(output):
+        print_table(result.drop("purpose"), f"{run}, flown in the {simulator}")
+    else:
+        write(made("evaluations", result), output)
+
+
+def watch(
+    run: RunFolder,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4.")],
+    simulator: In = "student",
+    task: Annotated[int, typer.Option(min=0, help="Seed of the task to fly.")] = 0,
+    stage: Stage = None,
+    pillars: Pillars = None,
+) -> None:
+    """See a trained policy fly one task: its path with pillars and plan, or a film of it.
+
+    A .png shows the path from above and its depth. An .mp4 is rendered by MuJoCo off-screen, and needs the
+    extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
+    """
+    if output.suffix not in (".png", ".mp4"):
+        raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
+    from hydro.rl.evaluate import trace
+
+    policy, _, builder = _opened(run)
+    fleet = builder(1, task, simulator)
+    fleet.set_level(*_level(policy, stage, pillars))
+    flight = trace(policy, fleet)
+    plan = builder.plan
+    if output.suffix == ".mp4":
+        from hydro.sim.film import film
+
+        film(builder.vehicle, fleet, flight, output)
+    else:
+        from hydro.report.training import draw_flight, save
+
+        settings, ending = plan.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
+        title = f"{plan.condition}, seed {plan.seed}, in the {simulator}: {ending}"
+        drawn = draw_flight(
+            flight.pose[:, :3], flight.goal, flight.pillars, flight.way, title=title,
+            radius=settings.world.pillar_radius, reach=settings.task.radius,
+        )  # fmt: skip
+        save(drawn, output)
+    typer.echo(f"{output}: {flight.outcome} after {flight.t[-1]:.1f} s", err=True)
+
+
+def curves(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of trainings.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png.")],
+) -> None:
+    """Draw how trainings went: mean and one standard deviation over seeds, condition by condition.
+
+    Reward and success of the evaluations without exploration, over the control steps of all vehicles
+    together; a training that has passed its curriculum keeps its last value.
+    """
+    from hydro.report.training import curves_table, draw_curves, save, together
+    from hydro.rl.runs import Folder
+
+    found = together([Folder(run).evaluations().frame for run in runs])
+    save(draw_curves(curves_table(found)), output)
+
+
+COMMANDS: dict[Callable[..., None], str] = {
+    train: "hydro rl train datasets/vehicles/auv151.toml --condition R_effects --seed 0 -o run",
+    eval_: "hydro rl eval run --in teacher --episodes 200 -o teacher.parquet",
+    watch: "hydro rl watch run -o flight.png",
+    curves: "hydro rl curves run -o curves.png",
+    study: "hydro rl study datasets/vehicles/auv151.toml --model physfeat.parquet -o study",
+}

@@ -1,0 +1,163 @@
+"""A training goes on after a kill with the same bits, climbs its ladder, and keeps what it did."""
+
+from dataclasses import replace
+
+import pytest
+
+from hydro.core.errors import DataError, UsageError
+from hydro.io import table
+from hydro.io import vehicle as vehicles
+from hydro.rl.build import Builder
+from hydro.rl.config import Settings, Task
+from hydro.rl.curriculum import Ladder
+from hydro.rl.evaluate import fly, interval, summary, trace
+from hydro.rl.runs import Folder, changed, plan_of, policy_of, run_artefact
+from hydro.rl.sac import Choices
+from hydro.rl.train import Plan, Training
+
+SHORT = Settings(task=Task(steps=10))
+QUICK = Plan(
+    vehicles=4,
+    record=40,
+    evaluate=80,
+    episodes=3,
+    sac=Choices(layers=(16,), batch=16, capacity=300, random=40),
+    settings=SHORT,
+)
+TABLES = ("run.parquet", "curves.parquet", "evaluations.parquet", "policy.parquet")
+EVERYWHERE = replace(SHORT, task=Task(steps=10, radius=100.0))  # every episode succeeds at its first step
+
+
+@pytest.fixture(scope="module")
+def auv151(datasets):
+    return vehicles.read(datasets / "vehicles" / "auv151.toml")
+
+
+def train(path, plan, auv151, evaluations=1000):
+    """Train in a folder, for some evaluations at most."""
+    vehicle, text = auv151
+    folder, run = Folder(path), run_artefact(plan, text, None)
+    state = folder.open(run, None)
+    training = Training(plan, Builder(plan, vehicle))
+    if state is not None:
+        training.restore(state)
+    while not training.finished and evaluations:
+        training.advance()
+        folder.save(training, run)
+        evaluations -= 1
+    return training
+
+
+def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151):
+    """More steps than memory holds, so that it has been overwritten when the kill comes."""
+    plan = replace(QUICK, steps=480)
+    train(tmp_path / "straight", plan, auv151)
+    killed = train(tmp_path / "broken", plan, auv151, evaluations=4)
+    killed.advance()  # not saved: this is what the kill takes away
+    assert train(tmp_path / "broken", plan, auv151).steps == 480
+    for name in TABLES:
+        assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes(), name
+
+
+def test_more_steps_and_stages_go_on_beyond(tmp_path, auv151):
+    train(tmp_path / "straight", replace(QUICK, steps=320, ladder=Ladder(last=2)), auv151)
+    assert train(tmp_path / "longer", replace(QUICK, steps=160), auv151).finished
+    train(tmp_path / "longer", replace(QUICK, steps=320, ladder=Ladder(last=2)), auv151)
+    for name in TABLES:
+        assert (tmp_path / "longer" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes(), name
+
+
+def test_other_choices_are_another_training(tmp_path, auv151):
+    train(tmp_path, replace(QUICK, steps=80), auv151)
+    with pytest.raises(DataError, match=r"other sac\.batch: give another folder"):
+        train(tmp_path, replace(QUICK, steps=80, sac=replace(QUICK.sac, batch=8)), auv151)
+    vehicle, text = auv151
+    with pytest.raises(DataError, match="other inputs"):
+        train(tmp_path, replace(QUICK, steps=80), (vehicle, text.replace("mass = 151.0", "mass = 150.0")))
+    (tmp_path / "checkpoint.pt").write_bytes(b"broken")
+    with pytest.raises(DataError, match="remove it to train anew"):
+        train(tmp_path, replace(QUICK, steps=80), auv151)
+
+
+def test_the_ladder_is_climbed_to_its_end(tmp_path, auv151):
+    ladder = Ladder(last=3, pillars=(0, 8), window=8)
+    plan = replace(QUICK, steps=4000, ladder=ladder, settings=EVERYWHERE)
+    training = train(tmp_path, plan, auv151)
+    assert training.curriculum.done
+    assert training.steps < 400
+    evaluations = Folder(tmp_path).evaluations().frame
+    exams = evaluations.filter(purpose="exam")
+    assert exams.select("stage", "pillars").rows() == [(1, 0), (2, 0), (2, 8), (3, 8)]
+    assert (exams["success"] == 1.0).all()
+
+
+def test_tables_say_where_they_come_from(tmp_path, auv151):
+    vehicle, _ = auv151
+    plan = replace(QUICK, steps=80)
+    training = train(tmp_path, plan, auv151)
+    folder = Folder(tmp_path)
+    assert plan_of(folder.run()) == folder.plan() == plan
+    policy, artefact = folder.policy()
+    kinds = [each.kind for each in artefact.provenance.inputs]
+    assert kinds == ["run"]
+    assert [each.kind for each in artefact.provenance.inputs[0].inputs] == ["vehicle"]
+    assert policy_of(table.read(tmp_path / "policy.parquet")).training["steps"] == 80
+    fleet = Builder(plan, vehicle)(3, 7)
+    assert fly(policy, fleet).equals(fly(training.policy(), Builder(plan, vehicle)(3, 7)))
+
+
+def test_choices_are_made_by_name():
+    plan = changed(Plan(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'})
+    assert (plan.sac.layers, plan.settings.task.radius, plan.condition) == ((64, 64), 0.4, "R_0")
+    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of condition"):
+        changed(Plan(), {"sac.size": "3"})
+    with pytest.raises(UsageError, match=r"sac\.batch=.*: not a value"):
+        changed(Plan(), {"sac.batch": '"big"'})
+    with pytest.raises(UsageError, match="each must be a multiple"):
+        changed(Plan(), {"vehicles": "7"})
+
+
+def test_the_same_tasks_are_flown_in_both_simulators(auv151):
+    vehicle, _ = auv151
+
+    def still(observations):
+        return 0.0 * observations[:, :6]
+
+    build = Builder(QUICK, vehicle)
+    student, teacher = (fly(still, build(4, 5, where)) for where in ("student", "teacher"))
+    places = [name for name in student.columns if name.startswith(("start", "goal"))]
+    assert student.select(places).equals(teacher.select(places))
+    assert set(student["outcome"]) == set(teacher["outcome"]) == {"time"}
+    assert student["duration"].to_list() == [pytest.approx(10 * 0.04)] * 4
+    assert summary(student)["success"] == 0.0
+    assert summary(student)["time_to_goal"] is None
+
+
+def test_arrivals_are_counted(auv151):
+    vehicle, _ = auv151
+    plan = replace(QUICK, settings=EVERYWHERE)
+    found = summary(fly(lambda observations: observations[:, :6], Builder(plan, vehicle)(5, 0)))
+    assert found["success"] == 1.0
+    assert found["time_to_goal"] == pytest.approx(0.04)
+
+
+def test_intervals_are_wilsons():
+    """Centre and half width of Wilson's score interval for 190 of 200, z = 1.96."""
+    low, high = interval(190, 200)
+    z, p, n = 1.959964, 0.95, 200
+    centre, half = p + z**2 / (2 * n), z * (p * (1 - p) / n + z**2 / (4 * n**2)) ** 0.5
+    assert (low, high) == pytest.approx(((centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)))
+
+
+@pytest.mark.parametrize(("stage", "planned"), [(2, False), (3, True)])
+def test_a_flight_is_kept_with_its_scene(auv151, stage, planned):
+    vehicle, _ = auv151
+    fleet = Builder(QUICK, vehicle)(1, 3)
+    fleet.set_level(stage, 6)
+    flight = trace(lambda observations: observations[:, :6], fleet)
+    assert flight.pose.shape == (len(flight.t), 7)
+    assert flight.pillars.shape == (6, 2)
+    assert (len(flight.way) > 1) == planned
+    if planned:
+        assert flight.way[-1] == pytest.approx(flight.goal)
+        assert flight.way[0] == pytest.approx(flight.pose[0, :3])
