@@ -252,22 +252,24 @@ def watch(
     fleet = builder(1, task, simulator)
     fleet.set_level(*_level(policy, stage, pillars))
     flight = trace(policy, fleet)
-    plan = builder.plan
+    settings, ending = builder.plan.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
+    world = settings.world
     if output.suffix == ".mp4":
         from hydro.sim.film import film
 
-        film(builder.vehicle, fleet, flight, output)
+        size = world.length, world.width, world.depth
+        shown = flight.pose, flight.targets, flight.pillars
+        film(
+            builder.vehicle, size, *shown, radius=world.pillar_radius, period=settings.period, output=output,
+        )  # fmt: skip
     else:
         from hydro.report.training import draw_flight, save
 
-        settings, ending = plan.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
-        title = f"{plan.condition}, seed {plan.seed}, in the {simulator}: {ending}"
-        drawn = draw_flight(
-            flight.pose[:, :3], flight.goal, flight.pillars, flight.way, title=title,
-            radius=settings.world.pillar_radius, reach=settings.task.radius,
-        )  # fmt: skip
+        title = f"{builder.plan.condition}, seed {builder.plan.seed}, in the {simulator}: {ending}"
+        where = flight.pose[:, :3], flight.goal, flight.pillars, flight.way
+        drawn = draw_flight(*where, radius=world.pillar_radius, reach=settings.task.radius, title=title)
         save(drawn, output)
-    typer.echo(f"{output}: {flight.outcome} after {flight.t[-1]:.1f} s", err=True)
+    typer.echo(f"{output}: {ending}", err=True)
 
 
 def curves(

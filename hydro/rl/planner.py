@@ -60,7 +60,8 @@ class Grid:
 
     def centres(self, cells: NDArray[np.int64]) -> Array:
         """x, y (K, 2) [m] of the centres of cells (K, 2)."""
-        return (cells + 0.5) * self.cell
+        places: Array = (cells + 0.5) * self.cell
+        return places
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:
         """Cells whose centre keeps a share of the margins from all pillars (P, 2) and walls."""

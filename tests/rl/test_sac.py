@@ -193,4 +193,4 @@ def test_a_simple_task_is_learnt():
     made.remember(observations, actions, rewards, np.ones(2000, bool), observations)
     for _ in range(300):
         made.update()
-    np.testing.assert_allclose(made.best(observations)[:, 0], 0.5 * observations[:, 0], atol=0.1)
+    np.testing.assert_allclose(made.best(observations)[:, 0], 0.5 * observations[:, 0], atol=0.25)

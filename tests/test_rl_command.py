@@ -1,0 +1,172 @@
+"""`hydro rl`: training, flights in both simulators, pictures and the study, on episodes of ten steps."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from hydro import cli
+from hydro.io import table
+
+ROOT = Path(__file__).resolve().parents[1]
+VEHICLE = str(ROOT / "datasets" / "vehicles" / "auv151.toml")
+EXAMPLES = {
+    re.search(r"hydro rl (\w+)", line)[1]: line
+    for family in cli.FAMILIES
+    for line in family.COMMANDS.values()
+}
+SMALL = [
+    word
+    for choice in (
+        *("vehicles=4", "record=40", "evaluate=80", "episodes=3"),
+        *("sac.random=40", "sac.batch=16", "sac.layers=[16]", "settings.task.steps=10"),
+    )
+    for word in ("--set", choice)
+]
+
+
+def rl(*arguments: object) -> int:
+    return cli.main(["rl", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A training of two evaluations."""
+    folder = tmp_path_factory.mktemp("rl") / "run"
+    assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", folder) == 0
+    return folder
+
+
+@pytest.mark.parametrize("name", ["train", "eval", "watch", "curves", "study"])
+def test_help_has_a_paragraph_and_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert rl(name, "--help") == 0
+    text = capsys.readouterr().out
+    assert f"Usage: hydro rl {name}" in text
+    assert EXAMPLES[name] in text
+
+
+def test_training_tells_its_choices_and_how_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rl("train", VEHICLE, "--steps", 80, *SMALL, "-o", tmp_path / "run") == 0
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert re.search(r"sac\.batch +16", told.err)
+    assert re.search(
+        r"80 steps, \d+/s, stage 1, success 0%, at most 0 min left; without exploration 0% of 3", told.err
+    )
+    assert "go on with more --steps" in told.err
+    assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", tmp_path / "run") == 0
+    assert "goes on after 80 steps" in capsys.readouterr().err
+    steps = table.read(tmp_path / "run" / "curves.parquet").frame["steps"]
+    assert steps.to_list() == [40, 80, 120, 160]
+
+
+def test_every_table_is_sound_and_knows_its_origin(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for path in sorted(run.glob("*.parquet")):
+        assert cli.main(["check", str(path)]) == 0
+    capsys.readouterr()
+    assert cli.main(["show", str(run / "policy.parquet")]) == 0
+    assert "vehicle" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("simulator", ["student", "teacher"])
+def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simulator: str) -> None:
+    out, details = tmp_path / "result.parquet", tmp_path / "episodes.parquet"
+    assert rl("eval", run, "--in", simulator, "--episodes", 5, "--details", details, "-o", out) == 0
+    result, episodes = table.read(out, "evaluations").frame, table.read(details, "episodes").frame
+    assert result.select("plant", "purpose", "episodes", "steps").row(0) == (simulator, "test", 5, 160)
+    assert episodes.height == 5
+    assert result["success"][0] == (episodes["outcome"] == "success").mean()
+    again = tmp_path / "again.parquet"
+    assert rl("eval", run, "--in", simulator, "--episodes", 5, "-o", again) == 0
+    assert again.read_bytes() == out.read_bytes()
+
+
+def test_pictures_of_a_flight_and_of_curves(run: Path, tmp_path: Path) -> None:
+    assert rl("watch", run, "--stage", 3, "--pillars", 8, "-o", tmp_path / "flight.png") == 0
+    assert rl("curves", run, run, "-o", tmp_path / "curves.png") == 0
+    for name in ("flight.png", "curves.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.skipif(
+    "MUJOCO_GL" not in os.environ or importlib.util.find_spec("imageio_ffmpeg") is None,
+    reason="films need MUJOCO_GL and imageio-ffmpeg",
+)
+def test_a_film_of_a_flight(run: Path, tmp_path: Path) -> None:
+    assert rl("watch", run, "-o", tmp_path / "flight.mp4") == 0
+    assert b"ftyp" in (tmp_path / "flight.mp4").read_bytes()[:32]
+
+
+def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["study", VEHICLE, "--condition", "R_effects", "--condition", "R_MLP", "--seeds", 1, "--stages", 1]
+    line += ["--steps", 80, "--episodes", 3, *SMALL, "-o", tmp_path]
+    assert rl(*line) == 0
+    told = capsys.readouterr().err
+    assert "not run: R_MLP, for want of its residual model" in told
+    tests = table.read(tmp_path / "tests.parquet", "evaluations").frame
+    assert tests.select("condition", "plant").rows() == [("R_effects", "student"), ("R_effects", "teacher")]
+    assert (tmp_path / "curves.png").exists()
+    assert rl(*line) == 0
+    assert "0 of 4 steps run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "told", "code"),
+    [
+        (("train", VEHICLE, "--set", "sac.size=3", "-o", "x"), "no choice is called 'sac.size'", 2),
+        (("train", VEHICLE, "--set", "sac.batch", "-o", "x"), "give a name and a value", 2),
+        (("train", VEHICLE, "--condition", "R_1", "-o", "x"), "there is no condition 'R_1'", 2),
+        (("train", VEHICLE, "--condition", "R_MLP", "-o", "x"), "flies with a residual model", 2),
+        (("eval", "nowhere", "-o", "x.parquet"), "nowhere", 1),
+        (("watch", "nowhere", "-o", "x.gif"), "name a .png for a picture", 2),
+        (("curves", "nowhere", "-o", "x.png"), "nowhere", 1),
+        (("study", VEHICLE, "--condition", "R_MLP", "-o", "x"), "add --model FILE", 2),
+        (("study", VEHICLE, "--condition", "R_1", "-o", "x"), "no condition is called 'R_1'", 2),
+    ],
+)
+def test_mistakes_are_told_in_one_line(
+    line: tuple[str, ...],
+    told: str,
+    code: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert rl(*line) == code
+    err = capsys.readouterr().err
+    assert told in err
+    assert err.startswith("hydro: ") or "every choice" in err
+
+
+def test_curves_are_means_over_seeds_that_keep_their_last_value() -> None:
+    from hydro.report.training import curves_table
+
+    def points(seed: int, successes: list[float]) -> list[dict[str, object]]:
+        return [
+            {
+                "condition": "R_0",
+                "seed": seed,
+                "steps": 10 * (k + 1),
+                "purpose": "curve",
+                "success": s,
+                "reward": 2 * s,
+            }
+            for k, s in enumerate(successes)
+        ]
+
+    rows = [*points(0, [0.0, 0.5, 1.0]), *points(1, [0.2, 1.0])]
+    found = curves_table(pl.DataFrame(rows))
+    assert found["steps"].to_list() == [10, 20, 30]
+    assert found["success"].to_list() == pytest.approx([0.1, 0.75, 1.0])
+    assert found["success_sd"].to_list() == pytest.approx([0.2 / 2**0.5, 0.5 / 2**0.5, 0.0])
+    assert found["seeds"].to_list() == [2, 2, 2]
