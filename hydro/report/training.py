@@ -62,7 +62,7 @@ def draw_curves(table: pl.DataFrame) -> Figure:
             for colour, ((condition,), one) in zip(
                 figures.COLOURS, table.group_by("condition", maintain_order=True), strict=False
             ):
-                _draw_curve(panel, one, name, f"{condition} ({one['seeds'].max()})", colour)
+                _draw_curve(panel, one, name, f"{condition!s} ({one['seeds'].max()!s})", colour)
             panel.set(title=title, xlabel="control steps of all vehicles")
             panel.xaxis.set_major_formatter("{x:,.0f}")
         axes[1].set_ylim(-0.02, 1.02)
@@ -93,14 +93,15 @@ def draw_flight(
         title: Above it.
     """
     from matplotlib import pyplot as plt
+    from matplotlib.patches import Circle
 
     with plt.rc_context(figures.STYLE):
         drawn, (above, beside) = plt.subplots(
             2, 1, figsize=(8, 6), layout="constrained", height_ratios=(3, 1), sharex=False
         )
         for x, y in pillars:
-            above.add_patch(plt.Circle((y, x), radius, color="#555555"))
-        above.add_patch(plt.Circle((goal[1], goal[0]), reach, color="#009E73", alpha=0.4))
+            above.add_patch(Circle((y, x), radius, color="#555555"))
+        above.add_patch(Circle((goal[1], goal[0]), reach, color="#009E73", alpha=0.4))
         if len(way):
             above.plot(way[:, 1], way[:, 0], color="#CC79A7", linestyle="--", label="plan")
         above.plot(path[:, 1], path[:, 0], color="#0072B2", label="flown")

@@ -77,8 +77,9 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
     observations = fleet.reset()
     goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
     standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
-    guided = isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED
-    way = fleet.guidance.ways[0].copy() if guided else np.empty((0, 3))
+    way = np.empty((0, 3))
+    if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED:
+        way = fleet.guidance.ways[0].copy()
     poses, targets = [fleet.plant.pose[0].copy()], [fleet.targets[0].copy()]
     while True:
         step = fleet.step(actor(observations))
@@ -87,7 +88,7 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
             break
         poses.append(fleet.plant.pose[0].copy())
         targets.append(fleet.targets[0].copy())
-    t = np.arange(len(poses)) * fleet.settings.period
+    t: Array = fleet.settings.period * np.arange(len(poses), dtype=np.float64)
     outcome = _ended(step, 0, fleet.settings.period)["outcome"]
     return Flight(t, np.array(poses), np.array(targets), goal, standing, way, outcome)
 

@@ -13,6 +13,7 @@ from hydro.rl.planner import Grid, plan
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+State = dict[str, NDArray[np.generic]]
 
 AHEAD = 3.5
 """How far along the way the point ahead lies [m]."""
@@ -61,13 +62,14 @@ class Guidance:
         follow_kernel(mask, positions, self.ways, self._along, self._ahead, cost)
         return self._ahead.copy(), self._weight * cost
 
-    def state(self) -> dict[str, Array]:
+    def state(self) -> State:
         """Everything that the future depends on."""
         return {"ways": self.ways.copy(), "along": self._along.copy(), "ahead": self._ahead.copy()}
 
-    def restore(self, state: dict[str, Array]) -> None:
+    def restore(self, state: State) -> None:
         """Go back to a state, bit for bit."""
-        self.ways, self._along, self._ahead = (state[name].copy() for name in ("ways", "along", "ahead"))
+        kept = (np.array(state[name], dtype=np.float64) for name in ("ways", "along", "ahead"))
+        self.ways, self._along, self._ahead = kept
 
 
 @jit

@@ -60,7 +60,7 @@ class Grid:
 
     def centres(self, cells: NDArray[np.int64]) -> Array:
         """x, y (K, 2) [m] of the centres of cells (K, 2)."""
-        places: Array = (cells + 0.5) * self.cell
+        places: Array = self.cell * (cells.astype(np.float64) + 0.5)
         return places
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:

@@ -18,9 +18,12 @@ from hydro.core.errors import DataError
 Array32 = NDArray[np.float32]
 
 
-def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Sequential:
+def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Module:
     """Linear layers with ReLU between them."""
-    return MLP(in_features=inputs, out_features=outputs, num_cells=list(widths), activation_class=nn.ReLU)
+    made: nn.Module = MLP(
+        in_features=inputs, out_features=outputs, num_cells=list(widths), activation_class=nn.ReLU
+    )
+    return made
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
@@ -68,4 +71,5 @@ class Policy:
 @torch.no_grad()
 def median(network: nn.Module, scaled: Array32) -> Array32:
     """The policy's most likely actions (N, A) at scaled observations (N, O)."""
-    return network(torch.from_numpy(scaled))[0].tanh().numpy()
+    actions: Array32 = network(torch.from_numpy(scaled))[0].tanh().numpy()
+    return actions

@@ -80,7 +80,7 @@ class Losses(NamedTuple):
     value: Tensor
 
 
-class TwinLoss(SACLoss):
+class TwinLoss(SACLoss):  # type: ignore[misc]
     """TorchRL's SAC loss, evaluated on tensors: both critics at once, the policy's noise from a generator.
 
     Attributes:
@@ -133,7 +133,7 @@ class TwinLoss(SACLoss):
         mean, scale = self._policy(observations)
         noise = torch.randn(mean.shape, generator=self._generator)
         latent = mean + scale * noise
-        log_density = torch.distributions.Normal(0.0, 1.0, validate_args=False).log_prob(noise) - scale.log()
+        log_density = -0.5 * (noise.square() + math.log(2.0 * math.pi)) - scale.log()
         log_slope = 2.0 * (math.log(2.0) - latent - functional.softplus(-2.0 * latent))
         return latent.tanh(), (log_density - log_slope).sum(-1)
 
@@ -215,12 +215,14 @@ class Learner:
         """Actions (N, A) at observations (N, O): drawn from the policy."""
         mean, scale = self.network(torch.from_numpy(observations / self._scale))
         noise = torch.randn(mean.shape, generator=self._generators["actions"])
-        return (mean + scale * noise).tanh().numpy()
+        actions: Array32 = (mean + scale * noise).tanh().numpy()
+        return actions
 
     def explore(self, count: int) -> Array32:
         """Actions (count, A) drawn evenly from the whole range."""
         drawn = torch.rand((count, self._actions), generator=self._generators["actions"])
-        return (2.0 * drawn - 1.0).numpy()
+        actions: Array32 = (2.0 * drawn - 1.0).numpy()
+        return actions
 
     def best(self, observations: Array32) -> Array32:
         """Actions (N, A) at observations (N, O), without exploration."""

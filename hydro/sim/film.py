@@ -67,7 +67,8 @@ def film(
         raise UsageError(
             "MuJoCo finds no OpenGL to render with: set MUJOCO_GL=egl or osmesa, or name a .png"
         ) from error
-    with renderer, imageio.get_writer(output, fps=round(1.0 / period), macro_block_size=8) as writer:
+    films: Any = imageio
+    with renderer, films.get_writer(output, fps=round(1.0 / period), macro_block_size=8) as writer:
         for frame in _frames(model, renderer, pose, targets, pillars):
             writer.append_data(frame)
 
