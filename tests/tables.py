@@ -56,16 +56,24 @@ def tables(draw: st.DrawFn, kind: str) -> pl.DataFrame:
     if rules.series is not None:
         frame |= draw(_series(rules.series.key, rows))
     elif rules.primary_key:
-        # One free text that differs from row to row makes the whole key differ.
+        # One free text or number that differs from row to row makes the whole key differ.
         free = [name for name in rules.primary_key if _is_free_text(columns[name])]
+        counted = [name for name in rules.primary_key if _is_free_number(columns[name])]
         if free:
             frame[free[0]] = pl.Series(draw(st.lists(texts, min_size=rows, max_size=rows, unique=True)))
+        elif counted:
+            numbers = st.lists(st.integers(0, 2**31), min_size=rows, max_size=rows, unique=True)
+            frame[counted[-1]] = pl.Series(draw(numbers))
     return pl.DataFrame(frame)
 
 
 def _is_free_text(field: Field) -> bool:
     rule = field.constraints
     return field.type == "string" and rule.enum is None and rule.pattern is None
+
+
+def _is_free_number(field: Field) -> bool:
+    return field.type == "integer" and field.constraints.maximum is None
 
 
 @st.composite
@@ -105,7 +113,8 @@ def _column(field: Field, rows: int) -> st.SearchStrategy[pl.Series]:
             lambda items: pl.Series(items, dtype=pl.String)
         )
     if field.type == "integer":
-        integers = st.integers(int(rule.minimum or 0), 2**31 - 1)
+        most = 2**31 - 1 if rule.maximum is None else int(rule.maximum)
+        integers = st.integers(int(rule.minimum or 0), most)
         return st.lists(integers, min_size=rows, max_size=rows).map(lambda v: pl.Series(v, dtype=pl.Int64))
     if field.type == "boolean":
         return st.lists(st.booleans(), min_size=rows, max_size=rows).map(pl.Series)
