@@ -89,9 +89,9 @@ def replay(
     beta = 0.9, then clipping of each axis at twice what the thrusters can make there, then a dead band that
     fades the wrench out below 0.02 m/s and 0.02 rad/s. The paper leaves open what beta weighs. paper-old
     weighs the old value, a lag of 0.38 s: with a network trained on the full Stonefish recordings the errors
-    of replay90 grow by a factor of 8 to 17. paper-new weighs the new value and costs some 10 % there; paper
-    is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one piece alone. The metrics tell how
-    often clipping and dead band acted, as shares of the control steps.
+    of replay90 grow by a factor of 18 to 37. paper-new weighs the new value and changes next to nothing
+    there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one piece alone. The
+    metrics tell how often clipping and dead band acted, as shares of the control steps.
     """
     from hydro.core.conditioning import preset
     from hydro.io import model as models

@@ -97,7 +97,7 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
         (surge force against surge velocity, and so on), with its interval, and the p-value of no relation.
         Empty where there are fewer than three models.
     """
-    rows = []
+    rows: list[tuple[str, str, str, str, str, float, float | None, float | None, str]] = []
     for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITIES, strict=True)):
         offline = _networks(predicted.filter(pl.col("variant") == ""), wrench)
         flown = _networks(replayed.filter(~_of_a_piece()), velocity)
