@@ -52,10 +52,8 @@ CONFIRMED = 0.5
 """Part of what an effect explains that it must explain of sessions left out, or else a warning is due."""
 STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
-KNOWN = 0.85
-"""Share of the error that the findings must explain, or else that the catalogue lacks one comes first."""
 LEFT = 0.05
-"""Share of the error that must be left for it to be told at all."""
+"""Share of the error beyond the noise which it must reach besides."""
 
 
 def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
@@ -91,11 +89,9 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     result = (
         judged(model.unknown, model.values, model.normal, model.normal.chi2, "output") if wanted else None
     )
-    named = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
-    named.sort(key=lambda one: -one.share)
-    left = _left(search, model, named, last, record, raw)
-    mostly = model.excess <= (1.0 - KNOWN) * first.excess
-    findings = [*named, *left] if mostly else [*left, *named]
+    findings = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
+    findings += _left(search, model, last, record, raw)
+    findings.sort(key=lambda one: -one.share)
     if not findings:
         findings.append(_nothing(first, last))
     findings += sorted(_retuned(vehicle, base, given, model, result), key=lambda one: -one.share)
@@ -195,9 +191,7 @@ def _tables(result: Fit | None, effect: str) -> tuple[dict[str, object], dict[st
     raise KeyError(effect)
 
 
-def _left(
-    search: Search, model: Model, named: Sequence[Finding], last: Round, record: Recording, raw: pl.DataFrame
-) -> list[Finding]:
+def _left(search: Search, model: Model, last: Round, record: Recording, raw: pl.DataFrame) -> list[Finding]:
     """That structured error remains which no effect explains.
 
     Structured is what some effect answers to by more than chance, or what a steady force in each shot would.
