@@ -8,8 +8,9 @@ all vehicles together:
                 collisions, reward, and episodes that end and begin anew
 
 A round times every case once, in turning order; given are medians over rounds, and of each round's ratio to
-its own bare MuJoCo.  The profile then shares out the time of an environment step: every part is timed by
-itself, on the arrays that a step left.  Networks have random weights; what they cost does not depend on them.
+its own bare MuJoCo.  The profile then shares out the processor time of a step on one thread, which a busy
+machine does not stretch: every part is timed by itself, on the arrays that a step left.  Networks have random
+weights; what they cost does not depend on them.
 
     python benchmarks/environment.py -o environment.parquet
 """
@@ -35,6 +36,7 @@ from student import (
     rows_of,
     side_by_side,
     silenced,
+    without_callbacks,
     write,
 )
 
@@ -88,15 +90,15 @@ def bare_steps(model: mujoco.MjModel, count: int, threads: int) -> Work:
 
 
 def timed(work: Callable[[], object], seconds: float) -> float:
-    """Microseconds that a call takes; the least mean of five."""
+    """Microseconds of the processor that a call takes: the median of seven means."""
     means = []
-    for _ in range(5):
-        calls, start = 0, time.perf_counter()
-        while (spent := time.perf_counter() - start) < seconds / 5 or calls < 3:
+    for _ in range(7):
+        calls, start = 0, time.process_time()
+        while (spent := time.process_time() - start) < seconds / 7 or calls < 3:
             work()
             calls += 1
         means.append(spent / calls)
-    return 1e6 * min(means)
+    return 1e6 * float(np.median(means))
 
 
 def profile(fleet: Fleet, seconds: float) -> dict[str, float]:
@@ -148,9 +150,12 @@ def main() -> None:
     for row in results:
         share = f"{row['ratio']:.2f} [{row['ratio_low']:.2f}, {row['ratio_high']:.2f}]"
         print(f"| {row['case']} | {row['per_second']:,.0f} | {share} |")
-    for name in ("R_effects", "R_PhysFeat"):
-        parts = profile(flown[name], seconds)
-        print(f"\n| {name}, a step of all vehicles | µs | share |\n|---|---:|---:|")
+    with without_callbacks():
+        alone = timed(bare_steps(model, chosen.count, 1), 4.0 * seconds)
+    print(f"\nProcessor time of a step of all vehicles; bare MuJoCo's is {alone:.0f} µs")
+    for name, fleet in fleets(Settings(), chosen.count, 1).items():
+        parts = profile(fleet, 4.0 * seconds)
+        print(f"\n| {name}: {alone / parts['whole step']:.2f} of bare MuJoCo | µs | share |\n|---|---:|---:|")
         for part, spent in parts.items():
             print(f"| {part} | {spent:.1f} | {spent / parts['whole step']:.2f} |")
     if chosen.out:

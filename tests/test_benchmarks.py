@@ -46,3 +46,11 @@ def test_accuracy_over_integrators_and_steps(tmp_path):
     assert all((error[1:] > error[:-1]).all() for error in errors.values()), "a longer step is less true"
     assert errors["rk4"].max() < 1e-6 < 1e-5 < min(errors["euler"].min(), errors["implicitfast"].min())
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_environment_beside_bare_mujoco(tmp_path):
+    printed = run("benchmarks/environment.py", "--quick", "-o", tmp_path / "rows.parquet")
+    rows = pl.read_parquet(tmp_path / "rows.parquet")
+    assert rows["case"].to_list() == ["bare", "R_0", "R_MLP", "R_PhysFeat", "R_effects"]
+    assert (rows["per_second"] > 0).all()
+    assert printed.count("| sonar and observations |") == 4

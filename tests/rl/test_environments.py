@@ -22,7 +22,7 @@ from hydro.rl.torch_env import FleetEnv
 SHORT = Settings(task=Task(steps=20))
 
 
-@pytest.mark.parametrize("name", ["hydro/PointToPoint-v0", "hydro/Slalom-v0"])
+@pytest.mark.parametrize("name", ["hydro/PointToPoint-v0", "hydro/Slalom-v0", "hydro/Guided-v0"])
 def test_gymnasiums_checker_is_content(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
