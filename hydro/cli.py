@@ -104,7 +104,7 @@ for group in GROUPS:
 for family in FAMILIES:
     branch = typer.Typer(rich_markup_mode=None, help=family.HELP, no_args_is_help=True)
     _register(branch, family.COMMANDS)
-    app.add_typer(branch, name=family.NAME)
+    app.add_typer(branch, name=family.NAME, short_help=family.HELP)
 
 
 def main(arguments: list[str] | None = None) -> int:

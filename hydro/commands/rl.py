@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -83,18 +84,19 @@ def train(
     folder, run = Folder(output), run_artefact(plan, text, residual)
     builder = _builder(plan, text, residual, vehicle.parent)
     state = folder.open(run, residual)
-    training = Training(plan, builder)
+    clock = _Clock()
+    training = Training(plan, builder, clock.part)
     if state is not None:
         training.restore(state)
         typer.echo(f"{output}: goes on after {training.steps:,} steps", err=True)
     else:
         print_table(run.frame, f"{output}: every choice; --set NAME=VALUE makes another", _stderr())
-    clock = _Clock(training)
+    clock.start(training)
     with progress("train") as update:
         while not training.finished:
             training.advance(lambda one: update(one.steps, one.plan.steps, clock.words(one)))
             folder.save(training, run)
-            typer.echo(f"{clock.words(training)}; {_evaluated(training)}", err=True)
+            typer.echo(f"{clock.words(training)}; {_evaluated(training)}; {clock.shares()}", err=True)
     typer.echo(_ending(training), err=True)
 
 
@@ -113,10 +115,27 @@ def _choice(text: str) -> tuple[str, str]:
 
 
 class _Clock:
-    """Tells how fast a training goes and how long it may take at most."""
+    """Tells how fast a training goes, how long it may take at most, and where the time goes."""
 
-    def __init__(self, training: Training) -> None:
+    def __init__(self) -> None:
+        self._first, self._started = 0, time.perf_counter()
+        self._spent: dict[str, float] = {}
+
+    def start(self, training: Training) -> None:
+        """Count steps and time from here on."""
         self._first, self._started = training.steps, time.perf_counter()
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Add the time of a block to a part of the work."""
+        before = time.perf_counter()
+        yield
+        self._spent[name] = self._spent.get(name, 0.0) + time.perf_counter() - before
+
+    def shares(self) -> str:
+        """Where the time has gone."""
+        whole = time.perf_counter() - self._started
+        return ", ".join(f"{name} {spent / whole:.0%}" for name, spent in self._spent.items())
 
     def words(self, training: Training) -> str:
         """Steps, steps per second, success, stage and time left."""

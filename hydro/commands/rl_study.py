@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from hydro.commands.shell import ModelFile, print_table
-from hydro.commands.steps import Runner, Step
+from hydro.commands.steps import Runner, Step, apart, here
 from hydro.core.errors import UsageError
 
 CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_effects")
@@ -51,6 +51,7 @@ def study(
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Steps of each training at most.")] = 2_000_000,
     episodes: Annotated[int, typer.Option(min=1, help="Tasks of each test.")] = 200,
+    workers: Annotated[int, typer.Option(min=1, help="Steps side by side, each a process.")] = 1,
     choices: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training; repeat."),
@@ -81,7 +82,8 @@ def study(
             ("rl", "curves", *folders, "-o", str(output / "curves.png")), everything, (output / "curves.png",)
         )
     )
-    ran = Runner(output, context.find_root().command).run(plan)
+    runner = Runner(output, here(context.find_root().command) if workers == 1 else apart)
+    ran = runner.run(plan, workers)
     typer.echo(f"{ran} of {len(plan)} steps run, the others were done", err=True)
     _summarise(runs, output)
     for condition_left in left:

@@ -7,6 +7,7 @@ on: going on from it gives the same bits as never having stopped.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -80,6 +81,9 @@ Build = Callable[[int, int], Fleet]
 
 Progress = Callable[["Training"], None]
 
+Part = Callable[[str], AbstractContextManager[object]]
+"""What surrounds each part of the work, `flying`, `learning` or `evaluating`: a stopwatch, for one."""
+
 
 class Training:
     """A training that has reached some step.
@@ -94,15 +98,16 @@ class Training:
         evaluations: Evaluations so far, rows of a table `evaluations`.
     """
 
-    def __init__(self, plan: Plan, build: Build) -> None:
+    def __init__(self, plan: Plan, build: Build, part: Part = nullcontext) -> None:
         """Put the vehicles at their first start.
 
         Args:
             plan: What it depends on.
             build: Makes its fleets, see `Build`.
+            part: Surrounds each part of the work, see `Part`.
         """
         torch.set_num_threads(plan.threads)
-        self.plan, self._build = plan, build
+        self.plan, self._build, self._part = plan, build, part
         self.steps = self.episodes = self._overspeed = 0
         self.curriculum, self.watch = Curriculum(plan.ladder), Watch()
         self.curves: list[dict[str, Any]] = []
@@ -150,17 +155,18 @@ class Training:
         """One control step of all vehicles, and what is learnt after it."""
         learner, sac = self._learner, self.plan.sac
         exploring = self.steps < sac.random
-        actions = learner.explore(self._fleet.count) if exploring else learner.act(self._observations)
-        step = self._fleet.step(actions)
-        learner.remember(self._observations, actions, step.reward, step.terminated, step.final_obs)
-        self._observations = step.obs
+        with self._part("flying"):
+            actions = learner.explore(self._fleet.count) if exploring else learner.act(self._observations)
+            step = self._fleet.step(actions)
+            self._note(step)
         self.steps += self._fleet.count
-        self._note(step)
-        if self.steps >= sac.random:
-            for _ in range(sac.updates):
+        with self._part("learning"):
+            learner.remember(self._observations, actions, step.reward, step.terminated, step.final_obs)
+            for _ in range(sac.updates if self.steps >= sac.random else 0):
                 losses = [float(loss) for loss in learner.update()]
                 self._losses.append(losses)
                 self.watch.loss(losses[0])
+        self._observations = step.obs
 
     def _note(self, step: Step) -> None:
         """Take down the episodes that ended in a step."""
@@ -182,7 +188,8 @@ class Training:
         stage, pillars = self.curriculum.level
         fleet = self._build(episodes, seed)
         fleet.set_level(stage, pillars)
-        found = summary(fly(self._learner.best, fleet))
+        with self._part("evaluating"):
+            found = summary(fly(self._learner.best, fleet))
         who = {"condition": self.plan.condition, "seed": self.plan.seed, "steps": self.steps}
         why = {"plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
         self.evaluations.append(who | why | found)
