@@ -104,6 +104,13 @@ def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_
             assert made.loss(batch).critic.item() == pytest.approx(2.0 * worth**2, rel=1e-5)
 
 
+def test_critics_begin_apart_and_their_targets_with_them():
+    made = learner()
+    for critic, target in zip(made.loss._critics, made.loss._targets, strict=True):
+        assert critic[0].numel() == 1 or not torch.equal(critic[0], critic[1])
+        torch.testing.assert_close(critic, target, check_stride=False)
+
+
 def test_targets_follow_by_tau():
     made = learner()
     before = [each.clone() for each in made.loss._targets]
