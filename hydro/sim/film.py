@@ -61,6 +61,8 @@ def film(
         ) from error
     model = scene.tank(vehicle, size, pillars=len(pillars), radius=radius, folder=folder)
     model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
+    model.stat.extent = max(size)  # pillars that are put away are far; what is near would be clipped
+    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.4, 0.6
     try:
         renderer = mujoco.Renderer(model, height=SIZE[1], width=SIZE[0])
     except Exception as error:  # whatever the platform's OpenGL raises
@@ -85,7 +87,7 @@ def _frames(
         data.qpos[:], data.qvel[:] = states.coordinates(now, np.zeros(6))
         scene.place(model, data, pillars, target)
         mujoco.mj_forward(model, data)
-        camera.lookat = data.qpos[:3]
+        camera.lookat[:] = data.qpos[:3]
         camera.azimuth += SWING * ((bow(now) - camera.azimuth + 180.0) % 360.0 - 180.0)
         renderer.update_scene(data, camera)
         yield renderer.render()
