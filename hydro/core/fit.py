@@ -24,7 +24,7 @@ from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
 from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
-from hydro.core.passive import bounded_in_sum, possible
+from hydro.core.passive import accepted, bounded_in_sum, possible
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
 
@@ -81,11 +81,15 @@ class Fit:
     def tables(self) -> tuple[dict[str, Any], ...]:
         """The `[[effect]]` tables of the fitted effects, with their standard errors.
 
-        Values are rounded to a hundredth of their standard errors; a form that another one has replaced
-        (a diagonal by a matrix) is there as None.
+        Values are rounded to a hundredth of their standard errors, or to as many more digits as a damping at
+        the edge of what a passive hull can have needs to stay within; a form that another one has replaced (a
+        diagonal by a matrix) is there as None.
         """
         places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
-        values = np.array([round(v, n) for v, n in zip(self.values.tolist(), places.tolist(), strict=True)])
+        values = self._rounded(places)
+        while not accepted(self.free, values) and not np.array_equal(values, self.values):
+            places += 1
+            values = self._rounded(places)
         errors = np.array([float(f"{error:.3g}") for error in self.standard_errors])
         tables = []
         for name in dict.fromkeys(entry.effect for entry in self.free.entries):
@@ -94,6 +98,10 @@ class Fit:
             spread = effect_table(self.free, name, errors)
             tables.append({"name": name} | replaced | table | {"standard_error": spread})
         return tuple(tables)
+
+    def _rounded(self, places: NDArray[np.int64]) -> Array:
+        pairs = zip(self.values.tolist(), places.tolist(), strict=True)
+        return np.array([round(value, digits) for value, digits in pairs])
 
     def frame(self) -> pl.DataFrame:
         """One row per entry: parameter, value, standard_error, unit, determined."""

@@ -38,10 +38,10 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
         values: The best ones, (P,).
         information: X^T X of the problem about them, in the entries' scales, positive definite, (P, P).
     """
-    if _accepted(unknown, values):
+    if accepted(unknown, values):
         return values
     found = _nearest(unknown, values, information)
-    return found if _accepted(unknown, found) else _drawn_back(unknown, values)
+    return found if accepted(unknown, found) else _drawn_back(unknown, values)
 
 
 def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
@@ -49,7 +49,8 @@ def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
     return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
 
 
-def _accepted(unknown: Free, values: Array) -> bool:
+def accepted(unknown: Free, values: Array) -> bool:
+    """Whether `validate` accepts the vehicle with these values (P,)."""
     try:
         validate(unknown.at(values))
     except DataError:
@@ -114,10 +115,10 @@ def _drawn_back(unknown: Free, values: Array) -> Array:
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            kept = _accepted(unknown, values - (1.0 - middle) * way)
+            kept = accepted(unknown, values - (1.0 - middle) * way)
             low, high = (middle, high) if kept else (low, middle)
         values = values - (1.0 - low) * way
-        if _accepted(unknown, values):
+        if accepted(unknown, values):
             break
     return values
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import polars as pl
@@ -13,6 +15,7 @@ from scipy.stats import norm
 from hydro.core.descent import ERRORS, searched
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
+from hydro.core.extend import extended
 from hydro.core.fit import fit
 from hydro.core.noise import PROFILES, disturb
 from hydro.core.normal import Normal
@@ -180,7 +183,7 @@ def test_values_stay_within_bounds():
 
 def test_couplings_that_could_drive_the_hull_are_reduced():
     known = synthetic.vehicle()
-    slippery = {"name": "linear_damping", "diagonal": [15.0, 2.0, 60.0, 5.0, 10.0, 2.0]}
+    slippery = {"name": "linear_damping", "diagonal": [15.0, 2.3, 60.0, 5.0, 10.0, 1.7]}
     driven = {"name": "coupled_damping", "D15": 6.0, "D51": 6.0}
     drag = DAMPING[1]
     base = msgspec.structs.replace(known, effect=(*known.effect, slippery, drag))
@@ -188,6 +191,9 @@ def test_couplings_that_could_drive_the_hull_are_reduced():
     found = fit(base, noisy(moved(truth, rows=800), 0), ["coupled_damping"])
     validate(found.vehicle)
     assert any("passive" in line for line in found.warnings)
+    for errors in (found.standard_errors, np.full(len(found.values), 30.0)):
+        rounded = replace(found, standard_errors=errors).tables()
+        validate(extended(base, rounded))
 
 
 def test_what_stands_beside_reduced_couplings_is_fitted_again():
