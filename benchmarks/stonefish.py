@@ -1,9 +1,11 @@
-"""What drag leaves unexplained on the Stonefish recordings, and what diagnose says of two changed vehicles.
+"""What drag leaves unexplained on the Stonefish recordings, and excerpts of them for `hydro explain`.
 
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
-    python benchmarks/stonefish.py RECORDINGS --labels labels.parquet
+    python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 
-RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.
+RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets ten
+minutes of `nominal`, four minutes of other sessions of it (held_out.parquet), and four minutes each of the
+changed vehicles.
 """
 
 from __future__ import annotations
@@ -15,23 +17,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from hydro.core import search
-from hydro.core.diagnose import aimed, diagnose
-from hydro.core.fit import judged
-from hydro.core.recording import recording
-from hydro.core.vehicle import Vehicle
-from hydro.io import vehicle as files
-
-VEHICLE = Path(__file__).parents[1] / "datasets" / "stonefish" / "vehicle.toml"
-EFFECTS = (
-    "linear_damping",
-    "quadratic_damping",
-    "crossflow_drag",
-    "added_mass_coriolis",
-    "body_lift",
-    "coupled_damping",
-)
-BEGIN = {"name": "linear_damping", "diagonal": [240.0, 260.0, 320.0, 20.0, 50.0, 40.0]}
 EVERY = 37  # rows of the labels from one that is used to the next
 
 
@@ -60,38 +45,33 @@ def explained(columns: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarra
     ), amounts
 
 
-def heads(path: Path, sessions: int, rows: int) -> pl.DataFrame:
-    """The first `rows` rows, ten seconds in, of sessions spread over a recording."""
+def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.DataFrame:
+    """`rows` rows, from ten seconds on, of sessions spread over a recording, or of others between them."""
     raw = pl.read_parquet(path)
     names = raw["session"].unique(maintain_order=True)
-    chosen = [names[int(i * len(names) / sessions)] for i in range(sessions)]
-    return pl.concat([raw.filter(session=name).slice(500, rows) for name in chosen])
+    places = (np.arange(sessions) + 0.5 * between) * len(names) / sessions
+    return pl.concat([raw.filter(session=names[int(i)]).slice(500, rows) for i in places])
 
 
-def damped(folder: Path) -> Vehicle:
-    """The vehicle file with the usual damping, fitted to 240 s of the nominal sessions."""
-    vehicle, _ = files.read(VEHICLE)
-    record = recording(heads(folder / "nominal.parquet", 12, 1000), vehicle)
-    begun = search.free(vehicle, [BEGIN]).at(np.array(BEGIN["diagonal"]))
-    model = search.fitted(begun, EFFECTS, aimed(begun, record), record.eta[:, :3], 12)
-    print(f"damping fitted: mean squared residual {model.normal.chi2:.4g}")
-    return judged(model.unknown, model.values, model.normal, model.normal.chi2, "output").vehicle
+def excerpts(recordings: Path, folder: Path) -> None:
+    """Write what the studies of docs/benchmarks.md are made from."""
+    folder.mkdir(parents=True, exist_ok=True)
+    heads(recordings / "nominal.parquet", 12, 2500).write_parquet(folder / "nominal.parquet")
+    heads(recordings / "nominal.parquet", 12, 1000, between=True).write_parquet(folder / "held_out.parquet")
+    for name, sessions, rows in (("v1_current", 11, 1000), ("v3_thruster3", 9, 1200)):
+        heads(recordings / f"{name}.parquet", sessions, rows).write_parquet(folder / f"{name}.parquet")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("recordings", type=Path)
     parser.add_argument("--labels", type=Path, help="of nominal.parquet; without, no regression")
+    parser.add_argument("--excerpts", type=Path, metavar="FOLDER", help="where to write excerpts")
     chosen = parser.parse_args()
     if chosen.labels:
         terms(pl.read_parquet(chosen.labels))
-    vehicle = damped(chosen.recordings)
-    for name, sessions, rows in (("v1_current", 11, 1000), ("v3_thruster3", 9, 1200)):
-        found = diagnose(vehicle, heads(chosen.recordings / f"{name}.parquet", sessions, rows))
-        print(f"{name}: mean squared residual {', '.join(f'{value:.4g}' for value in found.chi2)}")
-        for one in found.findings:
-            if one.verdict != "not_excited":
-                print(f"  {one.verdict} {one.effect} {one.share:.2f} {dict(one.parameters)}")
+    if chosen.excerpts:
+        excerpts(chosen.recordings, chosen.excerpts)
 
 
 if __name__ == "__main__":
