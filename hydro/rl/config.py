@@ -124,7 +124,7 @@ class Task:
     most: float = 8.0
     margin: float = 1.2
     spacing: float = 2.0
-    run_up: float = 1.5
+    run_up: float = 2.5
     sway: tuple[float, float] = (0.3, 0.9)
     slant: float = math.pi / 4
 

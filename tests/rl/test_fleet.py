@@ -10,6 +10,7 @@ from fleets import QUIET, fleet, neutral, put, teachers, vehicle
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.config import Settings, Task
 from hydro.rl.fleet import Fleet
+from hydro.rl.guidance import Guidance
 
 
 def flown(subject, steps, seed=0):
@@ -236,3 +237,36 @@ def test_a_vehicle_without_some_axis_ignores_its_demand():
     subject.reset()
     subject.step([[0, 0, 1.0, 1.0, 1.0, 0]])
     assert (subject.plant.thrust == 0.0).all()
+
+
+def pilot(seen):
+    """Demands of a helmsman without learning: at the target, bow first, slower when near, and level."""
+    way, velocity, rates, down = seen[:, :3], seen[:, 3:6], seen[:, 6:9], seen[:, 13:16] / 9.81
+    away = np.linalg.norm(way, axis=1, keepdims=True)
+    thrust = 2.0 * (way / away * np.minimum(1.6, 0.7 * away) - velocity)
+    turn = np.column_stack([-down[:, 1], down[:, 0], np.arctan2(way[:, 1], way[:, 0])])
+    return np.hstack([thrust, turn - 0.8 * rates])
+
+
+def arrivals(subject):
+    """Share of a fleet's first episodes that the helmsman ends at the goal."""
+    seen, success = subject.reset(), np.zeros(subject.count, dtype=bool)
+    going = ~success
+    while going.any():
+        step = subject.step(pilot(seen.astype(float)), renew=False)
+        seen, success = step.obs, success | (going & step.info.success)
+        going &= ~(step.terminated | step.truncated)
+    return success.mean()
+
+
+def test_a_slalom_asks_for_skill():
+    """A straight course meets the pillars that stand in it."""
+    subject = fleet(Settings(), count=12)
+    subject.set_level(2, 8)
+    assert arrivals(subject) < 0.5
+
+
+def test_a_slalom_can_be_swum_in_time_along_its_plan():
+    guided = Fleet(Settings(), fleet(count=6).plant, guidance=Guidance(Settings(), 6))
+    guided.set_level(3, 8)
+    assert arrivals(guided) == 1.0
