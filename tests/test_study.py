@@ -59,12 +59,13 @@ def test_side_by_side_no_step_begins_before_what_it_reads_is_there(chain, worker
     assert run(chain, workers) == ["b"], "what it made again is what it was"
 
 
-def test_one_failure_ends_a_study_side_by_side_and_the_rest_need_not_be_run_again(chain):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_failure_ends_a_study_and_what_was_made_before_stays(chain, workers):
     folder, steps = chain
-    broken = Step(("copy", str(folder / "none"), str(folder / "e")), (), (folder / "e",))
+    broken = Step(("copy", str(folder / "none"), str(folder / "e")), (folder / "b",), (folder / "e",))
     with pytest.raises(FileNotFoundError):
-        Runner(folder, here(Copier())).run([steps[0], broken], 1)
-    assert run((folder, steps[:1]), 2) == []
+        Runner(folder, here(Copier())).run([steps[0], broken], workers)
+    assert run((folder, steps[:1]), workers) == []
 
 
 def test_what_has_not_changed_is_not_run_again(chain):
