@@ -86,9 +86,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     wanted = [*base, *(one.effect for one in found)]
     model = fitted(model.vehicle, wanted, model.problem, reach, THOROUGH)
     told("verdicts", 0.9)
-    result = (
-        judged(model.unknown, model.values, model.normal, model.normal.chi2, "output") if wanted else None
-    )
+    result = _judged(model) if wanted else None
     findings = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
     findings += _left(search, model, last, record, raw)
     findings.sort(key=lambda one: -one.share)

@@ -16,6 +16,7 @@ import polars as pl
 import torch
 
 from hydro.core.errors import UsageError
+from hydro.rl.action import ACTIONS
 from hydro.rl.config import Settings
 from hydro.rl.curriculum import Curriculum, Ladder
 from hydro.rl.divergence import Watch
@@ -27,8 +28,6 @@ from hydro.rl.sac import Choices, Learner, Losses
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
 """Of the tasks of evaluations and of examinations: the same for every training."""
-
-ACTIONS = 6
 
 
 @dataclass(frozen=True)
