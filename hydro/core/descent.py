@@ -11,8 +11,8 @@ least, W a Brownian motion in both directions (its density in Y.-C. Yao, Approxi
 maximum likelihood estimate of the change-point in a sequence of independent random variables, Annals of
 Statistics 15, 1321-1328, 1987).  A derivative over h has the information a/h.  Where h is sqrt(26) times the
 standard error that it gives itself, both agree: `told_by_errors` takes that h.  Of a smooth cost no h changes
-anything.  Between two levels of the commands the cost does not change at all, and the error is no smaller
-than that plateau.
+anything.  Where the commands say little about the dead band, the cost far from its best value tells how
+much (`_reach`).
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ WIDEST, NARROWER = 0.2, 0.25  # of a search: distance of its places in scales, a
 PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 ROUNDS, SAME = 5, 0.75  # of steps and standard errors; what is no change of a step
 ERRORS = 26.0**0.5  # standard errors that a derivative is taken over
+FINER = 2.0**0.5  # from one distance to the next at which a standard error is looked for
 
 
 class Problem(Protocol):
@@ -165,7 +166,7 @@ def told_by_errors(unknown: Free, values: Array, normal: Normal, problem: Proble
             break
         normal, before = narrower, errors
     for i in np.flatnonzero(stepped):
-        share = before[i] / max(before[i], _plateau(unknown, values, int(i), problem) / 12.0**0.5)
+        share = before[i] / max(before[i], _reach(unknown, values, int(i), problem))
         gram = normal.gram.copy()
         gram[:, i, :] *= share
         gram[:, :, i] *= share
@@ -173,19 +174,25 @@ def told_by_errors(unknown: Free, values: Array, normal: Normal, problem: Proble
     return normal
 
 
-def _plateau(unknown: Free, values: Array, i: int, problem: Problem) -> float:
-    """Width in scales about the best value in which the sum of squares rises by less than 1.
+def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
+    """Standard error in scales as costs far from the best value tell it.
 
-    Between two levels of the commands it does not rise at all: any value there is as good as another.
+    Between two levels of the commands the cost does not rise at all: any value there is as good as another.
+    Where few rows of commands lie near the dead band, the cost winds up and down far from the lowest of its
+    valleys, and a curvature or slope there means nothing: three standard errors reach at least to the
+    farthest place at which the sum of squares is less than 9 above the best.
     """
     entry, (low, high) = unknown.entries[i], unknown.bounds
-    reach = entry.resolution * 2.0 ** np.arange(np.ceil(np.log2(WIDEST / entry.resolution)) + 1)
-    trials = np.repeat(values[None], 2 * len(reach) + 1, axis=0)
-    trials[1:, i] = np.clip(values[i] + np.hstack([reach, -reach]) * entry.scale, low[i], high[i])
-    cost = _profile(unknown, trials, problem)
-    beyond = (cost[1:] > cost[0] + 1.0).reshape(2, -1)
-    nearest = np.where(beyond.any(axis=1), reach[beyond.argmax(axis=1)], reach[-1])
-    return float(nearest.sum())
+    first, widest = entry.resolution * entry.scale, max(values[i] - low[i], high[i] - values[i])
+    steps = first * FINER ** np.arange(np.ceil(np.log(widest / first) / np.log(FINER)) + 1)
+    trials = np.repeat(values[None], 2 * len(steps) + 1, axis=0)
+    trials[1:, i] = np.clip(values[i] + np.hstack([steps, -steps]), low[i], high[i])
+    rise = _profile(unknown, trials, problem)
+    rise = (rise[1:] - rise[0]).reshape(2, -1)
+    away = np.abs(trials[1:, i] - values[i]).reshape(2, -1) / entry.scale
+    risen = (rise > 1.0) | (away == away[:, -1:])
+    plateau = float(away[[0, 1], risen.argmax(axis=1)].sum())
+    return max(plateau / 12.0**0.5, float(np.where(rise < 9.0, away, 0.0).max()) / 3.0)
 
 
 def _errors(normal: Normal) -> Array:

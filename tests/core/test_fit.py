@@ -12,13 +12,13 @@ import synthetic
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from hydro.core.descent import ERRORS, searched
+from hydro.core.descent import ERRORS, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.extend import extended
 from hydro.core.fit import fit
 from hydro.core.noise import PROFILES, disturb
-from hydro.core.normal import Normal
+from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import free
 from hydro.core.recording import POSE, VELOCITY, recording
 from hydro.core.simulate import simulate
@@ -120,23 +120,34 @@ def test_a_corner_scatters_by_the_variance_of_the_lowest_point_of_brownian_motio
     assert 2.0 * quad(lambda x: x**2 * density(x), 0.0, 400.0, limit=800)[0] == pytest.approx(ERRORS**2)
 
 
+class Along:
+    """A problem of one dead band, whose residuals are a function of its half-width in scales."""
+
+    def __init__(self, left):
+        self.left = left
+
+    def linearise(self, base, moved, steps):
+        e, *others = [self.left(v.effects("thruster_deadband")[0]["d"] / 0.1) for v in (base, *moved)]
+        columns = [(e - other) / step for other, step in zip(others, steps, strict=True)]
+        both = np.stack([*columns, e], axis=1)
+        return Normal((both.T @ both)[None], 2, np.zeros((1, 1)), np.zeros((1, 0, both.shape[1])))
+
+
 def test_the_search_passes_over_false_valleys():
     """Sum of squares |x - 0.3| with a ditch at 0.35 beside a cliff: the corner is found from 0.5."""
     unknown = free(damped(), ["thruster_deadband"])
-
-    class Ditch:
-        def linearise(self, base, moved, steps):
-            def left(vehicle):
-                x = vehicle.effects("thruster_deadband")[0]["d"] / 0.1
-                return np.array([10.0, np.sqrt(abs(x - 0.3)) - (0.1 if 0.34 < x < 0.36 else 0.0)])
-
-            e = left(base)
-            columns = [(e - left(other)) / step for other, step in zip(moved, steps, strict=True)]
-            both = np.stack([*columns, e], axis=1)
-            return Normal((both.T @ both)[None], 2, np.zeros((1, 1)), np.zeros((1, 0, both.shape[1])))
-
-    found = searched(unknown, np.array([0.05]), Ditch())
+    ditch = Along(lambda x: np.array([10.0, np.sqrt(abs(x - 0.3)) - (0.1 if 0.34 < x < 0.36 else 0.0)]))
+    found = searched(unknown, np.array([0.05]), ditch)
     assert found[0] / 0.1 == pytest.approx(0.3, abs=2e-4)
+
+
+def test_three_standard_errors_reach_what_costs_hardly_more():
+    """A narrow valley at 1.0, 4 deeper than the plain from 0.2 to 1.4 around it: all of it is possible."""
+    unknown = free(damped(), ["thruster_deadband"])
+    plain = Along(lambda x: np.array([10.0, min(2.0, 40.0 * abs(x - 1.0)), 1e3 * max(0.2 - x, x - 1.4, 0.0)]))
+    normal = told_by_errors(unknown, np.array([0.1]), linearised(unknown, np.array([1.0]), plain), plain)
+    error = np.sqrt(covariance(normal, np.array([1e-9])))[0, 0]
+    assert 0.7 < 3.0 * error < 1.0  # distances are tried at ratios of sqrt(2)
 
 
 def test_the_same_data_give_the_same_fit():
