@@ -12,7 +12,7 @@ import synthetic
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from hydro.core.descent import ERRORS, linearised, searched, told_by_errors
+from hydro.core.descent import ERRORS, FINER, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.extend import extended
@@ -147,7 +147,7 @@ def test_three_standard_errors_reach_what_costs_hardly_more():
     plain = Along(lambda x: np.array([10.0, min(2.0, 40.0 * abs(x - 1.0)), 1e3 * max(0.2 - x, x - 1.4, 0.0)]))
     normal = told_by_errors(unknown, np.array([0.1]), linearised(unknown, np.array([1.0]), plain), plain)
     error = np.sqrt(covariance(normal, np.array([1e-9])))[0, 0]
-    assert 0.7 < 3.0 * error < 1.0  # distances are tried at ratios of sqrt(2)
+    assert 0.8 / FINER <= 3.0 * error <= 0.8
 
 
 def test_the_same_data_give_the_same_fit():
