@@ -192,7 +192,7 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
     away = np.abs(trials[1:, i] - values[i]).reshape(2, -1) / entry.scale
     risen = (rise > 1.0) | (away == away[:, -1:])
     plateau = float(away[[0, 1], risen.argmax(axis=1)].sum())
-    return max(plateau / 12.0**0.5, float(np.where(rise < 9.0, away, 0.0).max()) / 3.0)
+    return float(max(plateau / 12.0**0.5, np.where(rise < 9.0, away, 0.0).max() / 3.0))
 
 
 def _errors(normal: Normal) -> Array:

@@ -18,6 +18,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core import shooting, weakform
+from hydro.core.beginnings import beginnings
 from hydro.core.candidate import candidate
 from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
@@ -33,7 +34,6 @@ Report = Callable[[str, float], None]
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
-FEW, QUICK = 4, 6  # beginnings that are each followed to the end; iterations from each of more
 TURNS = 8  # of search and iteration
 MOST = 1000
 """Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
@@ -154,7 +154,7 @@ def fit(
     told("equation error", 0.0)
     windows = weakform.Windows.of(record, noise, most)
     share = windows.share
-    values, problem, chi2 = _begin(unknown, windows)
+    values, problem, chi2 = _begin(unknown, windows, record.eta[:, :3])
     if method == "output":
         told("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
@@ -214,10 +214,9 @@ class OutputError:
         return OutputError(replace(self.shots, sigma=sigma))
 
 
-def _begin(unknown: Free, windows: weakform.Windows) -> tuple[Array, Problem, float]:
-    """The best of all beginnings after a few iterations of equation error from each, and its chi2."""
-    quick = ITERATIONS if len(unknown.starts) <= FEW else QUICK
-    tried = [descend(unknown, start, windows, quick) for start in unknown.starts]
+def _begin(unknown: Free, windows: weakform.Windows, reach: Array) -> tuple[Array, Problem, float]:
+    """The best of all beginnings after equation error from each, and its chi2."""
+    tried = [descend(unknown, start, windows, ITERATIONS) for start in beginnings(unknown, windows, reach)]
     values, normal, problem = min(tried, key=lambda result: result[1].cost)
     problem, _ = problem.reweighted(normal)
     values, _, problem = descend(unknown, values, problem, ITERATIONS)

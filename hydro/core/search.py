@@ -254,7 +254,7 @@ class Search:
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
         wanted: Wanted = [*self.base, *chosen, table]
-        begun = msgspec.structs.replace(vehicle, effect=(*without(vehicle, name).effect, table))
+        begun = msgspec.structs.replace(vehicle, effect=(*vehicle.without(name).effect, table))
         cost, along = model.problem.cost(begun, step, now.normal)
         if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
             vehicle, along = model.vehicle, model.problem
@@ -313,15 +313,9 @@ class Search:
     def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
         """The model without one of its findings, all others fitted anew."""
         given = [e for e in self.first.vehicle.effect if e["name"] == effect]
-        rest = without(model.vehicle, effect).effect
+        rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *given))
         return fitted(vehicle, [*self.base, *others], model.problem, self.reach, QUICK)
-
-
-def without(vehicle: Vehicle, effect: str) -> Vehicle:
-    """A vehicle without one of its effects."""
-    kept = tuple(table for table in vehicle.effect if table["name"] != effect)
-    return msgspec.structs.replace(vehicle, effect=kept)
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:

@@ -76,6 +76,11 @@ def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list
     return list(_FINE[effect](vehicle, reach)) if effect in _FINE else []
 
 
+def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
+    """All shapes, coarse and fine, of an effect of CURVED that the vehicle has not."""
+    return [*_COARSE[effect](vehicle, reach), *shapes(vehicle, effect, reach=reach)]
+
+
 def _linear(vehicle: Vehicle, choice: str) -> Suspect:
     """One column per entry of an effect that is linear, or nearly so, about its absence or present values."""
     unknown = free(vehicle, [choice])

@@ -96,3 +96,8 @@ class Vehicle(_Part, frozen=True):
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
         """All effect tables called `name`."""
         return tuple(entry for entry in self.effect if entry.get("name") == name)
+
+    def without(self, name: str) -> Vehicle:
+        """The vehicle without the effects called `name`."""
+        kept = tuple(entry for entry in self.effect if entry.get("name") != name)
+        return msgspec.structs.replace(self, effect=kept)

@@ -12,6 +12,7 @@ import synthetic
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from hydro.core.beginnings import beginnings
 from hydro.core.descent import ERRORS, FINER, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
@@ -84,6 +85,28 @@ def test_one_hidden_effect_of_each_kind(hidden):
     assert found.chi2 == pytest.approx(1.0, abs=0.04)
     assert (np.abs(found.values - truth) < 4.0 * found.standard_errors).all()
     assert found.determined.all()
+
+
+@pytest.mark.parametrize(
+    ("hidden", "close"),
+    [
+        ({"name": "payload", "w": 2.0, "x": -0.3, "y": 0.1, "z": 0.2, "mass": 1.0}, ("w", "x", "y", "z")),
+        (
+            {"name": "tether", "k": 3.0, "slack": 0.0, "attachment": [0.2, 0.0, 0.1], "anchor": [1, -2, 4]},
+            "k",
+        ),
+    ],
+    ids=("payload", "tether"),
+)
+def test_a_fit_begins_near_what_is_hidden_where_parameters_are_products(hidden, close):
+    """The linear problem tells w, w x, w y, w z of a payload, k and k times the anchor of a cable."""
+    truth = CATALOGUE[hidden["name"]].pack(hidden, thrusters=8)
+    record = recording(moved(damped(hidden)), damped())
+    unknown = free(damped(), [hidden["name"]], reach=record.eta[:, :3])
+    best = beginnings(unknown, Windows.of(record), record.eta[:, :3])[0]
+    for entry, begun, true in zip(unknown.entries, best, truth, strict=True):
+        if entry.parameter in close:
+            assert begun == pytest.approx(true, rel=0.5), entry.name
 
 
 def test_standard_errors_are_the_scatter_of_estimates():
