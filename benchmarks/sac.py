@@ -35,7 +35,7 @@ from hydro.rl.observation import OBSERVATIONS
 from hydro.rl.sac import Choices, Learner
 
 ACTIONS, FILLED = 6, 100_000
-CHOICES = Choices()
+CHOICES = Choices(horizon=1)  # of random transitions, nothing follows one another
 
 
 def transitions() -> dict[str, Tensor]:
@@ -148,9 +148,8 @@ class TorchRL:
 
 def learner(data: dict[str, Tensor]) -> Learner:
     made = Learner(np.ones(OBSERVATIONS, dtype=np.float32), ACTIONS, CHOICES, seed=0)
-    made.remember(
-        *(data[name].numpy() for name in ("observation", "action", "reward", "terminated", "following"))
-    )
+    before = (data[name].numpy() for name in ("observation", "action", "reward", "terminated"))
+    made.remember(*before, np.zeros(FILLED, dtype=np.bool_), data["following"].numpy())
     return made
 
 

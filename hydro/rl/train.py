@@ -160,8 +160,9 @@ class Training:
             self._note(step)
         self.steps += self._fleet.count
         with self._part("learning"):
-            learner.remember(self._observations, actions, step.reward, step.terminated, step.final_obs)
-            for _ in range(sac.updates if self.steps >= sac.random else 0):
+            ended = step.terminated, step.truncated
+            learner.remember(self._observations, actions, step.reward, *ended, step.final_obs)
+            for _ in range(sac.updates if self.steps >= sac.random and learner.ready else 0):
                 losses = [float(loss) for loss in learner.update()]
                 self._losses.append(losses)
                 self.watch.loss(losses[0])

@@ -2,6 +2,7 @@
 
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +10,11 @@ import torch
 from scipy import integrate
 from torchrl.objectives import SACLoss
 
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, UsageError
 from hydro.rl.policy import Policy
 from hydro.rl.sac import Choices, Learner, twin
 
-SMALL = Choices(layers=(16, 16), batch=32, capacity=500)
+SMALL = Choices(layers=(16, 16), batch=32, capacity=500, horizon=3)
 SCALE = np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32)
 
 
@@ -31,6 +32,7 @@ def feed(made, rows, seed=0):
             rng.uniform(-1, 1, (8, 2)).astype(np.float32),
             rng.standard_normal(8).astype(np.float32),
             rng.random(8) < 0.2,
+            rng.random(8) < 0.1,
             rng.standard_normal((8, 5)).astype(np.float32),
         )
 
@@ -92,6 +94,7 @@ def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_
     made = learner()
     batch = made._replay.sample()
     batch["next", "reward"] = torch.zeros_like(batch["next", "reward"])
+    batch["steps_to_next_obs"] = torch.full_like(batch["steps_to_next_obs"], 2)
     with torch.no_grad():
         for target in made.loss._targets[:-1]:
             target.zero_()
@@ -99,7 +102,7 @@ def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_
         made.loss._critics[-2].zero_()
         made.loss._critics[-1].zero_()
         made.loss.log_alpha.fill_(-30.0)
-        for terminated, worth in ((True, 0.0), (False, 0.99 * 10.0)):
+        for terminated, worth in ((True, 0.0), (False, 0.99**2 * 10.0)):
             batch["next", "terminated"] = torch.full_like(batch["next", "terminated"], terminated)
             assert made.loss(batch).critic.item() == pytest.approx(2.0 * worth**2, rel=1e-5)
 
@@ -149,12 +152,14 @@ def test_a_learner_goes_on_from_its_state_bit_for_bit(rows):
 
 
 def test_memory_keeps_the_last_transitions_scaled():
-    made = learner(rows=0)
+    made = learner(replace(SMALL, horizon=1), rows=0)
     feed(made, 1200)
     kept = transitions(made)
     assert len(kept["action"]) == SMALL.capacity
     raw = np.zeros((8, 5), dtype=np.float32) + 4.0
-    made.remember(raw, np.zeros((8, 2), np.float32), np.zeros(8, np.float32), np.zeros(8, bool), raw)
+    made.remember(
+        raw, np.zeros((8, 2), np.float32), np.zeros(8, np.float32), np.zeros(8, bool), np.zeros(8, bool), raw
+    )
     found = (transitions(made)["observation"] == torch.from_numpy(4.0 / SCALE)).all(1)
     assert found.sum() == 8
 
@@ -190,14 +195,34 @@ def test_tensors_of_other_layers_make_no_policy():
 
 def test_a_simple_task_is_learnt():
     """One step, reward -(a - a*)^2 with a* = 0.5 sign of the first observation: the best action is a*."""
-    made = Learner(
-        np.ones(2, np.float32), 1, Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0), 0
-    )
+    choices = Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1)
+    made = Learner(np.ones(2, np.float32), 1, choices, 0)
     rng = np.random.default_rng(0)
     observations = rng.choice([-1.0, 1.0], (2000, 2)).astype(np.float32)
     actions = rng.uniform(-1, 1, (2000, 1)).astype(np.float32)
     rewards = -10.0 * (actions[:, 0] - 0.5 * observations[:, 0]) ** 2
-    made.remember(observations, actions, rewards, np.ones(2000, bool), observations)
+    ends = np.ones(2000, bool), np.zeros(2000, bool)
+    made.remember(observations, actions, rewards, *ends, observations)
     for _ in range(300):
         made.update()
     np.testing.assert_allclose(made.best(observations)[:, 0], 0.5 * observations[:, 0], atol=0.25)
+
+
+def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
+    """A reward of 1 at every step for ever is worth 1 / (1 - gamma) = 100; critics begin at 0."""
+    still, never = np.zeros((64, 2), np.float32), np.zeros(64, bool)
+    worth = []
+    for horizon in (1, 10):
+        choices = Choices(layers=(16,), batch=32, rate=3e-2, temperature=1e-6, horizon=horizon)
+        made = Learner(np.ones(2, np.float32), 1, choices, 0)
+        for _ in range(20):
+            made.remember(still, still[:, :1], np.ones(64, np.float32), never, never, still)
+        for _ in range(400):
+            losses = made.update()
+        worth.append(losses.value.item())
+    assert 5.0 * worth[0] < worth[1] < 100.0
+
+
+def test_a_horizon_is_of_a_step_at_least():
+    with pytest.raises(UsageError, match="give 1 step or more"):
+        Choices(horizon=0)
