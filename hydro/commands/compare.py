@@ -12,6 +12,7 @@ from hydro.commands.shell import (
     ModelFile,
     Output,
     about,
+    person,
     print_table,
     progress,
     read,
@@ -44,7 +45,7 @@ def compare(
     Two kinds of error, each beside what sensor noise alone would leave: the force that the model leaves out,
     and the motion that it predicts 1, 5 and 20 s ahead from everywhere along the recording, and over each
     whole session. Then the places where the model fails, in words, with their share of the unexplained error.
-    On a terminal without -o this is printed and nothing is written.
+    That is printed on the terminal, on stderr where stdout is a pipe.
     """
     from hydro.core import effects
     from hydro.core.compare import compare as compute
@@ -63,8 +64,8 @@ def compare(
             against=None if earlier is None else earlier.frame,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
+    _print(frame)
     if shows_table(output):
-        _print(frame)
         return
     inputs = [source] if earlier is None else [source, earlier]
     write(table.make("comparison", frame, stage="compare", inputs=inputs, vehicle_text=text), output)
@@ -89,15 +90,18 @@ def _print(frame: pl.DataFrame) -> None:
     """The comparison for a person."""
     from hydro.report import comparison
 
-    print_table(comparison.forces(frame), "Force that the model leaves out: root mean square, 95 % interval")
+    console = person()
+    title = "Force that the model leaves out: root mean square, 95 % interval"
+    print_table(comparison.forces(frame), title, console)
     beside = "" if "before" in frame.columns else " (noise alone)"
-    print_table(comparison.predictions(frame), f"Errors of its predictions: root mean square{beside}")
+    title = f"Errors of its predictions: root mean square{beside}"
+    print_table(comparison.predictions(frame), title, console)
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():
-        print_table(ranked, "Where it fails: share of the unexplained error and of the time")
+        print_table(ranked, "Where it fails: share of the unexplained error and of the time", console)
     if not former.is_empty():
-        print_table(former, "Where it failed before")
-    typer.echo(f"\n{comparison.headline(frame)}")
+        print_table(former, "Where it failed before", console)
+    console.print(f"\n{comparison.headline(frame)}")
 
 
 COMMANDS = {

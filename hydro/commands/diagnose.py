@@ -14,6 +14,7 @@ from hydro.commands.shell import (
     ModelFile,
     Output,
     about,
+    person,
     progress,
     read,
     shows_table,
@@ -21,6 +22,9 @@ from hydro.commands.shell import (
 )
 
 if TYPE_CHECKING:
+    import polars as pl
+    from rich.console import Console
+
     from hydro.core.findings import Diagnosis
     from hydro.io.provenance import Provenance
 
@@ -34,8 +38,8 @@ def diagnose(
 
     The file's own effects are fitted anew first; then the whole catalogue is held against what they leave
     unexplained. A finding says how much of the error it explains, how sure its name is and which effects
-    could be behind it as well, its values with standard errors, and what to do or to fly next. On a terminal
-    without -o this is printed and nothing is written; hydro add writes what was found into the vehicle file.
+    could be behind it as well, its values with standard errors, and what to do or to fly next. That is
+    printed on the terminal, on stderr where stdout is a pipe; hydro add writes what was found into the file.
     """
     from hydro.core import effects
     from hydro.core.diagnose import diagnose as compute
@@ -52,8 +56,8 @@ def diagnose(
             source.frame,
             report=lambda words, share: update(round(100 * share), 100, words),
         )
+    _print(found)
     if shows_table(output):
-        _print(found)
         return
     made = table.make(
         "diagnosis",
@@ -113,16 +117,19 @@ def _recording(provenance: Provenance) -> str:
     return next((one.content for one in provenance.inputs if one.kind == "raw"), "")
 
 
-def _print(found: Diagnosis) -> None:
+def print_findings(frame: pl.DataFrame, console: Console) -> None:
     """One line per finding, and its advice below."""
-    from rich.console import Console
-
     from hydro.report.diagnosis import lines
 
-    console = Console(highlight=False, markup=False)
-    for line, advice in lines(found.frame()):
+    for line, advice in lines(frame):
         console.print(line, style="bold")
         console.print(f"    {advice}")
+
+
+def _print(found: Diagnosis) -> None:
+    """The findings for a person, and how much of the residual they leave."""
+    console = person()
+    print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
     console.print(
         f"\nMean squared residual (1: nothing but noise): {given:.3g} as given, {own:.3g} with the file's "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hydro.commands.diagnose import print_findings
 from hydro.commands.shell import STREAM, print_table, read
 from hydro.core.errors import DataError
 
@@ -26,6 +27,8 @@ File = Annotated[
 ]
 SHORT = len("sha256:") + 12
 """How much of a hash of the lineage is shown."""
+WHOLE = ("metrics", "ladder", "evaluations")
+"""Kinds of small tables, whose rows are shown instead of their columns."""
 
 
 def check(files: Files) -> None:
@@ -65,7 +68,7 @@ def show(file: File = STREAM) -> None:
     """Show where an artefact comes from and what is in it.
 
     On a terminal: kind, stage and parameters, lineage, and every column with unit and range; small tables
-    such as metrics whole. Into a pipe the same as JSON.
+    such as metrics whole, findings in words. Into a pipe the same as JSON.
     """
     artefact = read(file)
     if sys.stdout.isatty():
@@ -108,7 +111,10 @@ def _print_page(artefact: Artefact) -> None:
     for line in _summary(artefact):
         console.print(line)
     console.print(_lineage(artefact))
-    print_table(artefact.frame if artefact.kind == "metrics" else columns(artefact).drop("description"))
+    if artefact.kind == "diagnosis":
+        print_findings(artefact.frame, console)
+    else:
+        print_table(artefact.frame if artefact.kind in WHOLE else columns(artefact).drop("description"))
 
 
 def _summary(artefact: Artefact) -> Iterator[str]:

@@ -9,6 +9,7 @@ what the file has with other values, what the recording could not have shown, an
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -54,6 +55,8 @@ STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
 LEFT = 0.05
 """Share of the error beyond the noise which it must reach besides."""
+IMITATED = 0.5
+"""What no effect explains, in units of what a finding explains, from which it casts doubt on the finding."""
 
 
 def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
@@ -87,8 +90,12 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     model = fitted(model.vehicle, wanted, model.problem, reach, THOROUGH)
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None
-    findings = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
-    findings += _left(search, model, last, record, raw)
+    left = _left(search, model, last, record, raw)
+    findings = [
+        _doubted(_named(one, search, model, without[one.effect], result, vehicle, shots), left)
+        for one in found
+    ]
+    findings += left
     findings.sort(key=lambda one: -one.share)
     if not findings:
         findings.append(_nothing(first, last))
@@ -160,6 +167,22 @@ def _named(
         errors,
         advice=words,
     )
+
+
+def _doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
+    """The finding, with a warning where what no effect explains is of its own size.
+
+    Where commands answer to a disturbance, as a pilot's or a controller's do to waves, the recording holds
+    the disturbance and the answer together, and inertia or damping seem to be other than they are.
+    """
+    rest = sum(one.share for one in left)
+    if rest < IMITATED * finding.share:
+        return finding
+    words = (
+        f"; {rest:.0%} of the error no effect explains, and this one may stand for part of it: where the "
+        "commands answer to waves or the like, fly without feedback before you trust its values"
+    )
+    return replace(finding, advice=finding.advice + words)
 
 
 def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots) -> str:

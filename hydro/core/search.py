@@ -197,20 +197,28 @@ class Search:
         gains = {name: best[name][0] for name in order}
         return Round(ranked, normal, evidence, own, gains)
 
-    def contend(self, model: Model, chosen: Sequence[str], now: Round) -> dict[str, Model]:
+    def contend(
+        self, model: Model, chosen: Sequence[str], now: Round, known: Mapping[str, Model] | None = None
+    ) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model.
+
+        `known` are fits that there are already; they are held against the others.
 
         That something is missing is tested over all effects at once; which one it is the fits say, and one
         of many parameters may be it though few blocks cannot test it alone.
         What the velocity log misreads for all that kinematics shows comes before any force; what kinematics
         refutes does not come at all.
         """
+        given = known or {}
+        fits = dict(given)
         if not now.significant:
-            return {}
+            return fits
         sure = [n for n, test in self.sensors.items() if shown(test) and n in now.gains]
         gains = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)} or now.gains
-        most, fits = max(gains.values(), default=0.0), dict[str, Model]()
+        most = max(gains.values(), default=0.0)
         for name in gains:
+            if name in given:
+                continue
             told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
             near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
             if now.gains[name] < near or len(fits) == CONTENDERS:
@@ -222,7 +230,8 @@ class Search:
         least = np.inf
         for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
             if fits[name].excess <= FAR * least:
-                fits[name] = self.settled(fits[name], [*chosen, name])
+                if name not in given:
+                    fits[name] = self.settled(fits[name], [*chosen, name])
                 least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
         return fits
 
@@ -303,7 +312,7 @@ class Search:
             at = kept.index(one)
             if one is not found[-1] or len(kept) < len(found):
                 now = self.round(lesser, others)
-                fits = self.contend(lesser, others, now) | {one.effect: model}
+                fits = self.contend(lesser, others, now, {one.effect: model})
                 best = leader(fits) or one.effect
                 kept[at] = Found(best, min(now.p_value, one.p_value), fits)
                 model = fits[best]
