@@ -186,9 +186,16 @@ def _doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
 
 
 def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots) -> str:
-    """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do."""
+    """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do.
+
+    Only the effect's own entries are fitted anew: of what the file has beside it one session may tell alone.
+    """
     session = shots.record.session[shots.segment]
-    before, after = (Fitted(one.normal, np.zeros(len(one.values))) for one in (without, model))
+    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    before, after = (
+        Fitted(without.normal.of([]), np.zeros(0)),
+        Fitted(model.normal.of(own), np.zeros(len(own))),
+    )
     elsewhere = scores(before, {effect: after}, session)[effect].share
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= CONFIRMED * min(here, 1.0):

@@ -8,7 +8,8 @@ the model is not quite right; and any subset of columns or pieces gives another 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,12 @@ class Normal:
     def score(self) -> Array:
         """X^T e of each piece, (S, P)."""
         return self.gram[:, :-1, -1]
+
+    def of(self, columns: Sequence[int]) -> Normal:
+        """The problem in some of its parameters, all others held."""
+        kept = [*columns, -1]
+        gram = self.gram[:, kept][:, :, kept]
+        return replace(self, gram=gram, follow=self.follow[..., kept])
 
     @property
     def cost(self) -> float:
