@@ -9,7 +9,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.manoeuvres import SECONDS, Flight
 
 ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
-QUICKER = 1.5  # samples up to which a lag that is less is taken for the same
+QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -99,6 +99,11 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
         return (
             "no more than one sample: most likely a convention of the log (whether a command is logged "
             "before or after it acts), not the vehicle; settle it in the log before believing lag or delay"
+        )
+    if effect == "thruster_lag" and -HALF * dt <= float(parameters["dT"]) < 0.0:
+        return (
+            "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a row, "
+            "or integrates by Euler's rule at the log's rate; nothing of the vehicle, and nothing to shift"
         )
     if effect == "thruster_lag" and -QUICKER * dt <= float(parameters["dT"]) < 0.0:
         return (

@@ -23,5 +23,6 @@ def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():
 
 def test_commands_logged_a_row_late_look_like_quick_thrusters():
     assert "shift the command columns" in advice.adding("thruster_lag", {"dT": -0.0218}, 0.02)
+    assert "Euler" in advice.adding("thruster_lag", {"dT": -0.0104}, 0.02)
     assert "hydro add" in advice.adding("thruster_lag", {"dT": -0.08}, 0.02)
     assert "hydro add" in advice.adding("thruster_lag", {"dT": 0.0218}, 0.02)
