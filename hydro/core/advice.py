@@ -102,8 +102,8 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
         )
     if effect == "thruster_lag" and -HALF * dt <= float(parameters["dT"]) < 0.0:
         return (
-            "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a row, "
-            "or integrates by Euler's rule at the log's rate; nothing of the vehicle, and nothing to shift"
+            "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a "
+            "row, or integrates by Euler's rule at the log's rate; nothing of the vehicle, nothing to shift"
         )
     if effect == "thruster_lag" and -QUICKER * dt <= float(parameters["dT"]) < 0.0:
         return (
