@@ -267,7 +267,10 @@ class Search:
         cost, along = model.problem.cost(begun, step, now.normal)
         if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
             vehicle, along = model.vehicle, model.problem
-        return fitted(vehicle, wanted, along, self.reach, QUICK)
+        try:
+            return fitted(vehicle, wanted, along, self.reach, QUICK)
+        except DataError:  # and too far even so: it begins as the vehicle has it
+            return fitted(model.vehicle, [*self.base, *chosen, name], model.problem, self.reach, QUICK)
 
     def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
         """Let the best effect join until nothing more is significant and material.

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import polars as pl
 import pytest
 
 from hydro.core import advice, unexplained
-from hydro.core.diagnose import diagnose
+from hydro.core.diagnose import aimed, diagnose
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.extend import tables
 from hydro.core.findings import SCHEMA, Diagnosis, Finding
 from hydro.core.noise import PROFILES, disturb
-from hydro.core.recording import POSE, VELOCITY
+from hydro.core.recording import POSE, VELOCITY, recording
+from hydro.core.search import Search, fitted
 from hydro.core.simulate import simulate
 from hydro.core.vehicle import Vehicle
 from hydro.io import vehicle as files
@@ -95,6 +98,20 @@ def test_nothing_hidden_is_nothing_missing(known):
     assert table.schema == pl.Schema(SCHEMA)
     with pytest.raises(DataError, match="nothing to add"):
         tables(table)
+
+
+def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
+    record = recording(recorded(known, rows=1000), known)
+    problem, reach = aimed(known, record), record.eta[:, :3]
+    search = Search(fitted(known, [], problem, reach, 0), [], reach, {}, problem)
+    now = search.round(search.first, [])
+    suspect, columns = now.ranked["net_buoyancy"]
+    far = {"name": "net_buoyancy", "dB": 1e8}
+    with pytest.raises(DataError, match="beyond all bounds"):
+        fitted(hiding(known, far), ["net_buoyancy"], problem, reach, 0)
+    wild = {**now.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
+    joined = search.joined(search.first, [], replace(now, ranked=wild), "net_buoyancy")
+    assert joined.normal.cost <= search.first.normal.cost
 
 
 def test_heave_alone_shows_little(known):
