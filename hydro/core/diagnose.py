@@ -92,7 +92,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     result = _judged(model) if wanted else None
     left = _left(search, model, last, record, raw)
     findings = [
-        _doubted(_named(one, search, model, without[one.effect], result, vehicle, shots), left)
+        doubted(_named(one, search, model, without[one.effect], result, vehicle, shots), left)
         for one in found
     ]
     findings += left
@@ -100,7 +100,8 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     if not findings:
         findings.append(_nothing(first, last))
     findings += sorted(_retuned(vehicle, base, given, model, result), key=lambda one: -one.share)
-    findings += _unseen(last, model, shots)
+    told_of = {name for one in findings for name in one.members}
+    findings += (one for one in _unseen(last, model, shots) if one.effect not in told_of)
     told("done", 1.0)
     chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
     return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
@@ -169,8 +170,8 @@ def _named(
     )
 
 
-def _doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
-    """The finding, with a warning where what no effect explains is of its own size.
+def doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
+    """The finding, with a warning and less confidence where what no effect explains is of its own size.
 
     Where commands answer to a disturbance, as a pilot's or a controller's do to waves, the recording holds
     the disturbance and the answer together, and inertia or damping seem to be other than they are.
@@ -182,7 +183,8 @@ def _doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
         f"; {rest:.0%} of the error no effect explains, and this one may stand for part of it: where the "
         "commands answer to waves or the like, fly without feedback before you trust its values"
     )
-    return replace(finding, advice=finding.advice + words)
+    sure = finding.confidence * finding.share / (finding.share + rest)
+    return replace(finding, confidence=sure, advice=finding.advice + words)
 
 
 def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots) -> str:

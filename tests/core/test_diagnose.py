@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from hydro.core import advice, unexplained
-from hydro.core.diagnose import aimed, diagnose
+from hydro.core.diagnose import aimed, diagnose, doubted
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.extend import tables
@@ -112,6 +112,14 @@ def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
     wild = {**now.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
     joined = search.joined(search.first, [], replace(now, ranked=wild), "net_buoyancy")
     assert joined.normal.cost <= search.first.normal.cost
+
+
+@pytest.mark.parametrize(("rest", "confidence"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
+def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, confidence):
+    named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
+    found = doubted(named, [Finding("none_of_the_known", share=rest)])
+    assert found.confidence == pytest.approx(confidence)
+    assert ("fly without feedback" in found.advice) == (rest >= 0.15)
 
 
 def test_heave_alone_shows_little(known):
