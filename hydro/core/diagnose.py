@@ -17,7 +17,7 @@ from scipy.stats import f as fisher
 
 from hydro.core import advice, naming, shooting, slow, unexplained
 from hydro.core.candidate import candidate
-from hydro.core.descent import PRIOR
+from hydro.core.descent import ITERATIONS, PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
@@ -87,7 +87,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("looking back", 0.8)
     model, found, without = search.reconsider(model, found)
     wanted = [*base, *(one.effect for one in found)]
-    model = fitted(model.vehicle, wanted, model.problem, reach, THOROUGH)
+    model = fitted(model.vehicle, wanted, model.problem, reach, ITERATIONS)
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None
     left = _left(search, model, last, record, raw)

@@ -45,7 +45,7 @@ NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspe
 MOST = 4  # findings
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
-THOROUGH = 8  # of the base, and of the last joint fit
+THOROUGH = 8  # of the base, and of the closest contenders
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing
 
 
@@ -320,6 +320,11 @@ class Search:
                 kept[at] = Found(best, min(now.p_value, one.p_value), fits)
                 model = fits[best]
             without[kept[at].effect] = lesser
+        if len(kept) == 1 < len(found):  # beside what has been dropped it may have looked larger than it is
+            (one,) = kept
+            without[one.effect] = self.first
+            if not self.belongs(one.effect, self.first.normal.cost - model.normal.cost, self.first):
+                return self.first, [], {}
         return model, kept, without
 
     def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
