@@ -116,9 +116,12 @@ def aimed(vehicle: Vehicle, record: Recording) -> OutputError:
     for seconds in SECONDS:
         shots = shooting.aim(record, seconds=seconds, most=MOST_SHOTS)
         if len(shots.starts) < LEAST_SHOTS:
+            least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
+            remedy = f"record at least {least:g} s, better some minutes"
+            if record.rows * record.dt > least and gaps:
+                remedy = f"{gaps} gaps cut the log to pieces: `hydro import` bridges those of a few samples"
             raise DataError(
-                f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; record at "
-                f"least {LEAST_SHOTS * seconds:g} s, better some minutes"
+                f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; {remedy}"
             )
         problem = OutputError.of(shots, vehicle)
         kept = shooting.bounded(shooting.load(candidate(vehicle), problem.shots), problem.shots)

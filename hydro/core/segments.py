@@ -49,7 +49,7 @@ def segments(frame: pl.DataFrame) -> Bounds:
         raise DataError(
             f"t [s] must step by {dt:g} s within 1 %, or by a gap above {GAP:g} times that: {odd.sum()} of "
             f"{frame.height} rows do not (first: {_place(frame, row)}, step {steps[row - 1]:g} s); "
-            "resample the log to one constant rate"
+            "resample the log to one constant rate, as `hydro import` does"
         )
     cuts = np.flatnonzero(sessions | gap) + 1
     edges = np.concatenate(([0], cuts, [frame.height]))

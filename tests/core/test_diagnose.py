@@ -158,6 +158,12 @@ def test_a_short_recording(known, rows, words):
         diagnose(known, flown(known, rows=rows))
 
 
+def test_a_recording_that_lost_messages_cuts_to_pieces(known):
+    whole = flown(known, rows=1800).with_row_index()
+    with pytest.raises(DataError, match="14 gaps cut the log to pieces: `hydro import` bridges"):
+        diagnose(known, whole.filter(pl.col("index") % 120 != 119).drop("index"))
+
+
 def test_the_commands_of_another_vehicle(known):
     with pytest.raises(DataError, match="7 command columns"):
         diagnose(known, flown(known, rows=100).drop("cmd_8"))
