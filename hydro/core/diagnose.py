@@ -29,7 +29,6 @@ from hydro.core.recording import Array, Recording, drawn, recording
 from hydro.core.search import (
     ALPHA,
     MATERIAL,
-    THOROUGH,
     Found,
     Model,
     Round,
@@ -81,7 +80,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     shots = problem.shots
     told("the file's own effects", 0.05)
     given = fitted(vehicle, [], problem, reach, 0)
-    first = fitted(vehicle, base, problem, reach, THOROUGH)
+    first = fitted(vehicle, base, problem, reach, ITERATIONS)
     search = Search(first, base, reach, kinematic_tests(record), problem)
     model, found, last = search.grow(told)
     told("looking back", 0.8)

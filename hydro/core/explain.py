@@ -16,6 +16,7 @@ import polars as pl
 
 from hydro.core import search
 from hydro.core.compare import compare
+from hydro.core.descent import ITERATIONS
 from hydro.core.diagnose import aimed, diagnose
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
@@ -195,7 +196,7 @@ def _together(
     reach = record.eta[:, :3]
     unknown = free(vehicle, wanted, reach=reach)
     problem = aimed(unknown.at(unknown.starts[0]), record)
-    model = search.fitted(vehicle, wanted, problem, reach, search.THOROUGH)
+    model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS)
     return judged(model.unknown, model.values, model.normal, model.normal.chi2, "output").tables()
 
 

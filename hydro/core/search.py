@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.descent import PRIOR, Problem, descend, moved
+from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, moved
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
@@ -45,7 +45,6 @@ NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspe
 MOST = 4  # findings
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
-THOROUGH = 8  # of the base, and of the closest contenders
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing
 
 
@@ -242,10 +241,10 @@ class Search:
         hold a good one back.
         """
         wanted = [*self.base, *chosen]
-        again = fitted(model.vehicle, wanted, self.sight.begun(model.vehicle), self.reach, THOROUGH)
+        again = fitted(model.vehicle, wanted, self.sight.begun(model.vehicle), self.reach, ITERATIONS)
         if again.normal.cost <= model.normal.cost:
             return again
-        return fitted(model.vehicle, wanted, model.problem, self.reach, THOROUGH)
+        return fitted(model.vehicle, wanted, model.problem, self.reach, ITERATIONS)
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
