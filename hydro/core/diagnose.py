@@ -8,7 +8,7 @@ what the file has with other values, what the recording could not have shown, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,10 +21,11 @@ from hydro.core.descent import ITERATIONS, PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
+from hydro.core.given import in_file, steadied
 from hydro.core.left_out import Fitted, scores
 from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
-from hydro.core.parameters import Free, free
+from hydro.core.parameters import free
 from hydro.core.recording import Array, Recording, drawn, recording
 from hydro.core.search import (
     ALPHA,
@@ -87,6 +88,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     model, found, without = search.reconsider(model, found)
     wanted = [*base, *(one.effect for one in found)]
     model = fitted(model.vehicle, wanted, model.problem, reach, ITERATIONS)
+    model = replace(model, values=steadied(model.unknown, model.values, model.normal, vehicle))
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None
     left = _left(search, model, last, record, raw)
@@ -275,13 +277,12 @@ def _retuned(
     Much is measured by the squared error of the model found: so what a share of a poor file's error would
     pass over does not spoil what is added to it.
     """
-    reference = {name: dict(table) for name in base for table in vehicle.effects(name)}
     spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
     matrix = model.normal.matrix.sum(axis=0)
     blocks = len(model.normal.gram) // block_length(model.normal.score)
     for name in base:
         entries = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
-        before = _given(model.unknown, entries, reference[name])
+        before = in_file(vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
         if cost < MATERIAL * model.normal.cost:
@@ -301,15 +302,6 @@ def _retuned(
                 standard_errors=errors,
                 advice=advice.retuning(name),
             )
-
-
-def _given(unknown: Free, entries: Sequence[int], table: Mapping[str, object]) -> Array:
-    """Values of some entries in an effect's table; what it leaves out is 0."""
-    chosen = (unknown.entries[i] for i in entries)
-    found = [np.asarray(table.get(e.parameter, 0.0), float) for e in chosen]
-    return np.array(
-        [float(v[unknown.entries[i].index] if v.ndim else v) for i, v in zip(entries, found, strict=True)]
-    )
 
 
 def _unseen(last: Round, model: Model, shots: shooting.Shots) -> Iterator[Finding]:

@@ -22,6 +22,7 @@ from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.extend import extended, tables
 from hydro.core.fit import judged
+from hydro.core.given import steadied
 from hydro.core.parameters import free
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
@@ -169,7 +170,7 @@ def _next(
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         told("all together", 0.0)
-        fitted = _together(last.vehicle, raw, _wanted(last, found))
+        fitted = _together(last.vehicle, raw, _wanted(last, found), vehicle)
         vehicle = extended(vehicle, fitted)
     comparison = compare(vehicle, raw, progress=_part(told, 0.3, 0.5))
     compared = [comparison]
@@ -189,15 +190,19 @@ def _next(
 
 
 def _together(
-    vehicle: Vehicle, raw: pl.DataFrame, wanted: Sequence[str | Table]
+    vehicle: Vehicle, raw: pl.DataFrame, wanted: Sequence[str | Table], file: Vehicle
 ) -> tuple[dict[str, Any], ...]:
-    """Effects fitted together, from the values that the last diagnosis found, with their standard errors."""
+    """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
+
+    What the recording does not show stays as it stands in the file of step 0.
+    """
     record = recording(raw, vehicle)
     reach = record.eta[:, :3]
     unknown = free(vehicle, wanted, reach=reach)
     problem = aimed(unknown.at(unknown.starts[0]), record)
     model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS)
-    return judged(model.unknown, model.values, model.normal, model.normal.chi2, "output").tables()
+    values = steadied(model.unknown, model.values, model.normal, file)
+    return judged(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

@@ -38,6 +38,8 @@ MATERIAL = 0.05
 """Share of the squared error beyond the noise that a finding must explain,"""
 TELLING = 0.1
 """or else by how much of its root it must lower the root of what is left."""
+MOST_OF_IT, PLAIN = 0.5, 0.1
+"""or else the part of what is left that it must explain, and the share of the noise that this must be."""
 VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
 CONTENDERS = 5
@@ -156,11 +158,13 @@ class Search:
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
 
-        Where others have explained most, a small share of the first error may be most of what is left.
+        Where others have explained most, a small share of the first error may be most of what is left, and
+        of that most is enough as long as it is plain beside the noise.
         """
         left = max(before.excess - gain, 0.0)
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(self.first.excess)
-        return self.seen(gain) and bool(lower or gain >= MATERIAL * self.first.excess)
+        most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
+        return self.seen(gain) and bool(lower or most or gain >= MATERIAL * self.first.excess)
 
     def seen(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""
