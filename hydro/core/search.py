@@ -217,8 +217,31 @@ class Search:
         if not now.significant:
             return fits
         sure = [n for n, test in self.sensors.items() if shown(test) and n in now.gains]
-        gains = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)} or now.gains
-        most = max(gains.values(), default=0.0)
+        material = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)}
+        fits |= self.near(model, chosen, now, material, given)
+        if len(fits) == len(
+            given
+        ):  # refuted, as what else is missing spoils what the dynamics say of the log
+            rest = {n: gain for n, gain in now.gains.items() if n not in material}
+            fits |= self.near(model, chosen, now, rest, given)
+        least = np.inf
+        for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
+            if fits[name].excess <= FAR * least:
+                if name not in given:
+                    fits[name] = self.settled(fits[name], [*chosen, name])
+                least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
+        return fits
+
+    def near(
+        self,
+        model: Model,
+        chosen: Sequence[str],
+        now: Round,
+        gains: Mapping[str, float],
+        given: Mapping[str, Model],
+    ) -> dict[str, Model]:
+        """Quick fits of those suspects that tell nearly as much as the most telling of them."""
+        most, fits = max(gains.values(), default=0.0), dict(given)
         for name in gains:
             if name in given:
                 continue
@@ -230,12 +253,6 @@ class Search:
             fit = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
             if not self.refuted(name, fit.vehicle):
                 fits[name] = fit
-        least = np.inf
-        for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
-            if fits[name].excess <= FAR * least:
-                if name not in given:
-                    fits[name] = self.settled(fits[name], [*chosen, name])
-                least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
         return fits
 
     def settled(self, model: Model, chosen: Sequence[str]) -> Model:

@@ -114,6 +114,21 @@ def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
     assert joined.normal.cost <= search.first.normal.cost
 
 
+def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
+    """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
+    hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
+    record = recording(recorded(hiding(known, *hidden), rows=1500), known)
+    problem, reach = aimed(known, record), record.eta[:, :3]
+    monkeypatch.setattr("hydro.core.search.shown", lambda test: True)
+    monkeypatch.setattr(Search, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
+    search = Search(fitted(known, [], problem, reach, 0), (), reach, {"sensor_bias": None}, problem)
+    now = search.round(search.first, [])
+    assert search.material(now.gains["sensor_bias"], search.first)
+    fits = search.contend(search.first, [], now)
+    assert "net_buoyancy" in fits
+    assert "sensor_bias" not in fits
+
+
 @pytest.mark.parametrize(("rest", "confidence"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
 def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, confidence):
     named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
