@@ -65,7 +65,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
         )
         return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
 
-    def together(vehicle, raw, wanted):
+    def together(vehicle, raw, wanted, file):
         calls.append("fit")
         return ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
 

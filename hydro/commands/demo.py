@@ -47,17 +47,11 @@ def demo(
 
 def _missing(root: Any, folder: Path) -> list[Path]:
     """Find what hides in the bundled recordings; the report, and the other files and folders written."""
-    from hydro.report import comparison as compared
-    from hydro.report import diagnosis as diagnosed
-
     data, report, study = _bundled("hidden"), folder / "report.html", folder / "study"
     comparison, diagnosis = folder / "comparison.parquet", folder / "diagnosis.parquet"
     given = [str(data / "vehicle.toml"), str(data / "measured.parquet")]
     _run(root, ["compare", *given, "-o", str(comparison)])
-    typer.echo(f"  {compared.headline(read(str(comparison)).frame)}")
     _run(root, ["diagnose", *given, "-o", str(diagnosis)])
-    for line, _ in diagnosed.lines(read(str(diagnosis)).frame):
-        typer.echo(f"  {line}")
     _run(root, ["explain", *given, "--holdout", str(data / "heldout.parquet"), "-o", str(study)])
     _run(root, ["report", str(study), "-o", str(report)])
     return [report, comparison, diagnosis, study]
