@@ -8,15 +8,14 @@ with all other free entries beside them says how large they are, and thus where 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.descent import PRIOR, Problem, moved
-from hydro.core.normal import Normal
+from hydro.core.descent import Problem, linear_step, moved
 from hydro.core.parameters import Free
 from hydro.core.suspects import CURVED, every_shape
 
@@ -70,22 +69,12 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
     normal = problem.linearise(rest.vehicle, changed, steps)
     found = []
     for suspect, columns in groups:
-        gain, step = _solved(normal, columns)
+        gain, step = linear_step(normal, columns)
         values = start.copy()
         values[~mine] = rest.within(rest.starts[0] + step[:count] * rest.scales)
         values[mine] = _values(unknown, mine, suspect.begin(step[count:]))
         found.append((gain, values))
     return sorted(found, key=lambda pair: -pair[0])[:KEPT]
-
-
-def _solved(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
-    """Squared residual that some columns explain, and how much of each does."""
-    chosen = list(columns)
-    score = normal.score.sum(axis=0)[chosen]
-    known = normal.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
-    # What the recording does not show stays as it is.
-    step = np.linalg.solve(known + PRIOR**-2 * max(normal.chi2, 1.0) * np.eye(len(chosen)), score)
-    return float(score @ step), step
 
 
 def _values(unknown: Free, mine: NDArray[np.bool_], table: Mapping[str, Any]) -> Array:

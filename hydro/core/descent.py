@@ -111,6 +111,19 @@ def moved(unknown: Free, here: Array) -> tuple[list[Vehicle], list[float]]:
     return vehicles, steps
 
 
+def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
+    """Squared residual that some columns explain, and how much of each does, (p,), all others held.
+
+    What the recording does not show, as one of two thrusters that run in step, stays as it is.
+    """
+    chosen = list(columns)
+    known = normal.matrix.sum(axis=0)[np.ix_(chosen, chosen)]
+    known += PRIOR**-2 * max(normal.chi2, 1.0) * np.eye(len(chosen))
+    score = normal.score.sum(axis=0)[chosen]
+    step = np.linalg.solve(known, score)
+    return float(score @ step), step
+
+
 def searched(unknown: Free, values: Array, problem: Problem) -> Array:
     """Values (P,) with each entry that acts in steps at the best place along its own line.
 

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, moved
+from hydro.core.descent import ITERATIONS, Problem, descend, linear_step, moved
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evidence import Columns, Evidence, p_values
@@ -276,10 +276,7 @@ class Search:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""
         suspect, columns = now.ranked[name]
         both, step = [*now.own, *columns], np.zeros(len(now.normal.gram[0]) - 1)
-        # What the recording does not show, as one of two thrusters that run in step, stays as it is.
-        known = now.normal.matrix.sum(axis=0)[np.ix_(both, both)]
-        known += PRIOR**-2 * max(now.normal.chi2, 1.0) * np.eye(len(both))
-        step[both] = np.linalg.solve(known, now.normal.score.sum(axis=0)[both])
+        _, step[both] = linear_step(now.normal, both)
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
         wanted: Wanted = [*self.base, *chosen, table]
