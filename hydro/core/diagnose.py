@@ -198,10 +198,8 @@ def _confirmed(effect: str, without: Model, model: Model, shots: shooting.Shots)
     """
     session = shots.record.session[shots.segment]
     own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
-    before, after = (
-        Fitted(without.normal.of([]), np.zeros(0)),
-        Fitted(model.normal.of(own), np.zeros(len(own))),
-    )
+    before = Fitted(without.normal.of([]), np.zeros(0))
+    after = Fitted(model.normal.of(own), np.zeros(len(own)))
     elsewhere = scores(before, {effect: after}, session)[effect].share
     here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
     if elsewhere >= CONFIRMED * min(here, 1.0):

@@ -219,9 +219,8 @@ class Search:
         sure = [n for n, test in self.sensors.items() if shown(test) and n in now.gains]
         material = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)}
         fits |= self.near(model, chosen, now, material, given)
-        if len(fits) == len(
-            given
-        ):  # refuted, as what else is missing spoils what the dynamics say of the log
+        if fits.keys() == given.keys():
+            # All refuted: what else is missing spoils what the dynamics say of the log.
             rest = {n: gain for n, gain in now.gains.items() if n not in material}
             fits |= self.near(model, chosen, now, rest, given)
         least = np.inf
