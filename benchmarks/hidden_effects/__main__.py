@@ -26,7 +26,7 @@ import polars as pl
 from benchmarks.hidden_effects import cases, report, study, vehicles
 
 KEY = ("kind", "seed", "source", "seconds")
-Task = tuple[cases.Case, float, Path, bool]
+Task = tuple[cases.Case, float, Path, bool, float]
 
 
 def done(tasks: list[Task], workers: int) -> Iterator[dict[str, Any]]:
@@ -49,7 +49,7 @@ def run(chosen: argparse.Namespace) -> None:
     folder = chosen.folder or out.parent
     drawn = (cases.draw(kind, seed, chosen.source) for kind in chosen.kind for seed in wanted)
     tasks = [
-        (case, chosen.seconds, folder, not chosen.no_oracle)
+        (case, chosen.seconds, folder, not chosen.no_oracle, chosen.least)
         for case in drawn
         if (case.kind, case.seed, case.source, chosen.seconds) not in known
         if chosen.only is None or chosen.only in case.title
@@ -99,6 +99,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--seconds", type=float, default=300.0, help="to diagnose, in four sessions")
     one.add_argument("--only", help="only studies whose hidden effects' names contain this")
     one.add_argument("--source", choices=list(cases.SOURCES), help="fly all cases in this simulator")
+    one.add_argument("--least", type=float, default=0.0, help="share that each hidden effect is to make")
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("--no-oracle", action="store_true", help="do not fit the true effects")
     one.add_argument(

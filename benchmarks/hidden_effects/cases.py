@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -142,6 +142,12 @@ def strong(name: str, rng: np.random.Generator, vehicle: Vehicle) -> dict[str, A
     table = {"name": name, **TRUTHS[name](rng, vehicle)}
     factor = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
     return _times(table, factor)
+
+
+def stronger(case: Case, which: Sequence[bool]) -> Case:
+    """The case with twice as much of some hidden effects, as far as a vehicle that works can have it."""
+    pairs = zip(case.hidden, which, strict=True)
+    return replace(case, hidden=tuple(_times(table, 2.0 if more else 1.0) for table, more in pairs))
 
 
 def weaker(case: Case) -> Case:
