@@ -39,6 +39,12 @@ INFLOW = 17  # c, thrust lost to the water's speed along the axis [s/m]
 COLUMNS = 18
 
 
+def same_states(table: Array, other: Array) -> bool:
+    """Whether two thruster tables lead the same commands to the same lag states, whatever their thrusts."""
+    before = [c for c in range(COLUMNS) if c not in (GAIN, ASYMMETRY, INFLOW)]
+    return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
+
+
 def configuration_matrix(vehicle: Vehicle) -> Array:
     """Thruster configuration B, shape (6, n): the wrench about CO of one newton of each thrust; paper (10).
 

@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core import shooting, weakform
+from hydro.core import sensitivity, shooting, weakform
 from hydro.core.beginnings import beginnings
 from hydro.core.candidate import candidate
 from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
@@ -189,10 +189,10 @@ class OutputError:
         return OutputError(shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """See `shooting.linearise`."""
+        """See `sensitivity.linearise`."""
         loaded = shooting.load(candidate(base), self.shots)
         others = [shooting.load(candidate(other), self.shots, loaded) for other in moved]
-        return shooting.linearise(loaded, others, steps, self.shots)
+        return sensitivity.linearise(loaded, others, steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
         """Predict anew, from beginnings moved as the linearised problem would have them."""

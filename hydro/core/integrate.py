@@ -1,8 +1,5 @@
 """One Runge-Kutta step of a vehicle in water, and its thrusters through the step.
 
-A step is the classical one of order 4, or the explicit midpoint rule of order 2 at half the price: good for
-differences of two motions, in which most of its error cancels.
-
 The state y is position (3), unit quaternion (4), nu (6) and the internal states of the effects.  The
 thrusters' lags depend on the commands alone and are advanced exactly, to the beginning, middle and end of a
 step; a step should end where a command takes effect, so that delays of any length keep the order.
@@ -24,8 +21,6 @@ from hydro.core.panels import panel_wrench_kernel
 
 BODY = 13
 """Length of the state of the body itself, before the effects' internal states."""
-CLASSICAL, MIDPOINT = 4, 2
-"""Orders of a step."""
 NO_HULL: Array = np.zeros((8, 0))
 """Facets of a vehicle whose file alone says what the water does."""
 
@@ -71,13 +66,10 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
 
 
 @jit
-def step(
-    order: int, flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array, work: Array
-) -> None:
-    """Advance the state by one step.
+def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array, work: Array) -> None:
+    """Advance the state by one step of the classical method of order 4.
 
     Args:
-        order: `CLASSICAL` or `MIDPOINT`.
         flat: The vehicle's program.
         facets: (8, F) hull of the panel method, or `NO_HULL`.
         h: Step [s].
@@ -89,11 +81,9 @@ def step(
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     total[:] = 0.0
     trial[:] = y
-    for stage in range(order):
+    for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
-        if order == MIDPOINT:
-            weight = 6.0 * stage
         ahead = h if stage == 2 else 0.5 * h
         for i in range(y.size):
             total[i] += weight * rates[i]
@@ -106,8 +96,41 @@ def step(
 
 
 @jit
+def turn(
+    table: Array,
+    commands: Array,
+    t: Array,
+    now: float,
+    end: float,
+    close: float,
+    due: tuple[float, float],
+    target: Array,
+    upcoming: NDArray[np.int64],
+    decay: Array,
+    rotors: Array,
+) -> tuple[float, tuple[float, float]]:
+    """Turn the rotors on from `now`, to `end` or to where the next command takes effect before it.
+
+    What is not told here is as in `obey`, `spin` and `advance`; times nearer than `close` are one moment.
+
+    Returns:
+        Time to which they were turned, and `due` as it is then.
+    """
+    change, decayed = due
+    if change <= now + close:
+        change = obey(table, commands, t, now + close, target, upcoming)
+    until = change if change < end - close else end
+    length = until - now
+    if abs(length - decayed) > 1e-9 * length:
+        decayed = length
+        for i in range(target.size):
+            decay[i] = lag_decay(table[i], 0.5 * length)
+    spin(target, decay, rotors)
+    return until, (change, decayed)
+
+
+@jit
 def advance(
-    order: int,
     flat: Array,
     facets: Array,
     table: Array,
@@ -133,21 +156,12 @@ def advance(
     Returns:
         `due` as it is at the end.
     """
-    change, decayed = due
     close = 1e-9 * (end - now)
     while now < end - close:
-        if change <= now + close:
-            change = obey(table, commands, t, now + close, target, upcoming)
-        until = change if change < end - close else end
-        length = until - now
-        if abs(length - decayed) > 1e-9 * length:
-            decayed = length
-            for i in range(target.size):
-                decay[i] = lag_decay(table[i], 0.5 * length)
-        spin(target, decay, rotors)
-        step(order, flat, facets, length, y, s, rotors, work)
+        until, due = turn(table, commands, t, now, end, close, due, target, upcoming, decay, rotors)
+        step(flat, facets, until - now, y, s, rotors, work)
         now = until
-    return change, decayed
+    return due
 
 
 @jit

@@ -10,14 +10,13 @@ the catalogue is judged in one unit: standard deviations of the measurement nois
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, settled_state
+from hydro.core.allocation import DELAY, same_states, settled_state
 from hydro.core.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
@@ -26,8 +25,7 @@ from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
-from hydro.core.integrate import BODY, CLASSICAL, MIDPOINT, NO_HULL, advance
-from hydro.core.normal import Normal, eliminate
+from hydro.core.integrate import BODY, NO_HULL, advance
 from hydro.core.recording import Array, Recording, noise, smoothed
 
 Rows = NDArray[np.int64]
@@ -180,7 +178,7 @@ class Loaded:
 
 def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
     """Work out a candidate's states at the beginning of every shot; `like` has perhaps the same thrusters."""
-    if like is not None and np.array_equal(like.model.thrusters, model.thrusters):
+    if like is not None and same_states(like.model.thrusters, model.thrusters):
         rotors = like.rotors
     else:
         rotors = rotor_states(model, shots.record)[shots.starts]
@@ -196,7 +194,6 @@ def predict(
     shots: Shots,
     first: Array | None = None,
     part: slice = slice(None),
-    order: int = CLASSICAL,
 ) -> Array:
     """What would have been logged, shot by shot.
 
@@ -205,7 +202,6 @@ def predict(
         shots: The shots.
         first: Other beginnings, (S, 13).
         part: Which shots.
-        order: Of the integration, `core.integrate.CLASSICAL` or `MIDPOINT`.
 
     Returns:
         Position, quaternion, nu of every row, (s, length, 13); not finite where a motion knows no bounds.
@@ -214,14 +210,13 @@ def predict(
     starts = np.ascontiguousarray(shots.starts[part])
     out = np.empty((starts.size, shots.length, BODY))
     _shoot(
-        order,
         loaded.model.program.flat,
         record.commands,
         record.t,
         record.segments[shots.segment[part]],
         record.after_gap[shots.segment[part]],
         starts,
-        max(1, int(np.ceil(record.dt / LONGEST_STEP * (1.0 - 1e-9)))),
+        substeps(record),
         np.ascontiguousarray(begin[part]),
         loaded.rotors[part],
         loaded.memory[part],
@@ -234,77 +229,25 @@ def predict(
     return out
 
 
+def substeps(record: Recording) -> int:
+    """Integration steps of one row of a recording."""
+    return max(1, int(np.ceil(record.dt / LONGEST_STEP * (1.0 - 1e-9))))
+
+
 def residuals(
     loaded: Loaded,
     shots: Shots,
     first: Array | None = None,
     part: slice = slice(None),
-    order: int = CLASSICAL,
 ) -> Array:
     """Measured less predicted in standard deviations of the noise, (s, length - lead, 12).
 
     The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
     """
-    predicted = predict(loaded, shots, first, part, order)
+    predicted = predict(loaded, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
-    _deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
+    deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
     return out
-
-
-def linearise(
-    base: Loaded,
-    moved: Sequence[Loaded],
-    steps: Sequence[float],
-    shots: Shots,
-    *,
-    threads: int | None = None,
-) -> Normal:
-    """The least-squares problem about a candidate, with the beginnings of the shots eliminated.
-
-    Derivatives are differences of motions by the midpoint rule, whose own error cancels in them.
-
-    Args:
-        base: The candidate.
-        moved: The same with one parameter changed, one each.
-        steps: By how much, in the unit that the parameters of the problem are to have.
-        shots: The shots.
-        threads: By default, as many as there are cores.
-
-    Returns:
-        Gram matrices per shot, and how the beginnings go along with the parameters.
-    """
-    count, shares = len(moved), np.asarray(steps, float)
-    gram = np.empty((len(shots.starts), count + 1, count + 1))
-    follow = np.empty((len(shots.starts), CHANNELS, count + 1))
-    channels = np.zeros((len(shots.starts), CHANNELS))
-    nudged = [displaced(shots.first, shift[None]) for shift in np.diag(NUDGE)]
-
-    def work(begin: int) -> None:
-        part = slice(begin, begin + TOGETHER)
-        error = residuals(base, shots, None, part)
-        pieces, flat = len(error), (len(error), shots.residuals)
-        columns = np.empty((pieces, CHANNELS + count + 1, shots.residuals))
-        columns[:, -1] = error.reshape(flat)
-        still = residuals(base, shots, None, part, MIDPOINT)
-        with np.errstate(over="ignore", invalid="ignore"):
-            for i, (first, size) in enumerate(zip(nudged, NUDGE, strict=True)):
-                changed = residuals(base, shots, first, part, MIDPOINT)
-                columns[:, i] = (still - changed).reshape(flat) / size
-            for i, (other, share) in enumerate(zip(moved, shares, strict=True), CHANNELS):
-                changed = residuals(other, shots, None, part, MIDPOINT)
-                columns[:, i] = (still - changed).reshape(flat) / share
-        tame = np.abs(columns) < ENDLESS
-        lost = ~tame[:, -1].all(axis=1)
-        columns[~tame.all(axis=(1, 2)), :-1] = 0.0  # at the brink: no derivative to be had
-        columns[lost] = 0.0
-        gram[part], follow[part] = eliminate(columns @ columns.transpose(0, 2, 1), CHANNELS, TRUST**-2)
-        gram[part][lost, -1, -1] = np.inf
-        left = columns[:, -1] - np.einsum("si,sir->sr", follow[part][..., -1], columns[:, :CHANNELS])
-        channels[part] = (left.reshape(pieces, -1, CHANNELS) ** 2).sum(axis=1)
-
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(work, range(0, len(shots.starts), TOGETHER)))
-    return Normal(gram, shots.residuals - CHANNELS, channels, follow)
 
 
 def cost(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> float:
@@ -336,7 +279,7 @@ def displaced(first: Array, shift: Array) -> Array:
 
 
 @jit
-def _deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> None:
+def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> None:
     """Weighted differences; of the attitude, twice the vector part of q_predicted^* q_measured."""
     for m in range(predicted.shape[0]):
         for k in range(predicted.shape[1]):
@@ -354,7 +297,6 @@ def _deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> No
 
 @jit
 def _shoot(
-    order: int,
     flat: Array,
     commands: Array,
     t: Array,
@@ -395,7 +337,6 @@ def _shoot(
             for j in range(substeps):
                 now, stop = clock[at + k] + j * h, clock[at + k] + (j + 1) * h
                 due = advance(
-                    order,
                     flat,
                     NO_HULL,
                     table,

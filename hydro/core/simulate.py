@@ -22,7 +22,7 @@ from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
-from hydro.core.integrate import BODY, CLASSICAL, NO_HULL, advance
+from hydro.core.integrate import BODY, NO_HULL, advance
 from hydro.core.segments import resumes, sample_time, segments
 from hydro.core.vehicle import Vehicle
 
@@ -173,7 +173,6 @@ def _march(
         for j in range(substeps):
             now, end = t[k] + j * h, t[k] + (j + 1) * h
             due = advance(
-                CLASSICAL,
                 flat,
                 facets,
                 table,

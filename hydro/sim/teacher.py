@@ -33,7 +33,7 @@ from hydro.core.errors import DataError
 from hydro.core.excitation import RATE, Session, demands, holds_heading, plan
 from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.core.handling import wrench_limits
-from hydro.core.integrate import BODY, CLASSICAL, advance
+from hydro.core.integrate import BODY, advance
 from hydro.core.mixing import Mixing, hold_kernel, mixing, mixing_kernel
 from hydro.core.noise import Noise, disturb
 from hydro.core.panels import Panels, loaded_facets, panels, superellipsoid
@@ -282,7 +282,6 @@ def _march(
         for j in range(SUBSTEPS):
             now, end = t[k] + j * h, t[k] + (j + 1) * h
             due = advance(
-                CLASSICAL,
                 flat,
                 facets,
                 table,

@@ -15,7 +15,7 @@ from hydro.core.effects.layout import MOTION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.excitation import RATE
-from hydro.core.integrate import BODY, CLASSICAL, advance, rates_kernel
+from hydro.core.integrate import BODY, advance, rates_kernel
 from hydro.core.vehicle import Vehicle
 from hydro.sim.plant import Mask, Snapshot
 from hydro.sim.teacher import SUBSTEPS, teacher
@@ -130,7 +130,6 @@ def _march(
         for j in range(steps):
             now, end = period * j / steps, period * (j + 1) / steps
             due = advance(
-                CLASSICAL,
                 flat,
                 facets,
                 table,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_fit import damped, moved, noisy
 
-from hydro.core import shooting
+from hydro.core import sensitivity, shooting
 from hydro.core.candidate import candidate
 from hydro.core.effects import CATALOGUE
 from hydro.core.evidence import Evidence
@@ -70,7 +70,7 @@ def gains(raw):
     (suspect,) = (one for one in suspects(vehicle) if one.effect == "thruster_gain")
     own = shooting.load(candidate(vehicle), shots)
     changed = [shooting.load(candidate(one), shots) for one in suspect.changed]
-    normal = shooting.linearise(own, changed, suspect.steps, shots)
+    normal = sensitivity.linearise(own, changed, suspect.steps, shots)
     return undetermined(entries("thruster_gain"), Evidence.of(normal).covariance([], range(8), normal.chi2))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,11 +43,12 @@ def entries(vehicle: Vehicle) -> list[Entry]:
     return found
 
 
-def inertia_matrix(vehicle: Vehicle) -> Array:
+def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """What the effects add to the mass matrix: added mass, its couplings and the dry mass of payloads.
 
     Args:
         vehicle: The vehicle.
+        listed: Its `entries`, where they are at hand; so below.
 
     Returns:
         (6, 6) symmetric matrix about CO [kg, kg m, kg m^2].
@@ -55,31 +57,31 @@ def inertia_matrix(vehicle: Vehicle) -> Array:
         DataError: Parameters that the catalogue does not admit.
     """
     total = np.zeros((6, 6))
-    for effect, parameters, _ in entries(vehicle):
+    for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.inertia is not None:
             effect.inertia(parameters, total)
     return total
 
 
-def added_mass_matrix(vehicle: Vehicle) -> Array:
+def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """M_A, the inertia of the water alone: `inertia_matrix` without payloads. (6, 6)."""
     total = np.zeros((6, 6))
-    for effect, parameters, _ in entries(vehicle):
+    for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.kind == "inertia" and effect.inertia is not None:
             effect.inertia(parameters, total)
     return total
 
 
-def current(vehicle: Vehicle) -> Array:
+def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """Velocity v_c of the water [m/s], NED, shape (3,): the sum of the vehicle's `flow` effects."""
     velocity = np.zeros(3)
-    for effect, parameters, _ in entries(vehicle):
+    for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.flow is not None:
             effect.flow(parameters, velocity)
     return velocity
 
 
-def thruster_table(vehicle: Vehicle) -> Array:
+def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """The (n, COLUMNS) thruster table of `core.allocation` with the vehicle's `actuator` effects applied.
 
     Raises:
@@ -87,17 +89,17 @@ def thruster_table(vehicle: Vehicle) -> Array:
             that no thruster can have.
     """
     table = allocation.thruster_table(vehicle)
-    for effect, parameters, _ in entries(vehicle):
+    for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.actuator is not None:
             effect.actuator(parameters, table)
     _require_possible(table)
     return table
 
 
-def velocity_log(vehicle: Vehicle) -> Array:
+def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """The velocity log as a row of numbers, shape (13,), with the vehicle's `sensor` effects applied."""
     log = np.zeros(sensor.LOG)
-    for effect, parameters, _ in entries(vehicle):
+    for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.sensor is not None:
             effect.sensor(parameters, log)
     return log

@@ -7,6 +7,7 @@ plain numbers, it can lie in any memory: a numpy array here, a numeric field of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from hydro.core.compiled import jit
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
+    Entry,
     added_mass_matrix,
     current,
     entries,
@@ -67,8 +69,9 @@ def assemble(vehicle: Vehicle) -> Program:
     Raises:
         DataError: An effect the catalogue does not admit, or a mass matrix that cannot be inverted.
     """
-    running = [entry for entry in entries(vehicle) if entry.effect.kernel is not None]
-    table, thrusters = np.zeros((len(running), EFFECT_ROW)), thruster_table(vehicle)
+    listed = entries(vehicle)
+    running = [entry for entry in listed if entry.effect.kernel is not None]
+    table, thrusters = np.zeros((len(running), EFFECT_ROW)), thruster_table(vehicle, listed)
     begin = HEADER + layout.CONSTANTS + table.size
     states = 0
     for row, (effect, parameters, _) in zip(table, running, strict=True):
@@ -78,20 +81,20 @@ def assemble(vehicle: Vehicle) -> Program:
         states += own
     header = [len(running), HEADER + layout.CONSTANTS, states, len(thrusters), begin]
     packed = [entry.parameters for entry in running]
-    flat = np.concatenate([header, constants(vehicle), table.ravel(), *packed, thrusters.ravel()])
+    flat = np.concatenate([header, constants(vehicle, listed), table.ravel(), *packed, thrusters.ravel()])
     return Program(flat, states, len(thrusters), tuple(entry.effect.name for entry in running))
 
 
-def constants(vehicle: Vehicle) -> Array:
-    """The constants `c` of a vehicle, laid out as `core.effects.layout` says."""
+def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
+    """The constants `c` of a vehicle with these effects, laid out as `core.effects.layout` says."""
     c = np.zeros(layout.CONSTANTS)
-    body, inertia = vehicle.rigid_body, inertia_matrix(vehicle)
+    body, inertia = vehicle.rigid_body, inertia_matrix(vehicle, listed)
     mass = rigid_body.mass_matrix(vehicle) + inertia
     try:
         inverse = np.linalg.inv(mass)
     except np.linalg.LinAlgError:
         raise DataError("rigid_body: the mass matrix with all effects cannot be inverted") from None
-    moved = sum((p for effect, p, _ in entries(vehicle) if effect.name == "buoyancy_offset"), np.zeros(3))
+    moved = sum((p for effect, p, _ in listed if effect.name == "buoyancy_offset"), np.zeros(3))
     for at, values in (
         (layout.DENSITY, [vehicle.environment.water_density]),
         (layout.GRAVITY, [vehicle.environment.gravity]),
@@ -102,14 +105,61 @@ def constants(vehicle: Vehicle) -> Array:
         (layout.CENTER_OF_BUOYANCY, np.asarray(vehicle.buoyancy.center) + moved),
         (layout.HULL, [vehicle.hull.length, vehicle.hull.width, vehicle.hull.height]),
         (layout.HULL_CENTER, vehicle.hull.center),
-        (layout.CURRENT, current(vehicle)),
-        (layout.ADDED_MASS, added_mass_matrix(vehicle).ravel()),
+        (layout.CURRENT, current(vehicle, listed)),
+        (layout.ADDED_MASS, added_mass_matrix(vehicle, listed).ravel()),
         (layout.INERTIA, inertia.ravel()),
         (layout.MASS_MATRIX, mass.ravel()),
         (layout.INVERSE_MASS_MATRIX, inverse.ravel()),
     ):
         c[at : at + len(values)] = values
     return c
+
+
+def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
+    """Programs of the effects that `other` has beyond `flat`, and of those that it has not any more.
+
+    None where more than effects without internal states differs.
+    """
+    if not np.array_equal(constants_of(flat), constants_of(other)):
+        return None
+    if not np.array_equal(thrusters_of(flat), thrusters_of(other)):
+        return None
+    mine, its = _effects(flat), _effects(other)
+    new, gone = _less(its, mine), _less(mine, its)
+    if any(row[3] != row[4] for row, _ in (*new, *gone)):
+        return None
+    return _program(flat, new), _program(flat, gone)
+
+
+def _effects(flat: Array) -> list[tuple[Array, Array]]:
+    """Rows and parameters of a program's effects."""
+    begin = int(flat[EFFECT_TABLE])
+    rows = flat[begin : begin + EFFECT_ROW * int(flat[EFFECT_COUNT])].reshape(-1, EFFECT_ROW)
+    return [(row, flat[int(row[1]) : int(row[2])]) for row in rows]
+
+
+def _less(some: list[tuple[Array, Array]], others: list[tuple[Array, Array]]) -> list[tuple[Array, Array]]:
+    """Effects that are not among the others with the same parameters and states."""
+    left = [(row[0], row[3], row[4], p.tobytes()) for row, p in others]
+    kept = []
+    for row, p in some:
+        known = (row[0], row[3], row[4], p.tobytes())
+        if known in left:
+            left.remove(known)
+        else:
+            kept.append((row, p))
+    return kept
+
+
+def _program(flat: Array, effects: list[tuple[Array, Array]]) -> Array:
+    """A program of some effects alone, without states and thrusters, and the constants of another."""
+    table, packed = np.zeros((len(effects), EFFECT_ROW)), [p for _, p in effects]
+    begin = HEADER + layout.CONSTANTS + table.size
+    for row, (source, p) in zip(table, effects, strict=True):
+        row[:3] = source[0], begin, begin + p.size
+        begin += p.size
+    header = [len(effects), HEADER + layout.CONSTANTS, 0, 0, begin]
+    return np.concatenate([header, constants_of(flat), table.ravel(), *packed])
 
 
 @jit
