@@ -23,6 +23,7 @@ from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
 from hydro.core.given import in_file, steadied
 from hydro.core.left_out import Fitted, scores
+from hydro.core.log_faults import freed
 from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
 from hydro.core.parameters import free
@@ -76,6 +77,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     """
     told = report or (lambda words, share: None)
     told("shots", 0.0)
+    raw, faults = freed(vehicle, raw)
     record = recording(raw, vehicle)
     base, reach, problem = own_effects(vehicle), record.eta[:, :3], aimed(vehicle, record)
     shots = problem.shots
@@ -105,7 +107,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     findings += (one for one in _unseen(last, model, shots) if one.effect not in told_of)
     told("done", 1.0)
     chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
-    return Diagnosis(tuple(findings), result.vehicle if result else vehicle, chi2)
+    return Diagnosis((*faults, *findings), result.vehicle if result else vehicle, chi2)
 
 
 def aimed(vehicle: Vehicle, record: Recording) -> OutputError:

@@ -13,7 +13,13 @@ import polars as pl
 from hydro.core.vehicle import Vehicle
 
 Verdict = Literal[
-    "missing", "retune", "cannot_tell_apart", "not_excited", "none_of_the_known", "nothing_missing"
+    "log_fault",
+    "missing",
+    "retune",
+    "cannot_tell_apart",
+    "not_excited",
+    "none_of_the_known",
+    "nothing_missing",
 ]
 
 SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
@@ -40,7 +46,7 @@ class Finding:
     Attributes:
         verdict: What is the matter.
         effect: The effect that explains it best; empty where none is meant.
-        members: All effects that it may be.
+        members: All effects that it may be; of `log_fault`, the columns.
         share: Part of the error beyond the noise that it explains, with
         low: the lower and
         high: the upper end of its 95 % interval; NaN where there is none.

@@ -23,6 +23,7 @@ from hydro.core.candidate import candidate
 from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
+from hydro.core.log_faults import freed
 from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.passive import accepted, bounded_in_sum, possible
@@ -149,6 +150,7 @@ def fit(
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
     told = report or (lambda words, share: None)
+    raw, faults = freed(vehicle, raw)
     record = recording(raw, vehicle)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     told("equation error", 0.0)
@@ -170,7 +172,8 @@ def fit(
     told("done", 1.0)
     found = judged(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    return replace(found, warnings=(*reduced, *found.warnings), share=share)
+    told_of = (fault.advice for fault in faults)
+    return replace(found, warnings=(*told_of, *reduced, *found.warnings), share=share)
 
 
 @dataclass(frozen=True)

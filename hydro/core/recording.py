@@ -135,7 +135,7 @@ def noise(record: Recording) -> Array:
     Raises:
         DataError: No segment has five rows.
     """
-    found = np.array([_noise(parts) for parts in _channels(record)])
+    found = np.array([_noise(parts) for parts in channels(record)])
     sigma: Array = np.maximum(found, LEAST_NOISE)
     return sigma
 
@@ -145,10 +145,10 @@ def drawn(record: Recording) -> bool:
 
     Its noise is not white from row to row, however well its size is known.
     """
-    return any(_apart(parts) > 1 for parts in _channels(record))
+    return any(_apart(parts) > 1 for parts in channels(record))
 
 
-def _channels(record: Recording) -> Iterator[list[Array]]:
+def channels(record: Recording) -> Iterator[list[Array]]:
     """Each channel segment by segment, pose then velocity, angles without jumps."""
     channels = np.hstack([record.eta, record.nu])
     for start, stop in record.segments:

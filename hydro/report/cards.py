@@ -113,7 +113,7 @@ def _card(row: dict[str, Any], name: str, charts: Charts) -> dict[str, Any]:
         charts.add(f"values-{name}-{number}", plots.parameters(group))
         for number, group in enumerate(words.by_unit(_drawn(values)))
     ]
-    rivals = [words.effect_name(one) for one in row["members"] if one != row["effect"]]
+    rivals = [words.effect_name(one) for one in row["members"] if row["effect"] not in ("", one)]
     return {
         "verdict": row["verdict"],
         "label": label,

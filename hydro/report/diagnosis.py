@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 EXPLAINS = {
+    "log_fault": "fault of the log: {columns}",
     "missing": "missing: {effect}, {share} of the unexplained error",
     "retune": "other values: {effect}, {share} of the error of the file as given",
     "cannot_tell_apart": "one of {members}: {share} of the unexplained error",
@@ -40,6 +41,7 @@ def _line(row: dict[str, Any]) -> str:
         effect=row["effect"],
         share=_percent(row["share_of_error_explained"], row["share_low"], row["share_high"]),
         members=" or ".join(row["members"]),
+        columns=", ".join(row["members"]),
     )
     if row["confidence"] is not None:
         told += f", confidence {row['confidence']:.0%}"

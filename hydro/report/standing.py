@@ -163,7 +163,8 @@ def _first_finding(sources: Sources) -> str:
     """The verdict of the first finding of the last diagnosis."""
     if not sources.diagnoses or sources.diagnoses[-1].frame.is_empty():
         return ""
-    return words.verdict(sources.diagnoses[-1].frame.sort("rank").row(0, named=True))[1]
+    rows = sources.diagnoses[-1].frame.sort("rank").filter(pl.col("verdict") != "log_fault")
+    return words.verdict(rows.row(0, named=True))[1]
 
 
 def _worst_place(sources: Sources) -> str:

@@ -17,6 +17,7 @@ from hydro.core.errors import DataError
 from hydro.core.parameters import unit_at
 
 VERDICTS = {
+    "log_fault": ("Fault of the log", "What the log says of {columns} cannot be."),
     "missing": ("Missing", "The model lacks {effect}."),
     "retune": ("Other values", "The model has {effect}, but the recording asks for other values."),
     "cannot_tell_apart": (
@@ -91,7 +92,8 @@ def verdict(row: dict[str, Any]) -> tuple[str, str]:
     """Label and sentence of a finding."""
     label, sentence = VERDICTS[row["verdict"]]
     members = listed([effect_name(name) for name in row["members"]], "or")
-    return label, sentence.format(effect=effect_name(row["effect"]), members=members)
+    effect, columns = effect_name(row["effect"]), listed(row["members"])
+    return label, sentence.format(effect=effect, members=members, columns=columns)
 
 
 def in_short(row: dict[str, Any]) -> str:
