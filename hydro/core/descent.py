@@ -56,21 +56,27 @@ class Problem(Protocol):
 
 
 def descend(
-    unknown: Free, start: Array, problem: Problem, iterations: int, enough: float = ENOUGH
+    unknown: Free,
+    start: Array,
+    problem: Problem,
+    iterations: int,
+    enough: float = ENOUGH,
+    share: float = 0.0,
 ) -> tuple[Array, Normal, Problem]:
     """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
 
-    It ends where a step would lower the cost by less than `enough` residuals' worth.
+    It ends where a step would lower the cost by less than `enough` residuals' worth, or by less than a share
+    of what there is beyond the noise.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
     begin = x = start / scales
-    damping, prior = 1e-6, np.full(len(x), PRIOR**-2)
+    damping, reached, prior = 1e-6, np.inf, np.full(len(x), PRIOR**-2)
     normal = linearised(unknown, x, problem)
     for _ in range(iterations):
         matrix = normal.matrix.sum(axis=0) + np.diag(prior)
         score = normal.score.sum(axis=0) - prior * (x - begin)
-        worth = enough * max(1.0, normal.chi2)
+        worth = max(enough * max(1.0, normal.chi2), share * (normal.cost - normal.residuals))
         # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
         here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
         before = here + float((prior * (x - begin) ** 2).sum())
@@ -86,8 +92,10 @@ def descend(
                 after, stride = along, step
                 break
             damping = max(damping * 10.0, 1e-4)
-        if not stride.any() and not max(worth, 1e-9 * here) < here - normal.cost:
+        # Without a step the pieces' own unknowns move on alone, while that brings them on.
+        if not stride.any() and min(here - normal.cost, reached - here) <= max(worth, 1e-9 * here):
             break
+        reached = cost if stride.any() else here
         x, problem, damping = x + stride, after, max(damping * 0.1, 1e-9)
         normal = linearised(unknown, x, problem)
     return unknown.within(x * scales), normal, problem

@@ -89,7 +89,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("looking back", 0.8)
     model, found, without = search.reconsider(model, found)
     wanted = [*base, *(one.effect for one in found)]
-    model = fitted(model.vehicle, wanted, model.problem, reach, ITERATIONS)
+    model = fitted(model.vehicle, wanted, model.problem, reach, ITERATIONS, share=0.0)
     model = replace(model, values=steadied(model.unknown, model.values, model.normal, vehicle))
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None

@@ -202,7 +202,7 @@ def _together(
     reach = record.eta[:, :3]
     unknown = free(vehicle, wanted, reach=reach)
     problem = aimed(unknown.at(unknown.starts[0]), record)
-    model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS)
+    model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS, share=0.0)
     values = steadied(model.unknown, model.values, model.normal, file)
     return judged(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
 

@@ -44,6 +44,7 @@ ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
 GROSS = 100.0  # mean square residual in units of the noise from which the noise has no say in the weights
+OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
@@ -198,11 +199,25 @@ class OutputError:
         return sensitivity.linearise(loaded, others, steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
-        """Predict anew, from beginnings moved as the linearised problem would have them."""
+        """Predict anew, from beginnings moved as the linearised problem would have them.
+
+        Where a shot ends far from what that problem expects, less of the way is tried, and none.
+        """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         shift = np.clip(shift, -FARTHEST * shooting.TRUST, FARTHEST * shooting.TRUST)
-        moved = replace(self.shots, first=shooting.displaced(self.shots.first, shift))
-        return shooting.cost(shooting.load(candidate(vehicle), moved), moved), OutputError(moved)
+        first = shooting.displaced(self.shots.first, shift)
+        loaded, reached = shooting.load(candidate(vehicle), self.shots), OFF * normal.expected(step)
+        costs = shooting.costs(loaded, replace(self.shots, first=first))
+        for part in SHORTER:
+            poor = ~(costs <= np.maximum(reached, normal.freedom))
+            if not poor.any():
+                break
+            less = shooting.displaced(self.shots.first[poor], part * shift[poor])
+            tried = replace(shooting.some(self.shots, poor), first=less)
+            again = shooting.costs(loaded.of(poor), tried)
+            better = np.flatnonzero(poor)[again < costs[poor]]
+            first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
+        return float(costs.sum()), OutputError(replace(self.shots, first=first))
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
         """Noise of each channel as what is left in it: what the model does not explain weighs less."""

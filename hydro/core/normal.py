@@ -61,6 +61,12 @@ class Normal:
         """Sum of squared residuals."""
         return float(self.gram[:, -1, -1].sum())
 
+    def expected(self, step: Array) -> Array:
+        """Squared residual of each piece after a step (P,) of its parameters, (S,)."""
+        across = 2.0 * self.score @ step - np.einsum("sij,i,j->s", self.matrix, step, step)
+        left: Array = self.gram[:, -1, -1] - across
+        return left
+
     @property
     def residuals(self) -> int:
         """Independent residuals in all."""

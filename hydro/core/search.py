@@ -47,7 +47,8 @@ NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspe
 MOST = 4  # findings
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
-COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing
+COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
+SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
 
 
 @dataclass(frozen=True)
@@ -356,15 +357,19 @@ def leader(fits: Mapping[str, Model]) -> str | None:
     return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)
 
 
-def fitted(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int) -> Model:
+def fitted(
+    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int, share: float = SLOW
+) -> Model:
     """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
+
+    A step that would take less than a `share` of what is left ends the fit.
 
     Raises:
         DataError: The predicted motion knows no bounds.
     """
     if effects:
         unknown = free(vehicle, effects, reach=reach)
-        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE)
+        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
     else:
         unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
         normal = problem.linearise(vehicle, [], [])

@@ -175,6 +175,10 @@ class Loaded:
     rotors: Array
     memory: Array
 
+    def of(self, kept: NDArray[np.bool_]) -> Loaded:
+        """The same for the shots that a mask (S,) keeps."""
+        return Loaded(self.model, self.rotors[kept], self.memory[kept])
+
 
 def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
     """Work out a candidate's states at the beginning of every shot; `like` has perhaps the same thrusters."""
@@ -250,16 +254,22 @@ def residuals(
     return out
 
 
-def cost(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> float:
-    """Sum of squared residuals over all shots; infinite where a motion knows no bounds."""
+def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
+    """Sum of squared residuals of each shot, (S,); infinite where a motion knows no bounds."""
 
-    def work(begin: int) -> float:
+    def work(begin: int) -> Array:
         error = residuals(loaded, shots, None, slice(begin, begin + TOGETHER))
-        return float(np.einsum("mki,mki->", error, error))
+        return np.einsum("mki,mki->m", error, error)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        total = sum(pool.map(work, range(0, len(shots.starts), TOGETHER)))
-    return total if total < ENDLESS**2 else np.inf
+        each = np.concatenate(list(pool.map(work, range(0, len(shots.starts), TOGETHER))))
+    each[~(each < ENDLESS**2)] = np.inf
+    return each
+
+
+def cost(loaded: Loaded, shots: Shots) -> float:
+    """Sum of squared residuals over all shots; infinite where a motion knows no bounds."""
+    return float(costs(loaded, shots).sum())
 
 
 def displaced(first: Array, shift: Array) -> Array:

@@ -13,15 +13,17 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from hydro.core.beginnings import beginnings
+from hydro.core.candidate import candidate
 from hydro.core.descent import ERRORS, FINER, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.extend import extended
-from hydro.core.fit import fit
+from hydro.core.fit import OutputError, fit
 from hydro.core.noise import PROFILES, disturb
 from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import free
 from hydro.core.recording import POSE, VELOCITY, recording
+from hydro.core.shooting import TRUST, aim, costs, displaced, load
 from hydro.core.simulate import simulate
 from hydro.core.weakform import Windows
 from hydro.io import vehicle as files
@@ -141,6 +143,27 @@ def test_a_corner_scatters_by_the_variance_of_the_lowest_point_of_brownian_motio
 
     assert 2.0 * quad(density, 0.0, np.inf, limit=500)[0] == pytest.approx(1.0)
     assert 2.0 * quad(lambda x: x**2 * density(x), 0.0, 400.0, limit=800)[0] == pytest.approx(ERRORS**2)
+
+
+def test_beginnings_go_no_way_that_leads_off():
+    """A tether that the file has not, and a hull that pulls itself ahead: shots far from linear."""
+    tether = {"name": "tether", "k": 60.0, "anchor": [3.0, 2.0, 5.0]}
+    raw = noisy(moved(damped(tether), rows=2000), 0)
+    driven = {"name": "linear_damping", "diagonal": [-250.0, -200.0, *synthetic.LINEAR[2:].tolist()]}
+    known = damped()
+    known = msgspec.structs.replace(known, effect=(known.effect[0], driven, known.effect[2]))
+    problem = OutputError.of(aim(recording(raw, known)), known)
+    now = costs(load(candidate(known), problem.shots), problem.shots)
+    normal = problem.linearise(known, [], [])
+    total, along = problem.cost(known, np.zeros(0), normal)
+    after = costs(load(candidate(known), along.shots), along.shots)
+    assert total == pytest.approx(after.sum())
+    assert (after <= np.maximum(now, 1.5 * np.maximum(normal.expected(np.zeros(0)), normal.freedom))).all()
+    # all of the way, whatever comes of it, would have been worse for some
+    whole = displaced(problem.shots.first, np.clip(normal.follow[..., -1], -3.0 * TRUST, 3.0 * TRUST))
+    assert (
+        costs(load(candidate(known), problem.shots), replace(problem.shots, first=whole)) > 1.01 * now
+    ).any()
 
 
 class Along:
