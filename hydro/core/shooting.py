@@ -259,7 +259,8 @@ def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
 
     def work(begin: int) -> Array:
         error = residuals(loaded, shots, None, slice(begin, begin + TOGETHER))
-        return np.einsum("mki,mki->m", error, error)
+        squares: Array = np.einsum("mki,mki->m", error, error)
+        return squares
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         each = np.concatenate(list(pool.map(work, range(0, len(shots.starts), TOGETHER))))
