@@ -11,7 +11,7 @@ from hydro import cli
 from hydro.commands.steps import Runner, Step, here
 from hydro.commands.study import Data, Run, _beside_effects
 from hydro.core.metrics import SCHEMA
-from hydro.report.tables import ranking, seeds_together
+from hydro.report.seeds import ranking, seeds_together
 
 
 class Copier:

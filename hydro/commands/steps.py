@@ -8,7 +8,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,11 +27,13 @@ class Step:
         line: Its words, without `hydro`.
         reads: Files it depends on.
         writes: Files it makes.
+        kind: Steps of one kind take about as long: the command, and what else matters, such as a model.
     """
 
     line: tuple[str, ...]
     reads: tuple[Path, ...]
     writes: tuple[Path, ...]
+    kind: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -53,6 +55,8 @@ class Runner:
         self._execute = execute
         self._digests: dict[tuple[Path, int, int], str] = {}
         self._ledger: dict[str, dict[str, str]] = {}
+        self._todo: list[Step] = []
+        self._took: dict[tuple[str, ...], list[float]] = {}
         if self._path.is_file():
             try:
                 self._ledger = json.loads(self._path.read_bytes())
@@ -60,36 +64,47 @@ class Runner:
                 typer.echo(f"hydro: {self._path}: cannot be read: every step is run anew", err=True)
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
-        """Run those steps that are not done; how many that were.
+        """Run those steps that are not done; how many that were."""
+        return sum(anew for _, anew in self.one_by_one(steps, workers))
+
+    def one_by_one(self, steps: Sequence[Step], workers: int = 1) -> Iterator[tuple[Step, bool]]:
+        """Run those steps that are not done; every step as soon as it is, and whether it was run now.
 
         With more than one worker, steps run side by side as soon as none still to be run writes what they
-        read.
+        read. Lines on stderr tell what is run, what each step took and, once a step of every command has been
+        timed, about how long the others will take.
         """
+        self._todo = [step for step in steps if not self.done(step)]
+        if self._todo and len(self._todo) < len(steps):
+            typer.echo(f"{len(steps) - len(self._todo)} of {len(steps)} steps are done already", err=True)
         if workers > 1:
-            return self._side_by_side(list(steps), workers)
-        todo = (step for step in steps if not self._told_done(step))
-        return sum(self.record(step, self._timed(step)) for step in todo)
+            yield from self._side_by_side(list(steps), workers)
+            return
+        for step in steps:
+            if self.done(step):
+                yield step, False
+            else:
+                self.record(step, self._timed(step))
+                yield step, True
 
-    def _side_by_side(self, waiting: list[Step], workers: int) -> int:
+    def _side_by_side(self, waiting: list[Step], workers: int) -> Iterator[tuple[Step, bool]]:
         running: dict[Future[float], Step] = {}
-        ran = 0
         with ThreadPoolExecutor(workers) as pool:
             while waiting or running:
                 for step in _ready(waiting, running.values(), workers):
                     waiting.remove(step)
-                    if not self._told_done(step):
+                    if self.done(step):
+                        yield step, False
+                    else:
                         running[pool.submit(self._timed, step)] = step
                 for finished in wait(running, return_when=FIRST_COMPLETED).done if running else ():
-                    ran += self.record(running.pop(finished), finished.result())
-        return ran
-
-    def _told_done(self, step: Step) -> bool:
-        done = self.done(step)
-        typer.echo(f"{'already done: ' if done else ''}hydro {step.name}", err=True)
-        return done
+                    step = running.pop(finished)
+                    self.record(step, finished.result(), workers)
+                    yield step, True
 
     def _timed(self, step: Step) -> float:
         """Run a step; how long it took [s]."""
+        typer.echo(f"hydro {step.name}", err=True)
         started = time.perf_counter()
         for path in step.writes:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +116,7 @@ class Runner:
         known = self._ledger.get(step.name)
         if known is None or not all(path.is_file() for path in (*step.reads, *step.writes)):
             return False
-        return known == self._state(step)
+        return known.items() >= self._state(step).items()
 
     def _state(self, step: Step) -> dict[str, str]:
         """Version of hydro, and digests of all files of a step."""
@@ -110,14 +125,30 @@ class Runner:
         files = {str(path): self._digest(path) for path in (*step.reads, *step.writes)}
         return {"version": version("deep-hydro-sim")} | files
 
-    def record(self, step: Step, seconds: float) -> bool:
-        """Enter a step that has been run, and write the ledger, whole or not at all; True."""
+    def record(self, step: Step, seconds: float, workers: int = 1) -> None:
+        """Enter a step that has been run, write the ledger, whole or not at all, and tell how far we are."""
         from hydro.io.files import write_bytes
 
-        self._ledger[step.name] = self._state(step)
+        self._ledger[step.name] = self._state(step) | {"seconds": f"{seconds:.1f}"}
         write_bytes(json.dumps(self._ledger, indent=1).encode(), str(self._path))
-        typer.echo(f"  {seconds:.1f} s: {', '.join(path.name for path in step.writes)}", err=True)
-        return True
+        self._took.setdefault(step.kind or step.line[:1], []).append(seconds)
+        self._todo = [other for other in self._todo if other != step]
+        names = ", ".join(path.name for path in step.writes)
+        typer.echo(f"  {seconds:.1f} s: {names}{self._left(workers)}", err=True)
+
+    def _left(self, workers: int) -> str:
+        """What there is still to do and how long that takes, by steps of the same kind, else command."""
+        if not self._todo:
+            return ""
+        seconds = 0.0
+        for step in self._todo:
+            alike = self._took.get(step.kind or step.line[:1]) or [
+                one for kind, some in self._took.items() if kind[0] == step.line[0] for one in some
+            ]
+            if not alike:
+                return f"; {len(self._todo)} steps left"
+            seconds += sum(alike) / len(alike)
+        return f"; {len(self._todo)} steps left, some {_duration(seconds / workers)}"
 
     def _digest(self, path: Path) -> str:
         """SHA-256 of a file; computed once as long as the file is not written again."""
@@ -151,3 +182,10 @@ def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> li
     to_come = {path for step in (*waiting, *busy) for path in step.writes}
     ready = [step for step in waiting if to_come.isdisjoint(step.reads)]
     return ready[: workers - len(busy)]
+
+
+def _duration(seconds: float) -> str:
+    """A duration for a person, in the unit that suits it."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -5,46 +5,29 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
+from hydro.commands.shell import read
 from hydro.commands.steps import Runner, Step, apart, here
+from hydro.commands.summary import (
+    CONDITIONINGS,
+    EFFECTS,
+    SIDE_BY_SIDE,
+    Run,
+    conditioned,
+    show,
+    summarise,
+)
 from hydro.core.errors import UsageError
-
-if TYPE_CHECKING:
-    import polars as pl
 
 MODELS = ("mlp", "resmlp", "multihead", "moe", "physfeat", "structured", "temporal")
 PIECE = "10"  # s, a segment of the paper's replay sequence
-CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
 BESIDE_EFFECTS = "physfeat"
 QUICK_MODELS = ("mlp", "moe", "structured")
-RANKING_TITLE = (
-    "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
-)
-
-
-@dataclass(frozen=True)
-class Run:
-    """One network of a study: a model, a seed, and how many minutes of the data it is trained on."""
-
-    model: str
-    seed: int
-    minutes: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of its files."""
-        part = "" if self.minutes is None else f"-{self.minutes:g}min"
-        return f"{self.model}-seed{self.seed}{part}"
-
-    @property
-    def label(self) -> str:
-        """What distinguishes it from other runs of the same model."""
-        return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
 
 
 @dataclass(frozen=True)
@@ -123,9 +106,10 @@ def study(
     model that predicts best also replay best? Every step is an ordinary command, printed as it runs. A step
     whose inputs have not changed is not run again: a study that was interrupted goes on where it stopped.
 
-    DIR gets models/, the errors of every network, and of all of them evaluation.parquet, errors.parquet and
-    ranking.parquet (means over seeds, with the smallest and largest), replay.parquet and figures/. `hydro
-    report DIR` tells it on one page.
+    Networks are made seed by seed, and after every seed DIR gets what is known so far: evaluation.parquet,
+    errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, with the
+    smallest and largest), replay.parquet and figures/, beside models/ and the errors of every network. `hydro
+    report DIR` tells it on one page, while the study runs as well.
     """
     names = tuple(model) if model else QUICK_MODELS if quick else MODELS
     _require_models(names)
@@ -135,19 +119,38 @@ def study(
         seeds, epochs = 1, 1
     data = Data(raw, replay, test, vehicle, noise, effects)
     folder.mkdir(parents=True, exist_ok=True)
-    whole = [Run(name, seed) for name in names for seed in range(seeds)]
-    parts = [Run(run.model, run.seed, share) for run in whole for share in minutes or ()]
-    steps = [*_preparation(data, folder)]
-    for run in (*whole, *parts):
-        steps += _of_a_run(run, data, folder, epochs=epochs, device=device)
-    steps += _together(names, data, folder, conditionings=() if quick else CONDITIONINGS)
-    steps += _beside_effects(data, folder, epochs=epochs, device=device)
+    rounds = _rounds(names, seeds, minutes or ())
+    steps = [
+        [step for run in runs for step in _of_a_run(run, data, folder, epochs=epochs, device=device)]
+        for runs in rounds
+    ]
+    steps[0] = [
+        *_preparation(data, folder),
+        *steps[0],
+        *_together(names, data, folder, conditionings=() if quick else CONDITIONINGS),
+        *_beside_effects(data, folder, epochs=epochs, device=device),
+    ]
     runner = Runner(folder, here(context.find_root().command) if workers == 1 else apart)
     if noise != "none":
         _disturb(data, folder, runner)
-    ran = runner.run(steps, workers)
-    typer.echo(f"{ran} of {len(steps)} steps run, the others were done", err=True)
-    _summarise(whole, parts, data, folder)
+    done, made, complete, ran = set[Step](), set[Path](), 0, 0
+    for step, anew in runner.one_by_one(list(chain.from_iterable(steps)), workers):
+        done.add(step)
+        made.update(step.writes)
+        ran += anew
+        while complete < len(steps) and done.issuperset(steps[complete]):
+            complete += 1
+            if anew or complete == len(steps):
+                summary = summarise(list(chain.from_iterable(rounds[:complete])), folder, made)
+    typer.echo(f"{ran} of {len(done)} steps run, the others were done", err=True)
+    show(summary)
+
+
+def _rounds(names: Sequence[str], seeds: int, minutes: Sequence[float]) -> list[list[Run]]:
+    """Networks seed by seed, so that a study that is cut short has every model: whole data first."""
+    whole = [[Run(name, seed) for name in names] for seed in range(seeds)]
+    parts = [[Run(name, seed, share) for share in minutes for name in names] for seed in range(seeds)]
+    return [*whole, *parts] if minutes else whole
 
 
 def _require_models(names: Sequence[str]) -> None:
@@ -232,7 +235,7 @@ def _of_a_run(run: Run, data: Data, folder: Path, *, epochs: int | None, device:
     ways = ("--by", "speed", "--by", "drift", "--by", "reach")
     variant = PAPER_NAMES.get(run.model, run.model)
     return [
-        Step((*line, "-o", str(model)), (split,), (model,)),
+        Step((*line, "-o", str(model)), (split,), (model,), ("train", run.model, str(run.minutes))),
         Step(
             ("evaluate", str(model), "--labels", str(table), "--part", part, *ways, "-o", str(predicted)),
             (model, table),
@@ -263,7 +266,7 @@ def _beside_effects(data: Data, folder: Path, *, epochs: int | None, device: str
         return []
     raw, stated = _learnt_from(data, folder)
     labels, split = folder / "labels-effects.parquet", folder / "split-effects.parquet"
-    model, replayed = folder / "models" / "beside-effects.parquet", _flown_with_effects(folder)
+    model, replayed = folder / "models" / "beside-effects.parquet", folder / EFFECTS
     given, name = ("--vehicle", str(data.effects)), PAPER_NAMES.get(BESIDE_EFFECTS, BESIDE_EFFECTS)
     return [
         Step(
@@ -289,26 +292,23 @@ def _beside_effects(data: Data, folder: Path, *, epochs: int | None, device: str
     ]
 
 
-def _flown_with_effects(folder: Path) -> Path:
-    return folder / "replayed" / "effects.parquet"
-
-
 def _together(names: Sequence[str], data: Data, folder: Path, *, conditionings: Sequence[str]) -> list[Step]:
     """The first seeds side by side: figures, the replay's series, and every kind of conditioning."""
     models = [folder / "models" / f"{Run(name, 0).name}.parquet" for name in names]
     given = [word for model in models for word in ("--model", str(model))]
     table, part = _tested(data, folder)
-    figures, side = folder / "figures", folder / "replay.parquet"
-    beside = folder / "replayed" / "side-by-side.parquet"
+    figures, side, beside = folder / "figures", folder / "replay.parquet", folder / SIDE_BY_SIDE
+    predicted = folder / "evaluated" / "side-by-side.parquet"
+    drawn = [figures / f"{name}.png" for name in ("axes", "regimes", *(f"density-{one}" for one in names))]
     steps = [
         Step(
             (
                 *("evaluate", *map(str, models), "--labels", str(table), "--part", part),
                 *("--by", "speed", "--by", "drift", "--by", "reach", "--figures", str(figures)),
-                *("-o", str(folder / "evaluated" / "side-by-side.parquet")),
+                *("-o", str(predicted)),
             ),
             (*models, table),
-            (folder / "evaluated" / "side-by-side.parquet", figures / "axes.png", figures / "regimes.png"),
+            (predicted, *drawn),
         ),
         Step(
             (
@@ -317,75 +317,21 @@ def _together(names: Sequence[str], data: Data, folder: Path, *, conditionings: 
             ),
             _reads(data, data.replay, *models),
             (beside, side, figures / "velocities.png", figures / "errors.png"),
+            ("replay", "all models"),
         ),
     ]
     for kind in conditionings:
-        target = folder / "replayed" / f"conditioning-{kind}.parquet"
+        target = folder / conditioned(kind)
         line = ("replay", str(data.replay), *_vehicle(data), *given, "--conditioning", kind)
         steps.append(
             Step(
                 (*line, "--metrics", str(target), "-o", "/dev/null"),
                 _reads(data, data.replay, *models),
                 (target,),
+                ("replay", "all models"),
             )
         )
     return steps
-
-
-def _summarise(whole: Sequence[Run], parts: Sequence[Run], data: Data, folder: Path) -> None:
-    """Write and print the means over seeds, and how the two errors rank the models."""
-    import polars as pl
-
-    from hydro.io import table
-    from hydro.report.tables import prediction_errors, ranking, replay_errors, seeds_together
-
-    def errors(kind: str, runs: Sequence[Run]) -> pl.DataFrame:
-        return pl.concat(
-            read(str(folder / kind / f"{run.name}.parquet"), "metrics").frame.with_columns(
-                run=pl.lit(run.label), minutes=pl.lit(run.minutes, pl.Float64)
-            )
-            for run in runs
-        )
-
-    predicted, replayed = errors("evaluated", whole), errors("replayed", whole)
-    besides = read(str(folder / "replayed" / "side-by-side.parquet"), "metrics").frame
-    baselines = besides.filter(~pl.col("variant").is_in(replayed["variant"].unique()))
-    if data.effects is not None:
-        baselines = pl.concat([baselines, read(str(_flown_with_effects(folder)), "metrics").frame])
-    summary = {
-        "evaluation": seeds_together(predicted),
-        "errors": pl.concat([baselines, seeds_together(replayed)]),
-        "ranking": ranking(predicted, replayed),
-    }
-    if parts:
-        summary["minutes"] = pl.concat(
-            [_by_minutes(errors(kind, parts)) for kind in ("evaluated", "replayed")]
-        )
-    for name, frame in summary.items():
-        table.write(table.make("metrics", frame, stage="study"), folder / f"{name}.parquet")
-    print_table(prediction_errors(summary["evaluation"]), PREDICTION_TITLE + "; means over seeds")
-    print_table(replay_errors(summary["errors"]), REPLAY_TITLE + "; means over seeds")
-    if not summary["ranking"].is_empty():
-        taus = summary["ranking"].filter(pl.col("metric") == "kendall_tau")
-        chances = summary["ranking"].filter(pl.col("metric") == "kendall_p").select("axis", p="value")
-        shown = taus.select("axis", "low", "high", tau="value").join(chances, on="axis", how="left")
-        print_table(shown.select("axis", "tau", "low", "high", "p"), RANKING_TITLE)
-
-
-def _by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
-    """Means over seeds for every length of training data, which the model's name then tells."""
-    import polars as pl
-
-    from hydro.report.tables import seeds_together
-
-    return pl.concat(
-        seeds_together(
-            errors.filter(pl.col("minutes") == share).with_columns(
-                model=pl.col("model") + pl.lit(f", {share:g} min")
-            )
-        )
-        for share in errors["minutes"].unique().sort()
-    )
 
 
 COMMANDS = {

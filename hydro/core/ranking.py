@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import kendalltau
+from scipy.stats import kendalltau, mannwhitneyu
 
 from hydro.core.errors import DataError
 
@@ -46,18 +46,40 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
     one, other = ([np.asarray(values, dtype=np.float64) for values in table] for table in (first, second))
     if len(one) < 3 or [len(values) for values in one] != [len(values) for values in other]:
         raise DataError("a ranking needs three models or more, and both errors of every network")
-    tau, p_value = _tau(one, other)
+    means = [np.array([[values.mean() for values in table]]) for table in (one, other)]
     rng = np.random.default_rng(seed)
-    drawn = []
-    for _ in range(SAMPLES):
-        seeds = [rng.integers(0, len(values), len(values)) for values in one]
-        models = rng.integers(0, len(one), len(one))
-        again = ([table[k][seeds[k]] for k in models] for table in (one, other))
-        drawn.append(_tau(*again)[0])
+    seeds = [rng.integers(0, len(values), (SAMPLES, len(values))) for values in one]
+    models = rng.integers(0, len(one), (SAMPLES, len(one)))
+    again = (
+        np.stack([values[chosen].mean(axis=1) for values, chosen in zip(table, seeds, strict=True)], axis=1)
+        for table in (one, other)
+    )
+    drawn = _tau(*(np.take_along_axis(values, models, axis=1) for values in again))
     low, high = np.nanpercentile(drawn, INTERVAL)
-    return Agreement(tau, float(low), float(high), p_value)
+    p_value = float(kendalltau(*(values[0] for values in means)).pvalue)
+    return Agreement(float(_tau(*means)[0]), float(low), float(high), p_value)
 
 
-def _tau(first: list[Array], second: list[Array]) -> tuple[float, float]:
-    found = kendalltau([values.mean() for values in first], [values.mean() for values in second])
-    return float(found.statistic), float(found.pvalue)
+def no_better(errors: ArrayLike, best: ArrayLike) -> float:
+    """Chance of errors so much larger than another model's, were they not: exact rank-sum test, one-sided.
+
+    Args:
+        errors: One number per network, shape (S,).
+        best: Those of the other model, shape (T,).
+    """
+    return float(mannwhitneyu(errors, best, alternative="greater", method="exact").pvalue)
+
+
+def _tau(first: Array, second: Array) -> Array:
+    """Kendall's tau-b of every row of two tables (B, n); NaN where all of a row are alike."""
+    signs = [_signs(table) for table in (first, second)]
+    both, *own = ((a * b).sum(axis=(1, 2)) for a, b in (signs, *zip(signs, signs, strict=True)))
+    with np.errstate(invalid="ignore"):
+        tau: Array = both / np.sqrt(own[0] * own[1])
+    return tau
+
+
+def _signs(values: Array) -> Array:
+    """Which of every two numbers of a row is larger: 1, 0 or -1, shape (B, n, n)."""
+    larger = values[:, :, None] > values[:, None, :]
+    return larger.astype(np.float64) - larger.transpose(0, 2, 1)

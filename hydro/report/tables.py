@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import polars as pl
 
-from hydro.core.metrics import SCHEMA
-from hydro.core.ranking import agreement
-
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 PIECE = r" ([\d.]+-[\d.]+ s)$"
 """How the dataset of a piece of a recording ends."""
@@ -23,7 +20,7 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         `variant`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s], null where a flight
         diverged, and in that case a column `diverged at` with the time [s] when it did.
     """
-    metrics = metrics.filter(~_of_a_piece())
+    metrics = metrics.filter(~of_a_piece())
     errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITIES)
     diverged = metrics.filter(pl.col("metric") == "diverged").select(
         "variant", pl.col("value").alias("diverged at")
@@ -51,7 +48,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         [rad/s].
     """
     chosen = metrics.filter(
-        _of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITIES)
+        of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITIES)
     ).with_columns(piece=pl.col("dataset").str.extract(PIECE))
     return chosen.pivot(
         on="axis",
@@ -62,65 +59,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
     ).sort(pl.col("piece").str.extract(r"^([\d.]+)").cast(pl.Float64), maintain_order=True)
 
 
-def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
-    """Means over the networks of every model, with the smallest and the largest of them.
-
-    Args:
-        errors: metrics of several networks, with a column `run` that names the network of its model.
-
-    Returns:
-        A metrics table; of a model of one network its own rows, with their intervals.
-    """
-    about = ["model", "variant", "dataset", "axis", "metric", "unit"]
-    runs = pl.len() > 1
-    return (
-        errors.group_by(about, maintain_order=True)
-        .agg(
-            pl.col("value").mean(),
-            low=pl.when(runs).then(pl.col("value").min()).otherwise(pl.col("low").first()),
-            high=pl.when(runs).then(pl.col("value").max()).otherwise(pl.col("high").first()),
-        )
-        .select("model", "variant", "dataset", "axis", "metric", "value", "low", "high", "unit")
-    )
-
-
-def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
-    """Whether the error of the predicted wrench ranks models as the error of the replayed velocity does.
-
-    Args:
-        predicted: metrics of predicted wrenches of several networks, with a column `run`.
-        replayed: metrics of their replays, with the same column; a network whose flight diverged has no
-            error of a whole flight, counts as the worst there, and with it its model.
-
-    Returns:
-        A metrics table: Kendall's tau over models of the errors over all six axes, and by axis of motion
-        (surge force against surge velocity, and so on), with its interval, and the p-value of no relation.
-        Empty where there are fewer than three models.
-    """
-    rows: list[tuple[str, str, str, str, str, float, float | None, float | None, str]] = []
-    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITIES, strict=True)):
-        offline = _networks(predicted.filter(pl.col("variant") == ""), wrench)
-        flown = _networks(replayed.filter(~_of_a_piece()), velocity)
-        both = offline.join(flown, on=["model", "run"], how="left", suffix="_flown", maintain_order="left")
-        groups = [
-            group.select("value", pl.col("value_flown").fill_null(float("inf"))).to_numpy().T
-            for _, group in both.group_by("model", maintain_order=True)
-        ]
-        if len(groups) < 3:
-            continue
-        found = agreement([group[0] for group in groups], [group[1] for group in groups])
-        rows.append(("all", "", "study", velocity, "kendall_tau", found.tau, found.low, found.high, "1"))
-        rows.append(("all", "", "study", velocity, "kendall_p", found.p_value, None, None, "1"))
-    return pl.DataFrame(rows, schema=SCHEMA, orient="row").filter(pl.col("value").is_finite())
-
-
-def _networks(errors: pl.DataFrame, axis: str) -> pl.DataFrame:
-    """Root mean square errors of every network on an axis."""
-    chosen = errors.filter(pl.col("metric") == "rmse", pl.col("axis") == axis)
-    return chosen.select("model", "run", "value")
-
-
-def _of_a_piece() -> pl.Expr:
+def of_a_piece() -> pl.Expr:
     """Rows of the metrics of a part of a recording."""
     return pl.col("dataset").str.contains(PIECE)
 

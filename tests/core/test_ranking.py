@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import kendalltau
 
 from hydro.core.errors import DataError
-from hydro.core.ranking import agreement
+from hydro.core.ranking import agreement, no_better
 
 
 def test_the_same_the_reverse_and_by_hand():
@@ -47,3 +50,17 @@ def test_a_flight_that_diverged_is_the_worst():
 def test_what_cannot_be_ranked_is_refused(first, second):
     with pytest.raises(DataError, match="three models or more"):
         agreement(first, second)
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=3, max_size=9))
+def test_tau_is_that_of_scipy_ties_included(pairs):
+    first, second = zip(*pairs, strict=True)
+    found = agreement([[float(one)] for one in first], [[float(one)] for one in second])
+    expected = kendalltau(first, second).statistic
+    assert found.tau == pytest.approx(expected, nan_ok=True)
+
+
+def test_chance_of_being_behind_is_that_of_the_orders_of_all_networks():
+    assert no_better([4.0, 5.0, np.inf], [1.0, 2.0, 3.0]) == pytest.approx(1 / 20), "the worst of 20 orders"
+    assert no_better([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]) == pytest.approx(1.0)
+    assert no_better([2.0], [1.0]) == pytest.approx(0.5), "one seed shows nothing"

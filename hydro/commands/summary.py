@@ -1,0 +1,116 @@
+"""What a study found in all its networks: means over seeds, and whether both errors rank models alike."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
+
+if TYPE_CHECKING:
+    import polars as pl
+
+SIDE_BY_SIDE = Path("replayed") / "side-by-side.parquet"
+EFFECTS = Path("replayed") / "effects.parquet"
+CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
+CONDITIONING_TITLE = "The first seeds' replays by what is done to the learned wrench, RMSE [m/s, rad/s]"
+RANKING_TITLE = (
+    "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
+)
+MINUTES_TITLE = (
+    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the chance\n"
+    "of ranks so far behind the best flights' without being worse (rank-sum test over seeds)"
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One network of a study: a model, a seed, and how many minutes of the data it is trained on."""
+
+    model: str
+    seed: int
+    minutes: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        part = "" if self.minutes is None else f"-{self.minutes:g}min"
+        return f"{self.model}-seed{self.seed}{part}"
+
+    @property
+    def label(self) -> str:
+        """What distinguishes it from other runs of the same model."""
+        return f"seed {self.seed}" + ("" if self.minutes is None else f", {self.minutes:g} min")
+
+
+def conditioned(kind: str) -> Path:
+    """Errors of the replays under one kind of conditioning, within the folder of a study."""
+    return Path("replayed") / f"conditioning-{kind}.parquet"
+
+
+def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict[str, pl.DataFrame]:
+    """Write, and return by name, what is known of these networks: metrics tables in the folder of a study.
+
+    `evaluation`, `errors` and `minutes` are means over seeds, with the smallest and the largest;
+    `conditioning` is of the first seeds; `ranking` is Kendall's tau of the two errors. Of what is there once
+    for all networks, only what this study has `made` counts.
+    """
+    import polars as pl
+
+    from hydro.io import table
+    from hydro.report.seeds import behind_the_best, by_minutes, ranking, seeds_together
+    from hydro.report.tables import PIECE
+
+    def errors(kind: str, some: Sequence[Run]) -> pl.DataFrame:
+        return pl.concat(
+            read(str(folder / kind / f"{run.name}.parquet"), "metrics").frame.with_columns(
+                run=pl.lit(run.label), minutes=pl.lit(run.minutes, pl.Float64)
+            )
+            for run in some
+        )
+
+    whole = [run for run in runs if run.minutes is None]
+    predicted, replayed = errors("evaluated", whole), errors("replayed", whole)
+    beside = read(str(folder / SIDE_BY_SIDE), "metrics").frame
+    baselines = [beside.filter(~pl.col("variant").is_in(replayed["variant"].unique().to_list()))]
+    if folder / EFFECTS in made:
+        baselines.append(read(str(folder / EFFECTS), "metrics").frame)
+    found = {
+        "evaluation": seeds_together(predicted),
+        "errors": pl.concat([*baselines, seeds_together(replayed)]),
+        "ranking": ranking(predicted, replayed),
+    }
+    if len(runs) > len(whole):
+        parts = [run for run in runs if run.minutes is not None]
+        offline, flown = errors("evaluated", parts), errors("replayed", parts)
+        means = [seeds_together(by_minutes(some)) for some in (offline, flown)]
+        found["minutes"] = pl.concat([*means, behind_the_best(flown)])
+    if kinds := [kind for kind in CONDITIONINGS if folder / conditioned(kind) in made]:
+        of_kinds = [(kind, read(str(folder / conditioned(kind)), "metrics").frame) for kind in kinds]
+        learnt = pl.col("variant").is_in(replayed["variant"].unique().to_list())
+        whole_flight = ~pl.col("dataset").str.contains(PIECE)
+        found["conditioning"] = pl.concat(
+            frame.filter(learnt, whole_flight).with_columns(dataset=pl.lit(kind))
+            for kind, frame in (("off", beside), *of_kinds)
+        )
+    for name, frame in found.items():
+        table.write(table.make("metrics", frame, stage="study"), folder / f"{name}.parquet")
+    return found
+
+
+def show(summary: dict[str, pl.DataFrame]) -> None:
+    """Print a summary for a person."""
+    from hydro.report.seeds import conditioning_table, minutes_table, ranking_table
+    from hydro.report.tables import prediction_errors, replay_errors
+
+    print_table(prediction_errors(summary["evaluation"]), PREDICTION_TITLE + "; means over seeds")
+    print_table(replay_errors(summary["errors"]), REPLAY_TITLE + "; means over seeds")
+    for name, tabulated, title in (
+        ("conditioning", conditioning_table, CONDITIONING_TITLE),
+        ("ranking", ranking_table, RANKING_TITLE),
+        ("minutes", minutes_table, MINUTES_TITLE),
+    ):
+        if name in summary and not (table := tabulated(summary[name])).is_empty():
+            print_table(table, title)

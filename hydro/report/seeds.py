@@ -1,0 +1,169 @@
+"""Networks of several seeds together: means with their spread, and how sure a comparison of them is."""
+
+from __future__ import annotations
+
+import polars as pl
+
+from hydro.core.metrics import SCHEMA
+from hydro.core.ranking import agreement, no_better
+from hydro.report.tables import VELOCITIES, WRENCH, of_a_piece
+
+
+def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
+    """Means over the networks of every model, with the smallest and the largest of them.
+
+    Args:
+        errors: metrics of several networks, with a column `run` that names the network of its model.
+
+    Returns:
+        A metrics table; of a model of one network its own rows, with their intervals.
+    """
+    about = ["model", "variant", "dataset", "axis", "metric", "unit"]
+    runs = pl.len() > 1
+    return (
+        errors.group_by(about, maintain_order=True)
+        .agg(
+            pl.col("value").mean(),
+            low=pl.when(runs).then(pl.col("value").min()).otherwise(pl.col("low").first()),
+            high=pl.when(runs).then(pl.col("value").max()).otherwise(pl.col("high").first()),
+        )
+        .select("model", "variant", "dataset", "axis", "metric", "value", "low", "high", "unit")
+    )
+
+
+def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
+    """Whether the error of the predicted wrench ranks models as the error of the replayed velocity does.
+
+    Args:
+        predicted: metrics of predicted wrenches of several networks, with a column `run`.
+        replayed: metrics of their replays, with the same column; a network whose flight diverged has no
+            error of a whole flight, counts as the worst there, and with it its model.
+
+    Returns:
+        A metrics table: Kendall's tau over models of the errors over all six axes, and by axis of motion
+        (surge force against surge velocity, and so on), with its interval, and the p-value of no relation.
+        Empty where there are fewer than three models.
+    """
+    rows: list[tuple[str, str, str, str, str, float, float | None, float | None, str]] = []
+    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITIES, strict=True)):
+        offline = _networks(predicted.filter(pl.col("variant") == ""), wrench)
+        flown = _networks(replayed.filter(~of_a_piece()), velocity)
+        both = offline.join(flown, on=["model", "run"], how="left", suffix="_flown", maintain_order="left")
+        groups = [
+            group.select("value", pl.col("value_flown").fill_null(float("inf"))).to_numpy().T
+            for _, group in both.group_by("model", maintain_order=True)
+        ]
+        if len(groups) < 3:
+            continue
+        found = agreement([group[0] for group in groups], [group[1] for group in groups])
+        rows.append(("all", "", "study", velocity, "kendall_tau", found.tau, found.low, found.high, "1"))
+        rows.append(("all", "", "study", velocity, "kendall_p", found.p_value, None, None, "1"))
+    return pl.DataFrame(rows, schema=SCHEMA, orient="row").filter(pl.col("value").is_finite())
+
+
+def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
+    """The same table with the length of the training data in the models' names: `mlp, 3 min`.
+
+    Args:
+        errors: metrics with a column `minutes`.
+    """
+    length = pl.format(", {} min", pl.col("minutes").map_elements("{:g}".format, return_dtype=pl.String))
+    return errors.with_columns(model=pl.col("model") + length)
+
+
+def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
+    """For every length of training data, how surely every model flies worse than the best.
+
+    Args:
+        replayed: metrics of replays of several networks, with the columns `run` and `minutes`.
+
+    Returns:
+        A metrics table: `behind_p`, the one-sided p-value of an exact rank-sum test over seeds that a model's
+        errors over all six velocities are no larger than those of the model with the least mean.
+    """
+    rows = []
+    for (share,), some in replayed.group_by("minutes", maintain_order=True):
+        networks = some.select("model", "run").unique(maintain_order=True)
+        flown = _networks(some.filter(~of_a_piece()), "all")
+        known = networks.join(flown, on=["model", "run"], how="left", maintain_order="left")
+        errors = {
+            str(model): group["value"].fill_null(float("inf")).to_numpy()
+            for (model,), group in known.group_by("model", maintain_order=True)
+        }
+        best = errors.pop(min(errors, key=lambda model: float(errors[model].mean())))
+        rows += [(f"{model}, {share:g} min", no_better(one, best)) for model, one in errors.items()]
+    found = pl.DataFrame(rows, schema={"model": pl.String, "value": pl.Float64}, orient="row")
+    about = {"variant": "", "dataset": "study", "axis": "all", "metric": "behind_p", "unit": "1"}
+    same = {name: pl.lit(text) for name, text in about.items()}
+    return found.with_columns(low=pl.lit(None, pl.Float64), high=pl.lit(None, pl.Float64), **same).select(
+        list(SCHEMA)
+    )
+
+
+def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:
+    """Kendall's tau of the two errors for a reader: `axis`, `tau`, `low`, `high`, `p`."""
+    taus = metrics.filter(pl.col("metric") == "kendall_tau").select("axis", "low", "high", tau="value")
+    chances = metrics.filter(pl.col("metric") == "kendall_p").select("axis", p="value")
+    both = taus.join(chances, on="axis", how="left", maintain_order="left")
+    return both.select("axis", "tau", "low", "high", "p")
+
+
+def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
+    """What so many minutes of training data teach: one row per length and model.
+
+    Args:
+        metrics: errors of predicted wrenches and of replays, by models named as `by_minutes` does, and
+            `behind_p`.
+
+    Returns:
+        `minutes`, `model`; root mean square errors over all six axes of the wrench, `wrench` [N, N m], and of
+        the replayed velocities, `replay` [m/s, rad/s], each with its smallest and largest over seeds; and
+        `p`, see `behind_the_best`.
+    """
+    of_all = metrics.filter(pl.col("axis") == "all", ~of_a_piece())
+    errors = of_all.filter(pl.col("metric") == "rmse")
+    offline = errors.filter(pl.col("variant") == "")
+    flown = errors.filter(pl.col("variant") != "")
+    table = offline.select("model", wrench="value", wrench_low="low", wrench_high="high")
+    for more in (
+        flown.select("model", replay="value", replay_low="low", replay_high="high"),
+        of_all.filter(pl.col("metric") == "behind_p").select("model", p="value"),
+    ):
+        table = table.join(more, on="model", how="left", maintain_order="left")
+    named = pl.col("model").str.extract_groups(r"^(?<model>.*), (?<minutes>[\d.e+-]+) min$")
+    return (
+        table.with_columns(named.struct.field("model"), named.struct.field("minutes").cast(pl.Float64))
+        .select("minutes", "model", *table.columns[1:])
+        .sort("minutes", maintain_order=True)
+    )
+
+
+def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
+    """Replays under every kind of conditioning: one row per variant and kind, one column per axis and `all`.
+
+    Args:
+        metrics: errors of replays whose dataset is the kind, such as `off` or `paper-old`.
+
+    Returns:
+        `variant`, `conditioning`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s] and of all
+        six together; null where a flight diverged.
+    """
+    rows = metrics.filter(pl.col("metric").is_in(["rmse", "diverged"]))
+    return (
+        rows.with_columns(pl.when(pl.col("metric") == "rmse").then("value").alias("value"))
+        .pivot(
+            on="axis",
+            index=["variant", "dataset"],
+            on_columns=[*VELOCITIES, "all"],
+            values="value",
+            aggregate_function="first",
+            maintain_order=True,
+        )
+        .rename({"dataset": "conditioning"})
+    )
+
+
+def _networks(errors: pl.DataFrame, axis: str) -> pl.DataFrame:
+    """Root mean square errors of every network on an axis."""
+    chosen = errors.filter(pl.col("metric") == "rmse", pl.col("axis") == axis)
+    return chosen.select("model", "run", "value")
