@@ -91,13 +91,16 @@ class Runner:
         running: dict[Future[float], Step] = {}
         with ThreadPoolExecutor(workers) as pool:
             while waiting or running:
-                for step in _ready(waiting, running.values(), workers):
+                ready = _ready(waiting, running.values(), workers)
+                for step in ready:
                     waiting.remove(step)
                     if self.done(step):
                         yield step, False
                     else:
                         running[pool.submit(self._timed, step)] = step
-                for finished in wait(running, return_when=FIRST_COMPLETED).done if running else ():
+                if ready and len(running) < workers:
+                    continue
+                for finished in wait(running, return_when=FIRST_COMPLETED).done:
                     step = running.pop(finished)
                     self.record(step, finished.result(), workers)
                     yield step, True
