@@ -68,6 +68,31 @@ def test_a_failure_ends_a_study_and_what_was_made_before_stays(chain, workers):
     assert run((folder, steps[:1]), workers) == []
 
 
+def test_what_ran_beside_a_failure_is_not_lost(chain):
+    folder, steps = chain
+    broken = Step(("copy", str(folder / "none"), str(folder / "e")), (folder / "a",), (folder / "e",))
+    with pytest.raises(FileNotFoundError):
+        Runner(folder, here(Copier())).run([broken, steps[0]], 2)
+    assert run((folder, steps[:1])) == []
+
+
+def test_how_long_it_takes_is_told_by_steps_alike(chain, capsys, monkeypatch):
+    folder, steps = chain
+    clock = iter([0.0, 50.0, 100.0, 300.0, 300.0, 301.0])
+    monkeypatch.setattr("time.perf_counter", lambda: next(clock))
+    Runner(folder, here(Copier())).run(steps)
+    told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  ")]
+    assert told == [
+        "  50.0 s: b; steps left: 2, some 2 min",
+        "  200.0 s: c; steps left: 1, some 2 min",
+        "  1.0 s: d",
+    ]
+    (folder / "d").unlink()
+    monkeypatch.undo()
+    assert run(chain) == ["d"]
+    assert "2 of 3 steps are done already" in capsys.readouterr().err
+
+
 def test_what_has_not_changed_is_not_run_again(chain):
     folder, _ = chain
     assert run(chain) == ["b", "c", "d"]

@@ -49,6 +49,14 @@ def train(
         float | None,
         typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
     ] = None,
+    accelerations: Annotated[
+        bool | None,
+        typer.Option(
+            "--accelerations/--no-accelerations",
+            show_default=False,
+            help="Whether the network sees nu_dot; default: where noise is below 1 % of it.",
+        ),
+    ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
     output: Output = STREAM,
 ) -> None:
@@ -57,6 +65,9 @@ def train(
     Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to nothing as
     a half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
     without a split get the default one. The same data and seed give the same bytes on one machine.
+
+    Noise of a log is in the acceleration and, through M nu_dot, in the label: a network that sees both learns
+    the noise. From a noisy log networks are therefore trained blind to accelerations, which one line says.
 
     \b
     model       weights  the paper's count and what it is
@@ -74,6 +85,7 @@ def train(
     from hydro.io.provenance import parameters_of
     from hydro.learn.rows import for_minutes
     from hydro.learn.train import train as fit
+    from hydro.learn.train import trusted_accelerations
 
     refuse_terminal(output)
     source = read(labels, "labels", "split")
@@ -84,6 +96,12 @@ def train(
         frame, _ = split(frame)
     if minutes is not None:
         frame = for_minutes(frame, minutes)
+    labelled = parameters_of(source.provenance, "labels")
+    if accelerations is None:
+        with about(labels):
+            accelerations = trusted_accelerations(frame, labelled.get("noise"))
+        if not accelerations:
+            typer.echo("hydro: the log is noisy: the network is trained blind to accelerations", err=True)
     with progress(f"train {model}") as update:
         trained = fit(
             frame,
@@ -91,13 +109,13 @@ def train(
             seed=seed,
             epochs=epochs,
             device=device,
+            accelerations=accelerations,
             progress=lambda epoch: update(
                 epoch.number, epoch.limit, f"epoch {epoch.number}, validation {epoch.validation_rmse:.3g}"
             ),
         )
-    subtract = parameters_of(source.provenance, "labels").get("subtract", "inertia")
-    trained = replace(trained, subtract=subtract)
-    parameters: dict[str, Any] = {"model": model, "device": device}
+    trained = replace(trained, subtract=labelled.get("subtract", "inertia"))
+    parameters: dict[str, Any] = {"model": model, "device": device, "accelerations": accelerations}
     if epochs is not None:
         parameters["epochs"] = epochs
     if minutes is not None:

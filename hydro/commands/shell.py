@@ -209,9 +209,9 @@ def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = 
         table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=words)
     for row in frame.iter_rows():
         table.add_row(*[_cell(value) for value in row])
-    console = console or Console(highlight=False, markup=False)
+    console = console or Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 160)
     console.print(*["", title] if title else [""], sep="\n", style="bold")
-    console.print(table, width=console.width if console.is_terminal else 160)
+    console.print(table)
 
 
 def _cell(value: Any) -> str:

@@ -89,21 +89,25 @@ class Runner:
 
     def _side_by_side(self, waiting: list[Step], workers: int) -> Iterator[tuple[Step, bool]]:
         running: dict[Future[float], Step] = {}
-        with ThreadPoolExecutor(workers) as pool:
-            while waiting or running:
-                ready = _ready(waiting, running.values(), workers)
-                for step in ready:
-                    waiting.remove(step)
-                    if self.done(step):
-                        yield step, False
-                    else:
-                        running[pool.submit(self._timed, step)] = step
-                if ready and len(running) < workers:
-                    continue
-                for finished in wait(running, return_when=FIRST_COMPLETED).done:
-                    step = running.pop(finished)
-                    self.record(step, finished.result(), workers)
-                    yield step, True
+        try:
+            with ThreadPoolExecutor(workers) as pool:
+                while waiting or running:
+                    ready = _ready(waiting, running.values(), workers)
+                    for step in ready:
+                        waiting.remove(step)
+                        if self.done(step):
+                            yield step, False
+                        else:
+                            running[pool.submit(self._timed, step)] = step
+                    if ready and len(running) < workers:
+                        continue
+                    for finished in wait(running, return_when=FIRST_COMPLETED).done:
+                        self.record(running[finished], finished.result(), workers)
+                        yield running.pop(finished), True
+        finally:  # where one has failed, the others have run to their end
+            for future, step in running.items():
+                if not future.cancelled() and future.exception() is None:
+                    self.record(step, future.result(), workers)
 
     def _timed(self, step: Step) -> float:
         """Run a step; how long it took [s]."""
@@ -149,9 +153,9 @@ class Runner:
                 one for kind, some in self._took.items() if kind[0] == step.line[0] for one in some
             ]
             if not alike:
-                return f"; {len(self._todo)} steps left"
+                return f"; steps left: {len(self._todo)}"
             seconds += sum(alike) / len(alike)
-        return f"; {len(self._todo)} steps left, some {_duration(seconds / workers)}"
+        return f"; steps left: {len(self._todo)}, some {_duration(seconds / workers)}"
 
     def _digest(self, path: Path) -> str:
         """SHA-256 of a file; computed once as long as the file is not written again."""

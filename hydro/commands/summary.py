@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SIDE_BY_SIDE = Path("replayed") / "side-by-side.parquet"
 EFFECTS = Path("replayed") / "effects.parquet"
 CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
-CONDITIONING_TITLE = "The first seeds' replays by what is done to the learned wrench, RMSE [m/s, rad/s]"
+CONDITIONING_TITLE = "Replays of the first seeds by what is done to the learned wrench, RMSE over all six"
 RANKING_TITLE = (
     "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
 )
@@ -80,8 +80,9 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
     found = {
         "evaluation": seeds_together(predicted),
         "errors": pl.concat([*baselines, seeds_together(replayed)]),
-        "ranking": ranking(predicted, replayed),
     }
+    if not (ranks := ranking(predicted, replayed)).is_empty():
+        found["ranking"] = ranks
     if len(runs) > len(whole):
         parts = [run for run in runs if run.minutes is not None]
         offline, flown = errors("evaluated", parts), errors("replayed", parts)
@@ -96,7 +97,9 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
             for kind, frame in (("off", beside), *of_kinds)
         )
     for name, frame in found.items():
-        table.write(table.make("metrics", frame, stage="study"), folder / f"{name}.parquet")
+        table.write(
+            table.make("metrics", frame, stage="study", parameters={"part": name}), folder / f"{name}.parquet"
+        )
     return found
 
 

@@ -218,12 +218,22 @@ def reach(design: Design) -> int:
 
     A row further away has less than 1e-3 of the largest weight.
     """
-    half = LONGEST
-    impulse = np.zeros((2 * half + 1, 6))
-    impulse[half] = 1.0
-    weights = np.abs(smooth(impulse, [[0, 2 * half + 1]], design))
+    weights = np.abs(_weights(design))
     heavy = np.flatnonzero((weights > REACH * weights.max(axis=0)).any(axis=(1, 2)))
-    return int(max(half - heavy[0], heavy[-1] - half))
+    return int(max(LONGEST - heavy[0], heavy[-1] - LONGEST))
+
+
+def acceleration_noise(design: Design) -> Array:
+    """Standard deviation that noise of the log leaves in the smoother's nu_dot, (6,) [m/s^2, rad/s^2]."""
+    left: Array = np.asarray(design.noise) * np.sqrt((_weights(design)[:, :, 1] ** 2).sum(axis=0))
+    return left
+
+
+def _weights(design: Design) -> Array:
+    """Weights of a measurement in the smoothed (nu, nu_dot) of the rows around it, (2 LONGEST + 1, 6, 2)."""
+    impulse = np.zeros((2 * LONGEST + 1, 6))
+    impulse[LONGEST] = 1.0
+    return smooth(impulse, [[0, len(impulse)]], design)
 
 
 def estimate(

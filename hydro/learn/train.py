@@ -11,6 +11,8 @@ at most; and the weight decay is decoupled from the gradient (AdamW). As a part 
 moves weights where the error's own has become small, and bends the wrench enough to be seen in a replay.
 docs/benchmarks.md has what each is worth.
 
+Where the log is noisy, networks are trained blind to accelerations (`trusted_accelerations`).
+
 The same rows, seed and device give the same weights to the last bit: deterministic algorithms, own shuffling,
 no clock, and one thread (threads share out the sums over a batch, so that another number rounds otherwise):
 on two cores train two networks. A limit of time would break this promise, so there is only one of epochs.
@@ -20,7 +22,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -32,6 +34,8 @@ from torch import Tensor
 
 from hydro.core.errors import DataError, UsageError
 from hydro.core.features import OUTPUTS
+from hydro.core.labels import filter_design
+from hydro.core.smoothing import acceleration_noise
 from hydro.io import schema
 from hydro.io.model import Model
 from hydro.learn import networks, rows
@@ -49,6 +53,8 @@ PATIENCE = 30
 BATCHES_PER_EPOCH = 256  # few rows get small batches, so that an epoch is always a fair number of steps
 BATCH_LIMITS = (64, 512)
 ROWS_PER_PASS = 16384
+UNSEEN = 1e12  # scale of an input that the network is not to see: whatever it is, it counts as nothing
+TRUSTED = 0.01  # share of an acceleration that noise may be for it still to be seen
 
 
 class Epoch(NamedTuple):
@@ -86,6 +92,7 @@ def train(
     seed: int = 0,
     epochs: int | None = None,
     device: str = "cpu",
+    accelerations: bool = True,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train the network `model` on the training part of a split table.
@@ -97,6 +104,7 @@ def train(
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
             sooner. By default as many as make 25,000 updates of the weights, 60 at most.
         device: `cpu`, or `cuda` where there is one.
+        accelerations: whether the network sees nu_dot; see `trusted_accelerations`.
         progress: called after every epoch.
 
     Returns:
@@ -115,6 +123,8 @@ def train(
     validating = rows.validation(training)
     targets = rows.wrenches(training)
     scalers = _scalers(inputs[~validating], targets[~validating])
+    if not accelerations:
+        _hide(scalers, networks.inputs(description))
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
     watched = _standardised(inputs[validating], targets[validating], scalers, target_device)
     batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
@@ -126,6 +136,7 @@ def train(
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
+        "accelerations": accelerations,
     }
     return _model(model, description, network, scalers, summary)
 
@@ -218,6 +229,29 @@ def _scalers(inputs: NDArray[np.float64], targets: NDArray[np.float64]) -> dict[
         scalers[f"{side}_mean"] = columns.mean(axis=0)
         scalers[f"{side}_scale"] = np.where(deviation > 0.0, deviation, 1.0)
     return scalers
+
+
+def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = None) -> bool:
+    """Whether nu_dot of these labels is free enough of noise for a network to see it.
+
+    The label holds -M nu_dot. What noise leaves in nu_dot is therefore in the input and, times -M, in the
+    label: a network that sees nu_dot learns to predict that noise, and bends its wrench as much where there
+    is none. Noise below a hundredth of the acceleration's spread, on every axis that moves, does no harm.
+
+    Args:
+        table: labels, with the velocities as they were logged.
+        noise: standard deviation of each logged velocity, six numbers [m/s, rad/s]; by default estimated.
+    """
+    left = acceleration_noise(filter_design(table, noise))
+    spread = rows.states(table)[:, 6:].std(axis=0)
+    return bool((left <= TRUSTED * spread)[spread > 0.0].all())
+
+
+def _hide(scalers: dict[str, NDArray[np.float64]], names: Sequence[str]) -> None:
+    """Scale the accelerations among the inputs to nothing, in training as in use."""
+    hidden = [name.endswith("_dot") for name in names]
+    scalers["input_mean"][hidden] = 0.0
+    scalers["input_scale"][hidden] = UNSEEN
 
 
 def _standardised(

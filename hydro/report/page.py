@@ -18,11 +18,11 @@ from hydro.core.explain import HORIZON, best_step
 from hydro.core.restarts import SECONDS
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
-from hydro.report import cards, plots, standing, words
+from hydro.report import cards, errors, plots, standing, words
 from hydro.report.charts import Charts
 from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
-from hydro.report.sources import Named, Sources
+from hydro.report.sources import Sources
 from hydro.report.standing import chosen_step
 from hydro.report.tables import VELOCITIES
 from hydro.report.words import DATASETS
@@ -65,7 +65,7 @@ def render(sources: Sources) -> str:
         "findings": cards.findings(sources, charts),
         "ladder": _ladder(sources, charts),
         "replays": [_replay(sources, number, charts) for number in range(len(sources.replays))],
-        "metrics": [_metrics(one, number, charts) for number, one in enumerate(sources.metrics)],
+        "metrics": [errors.section(one, number, charts) for number, one in enumerate(sources.metrics)],
         "confusions": cards.confusions(sources),
         "next": cards.to_fly(sources),
         "provenance": _provenance(sources),
@@ -219,7 +219,7 @@ def _resulting(sources: Sources) -> str | None:
     return sources.comparisons[step].artefact.provenance.vehicle if step > 0 else None
 
 
-# Measured against model; errors of networks.
+# Measured against model.
 
 
 def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
@@ -263,36 +263,6 @@ def _replay_errors(frame: pl.DataFrame, sessions: Sequence[str], variants: Seque
             for axis in VELOCITIES
         )
         yield label, [words.figure(errors[axis][0]) for axis in VELOCITIES]
-
-
-def _metrics(one: Named, number: int, charts: Charts) -> dict[str, Any]:
-    """Root mean square errors of models or variants, axis by axis, translation apart from rotation."""
-    group = "variant" if (one.frame["variant"] != "").any() else "model"
-    rows = one.frame.filter(pl.col("metric") == "rmse", pl.col("axis").str.len_chars() == 1)
-    drawn = [
-        charts.add(f"metrics-{number}-{i}", plots.bars(rows.filter(unit=unit), group))
-        for i, unit in enumerate(rows["unit"].unique(maintain_order=True))
-    ]
-    names = one.frame[group].unique(maintain_order=True).to_list()
-    axes = rows["axis"].unique(maintain_order=True).to_list()
-    found = {(row[group], row["axis"]): row for row in rows.iter_rows(named=True)}
-    units = dict(rows.select("axis", "unit").iter_rows())
-    return {
-        "name": one.name,
-        "number": number,
-        "group": group,
-        "datasets": words.listed(one.frame["dataset"].unique(maintain_order=True).to_list()),
-        "charts": drawn,
-        "legend": [(name, plots.MANY[i % len(plots.MANY)]) for i, name in enumerate(names)],
-        "axes": [(axis, units[axis]) for axis in axes],
-        "rows": [
-            (
-                name,
-                [words.figure(found[name, axis]["value"]) if (name, axis) in found else "–" for axis in axes],
-            )
-            for name in names
-        ],
-    }
 
 
 def _provenance(sources: Sources) -> dict[str, Any]:

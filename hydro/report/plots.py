@@ -18,7 +18,10 @@ from hydro.report.figures import HEADROOM, MEASURED, TITLES, UNITS
 from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
-MANY = ("#D9662B", "#2F87D0", "#149E78", "#B55FA3", "#B08A00", "#5C6BC0", "#C0504D", "#4FA3B8")
+MANY = (
+    *("#D9662B", "#2F87D0", "#149E78", "#B55FA3", "#B08A00", "#5C6BC0"),
+    *("#C0504D", "#4FA3B8", "#8A6A4F", "#7FA33A", "#D977A8", "#4A6B8A"),
+)
 """Where there are more models than two."""
 MOST_POINTS = 1000
 """Samples drawn per curve and session: as many as a screen is wide."""
@@ -146,8 +149,9 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
 def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     """Measured and simulated velocity of one session and axis.
 
-    A simulated curve is left out wherever its error is beyond the whole range of the measured motion: there
-    it says nothing and would only hide what does.
+    A simulated curve is left out wherever its error is beyond the whole range of the measured motion, and
+    altogether where it errs by more than the motion varies while another does not: it says nothing there and
+    would only hide what does.
 
     Args:
         replay: Replay table.
@@ -163,8 +167,12 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     reach = max(high - low, 1e-3)
     step = max(1, -(-against.height // MOST_POINTS))
     drawn = go.Figure()
+    beside = one.join(against.select("t", measured="value"), on="t", how="left", maintain_order="left")
+    useless = _useless(beside.filter(pl.col("variant") != MEASURED), _number(against["value"].std()))
     for name, (label, colour) in curves(variants).items():
-        curve = one.filter(variant=name).join(against.select("t", measured="value"), on="t", how="left")
+        if name in useless:
+            continue
+        curve = beside.filter(variant=name)
         near = (pl.col("value") - pl.col("measured")).abs() <= reach
         shown = curve.gather_every(step).with_columns(pl.when(near.fill_null(True)).then("value"))
         measured = name == MEASURED
@@ -182,6 +190,14 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     drawn.update_xaxes(title="time [s]", showgrid=False, zeroline=False)
     drawn.update_layout(hovermode="x unified", title={"text": f"{TITLES[axis]} {axis}"})
     return _plain(drawn, height=230)
+
+
+def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
+    """Variants whose error is larger than the spread of the measured motion, if others' are not."""
+    error = (pl.col("value") - pl.col("measured")).pow(2).mean().sqrt()
+    errors = simulated.group_by("variant", maintain_order=True).agg(error=error)
+    far = errors.filter(pl.col("error") > spread)["variant"].to_list()
+    return far if len(far) < errors.height else []
 
 
 def curves(variants: Sequence[str]) -> dict[str, tuple[str, str]]:

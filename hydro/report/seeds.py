@@ -139,27 +139,18 @@ def minutes_table(metrics: pl.DataFrame) -> pl.DataFrame:
 
 
 def conditioning_table(metrics: pl.DataFrame) -> pl.DataFrame:
-    """Replays under every kind of conditioning: one row per variant and kind, one column per axis and `all`.
+    """Replays under every kind of conditioning: one row per variant, one column per kind.
 
     Args:
         metrics: errors of replays whose dataset is the kind, such as `off` or `paper-old`.
 
     Returns:
-        `variant`, `conditioning`, the root mean square errors of u, v, w [m/s], p, q, r [rad/s] and of all
-        six together; null where a flight diverged.
+        `variant`, and by kind the root mean square error over all six velocities [m/s, rad/s]; null where a
+        flight diverged.
     """
-    rows = metrics.filter(pl.col("metric").is_in(["rmse", "diverged"]))
-    return (
-        rows.with_columns(pl.when(pl.col("metric") == "rmse").then("value").alias("value"))
-        .pivot(
-            on="axis",
-            index=["variant", "dataset"],
-            on_columns=[*VELOCITIES, "all"],
-            values="value",
-            aggregate_function="first",
-            maintain_order=True,
-        )
-        .rename({"dataset": "conditioning"})
+    rows = metrics.filter(pl.col("axis") == "all", pl.col("metric").is_in(["rmse", "diverged"]))
+    return rows.with_columns(value=pl.when(pl.col("metric") == "rmse").then("value")).pivot(
+        on="dataset", index="variant", values="value", aggregate_function="first", maintain_order=True
     )
 
 

@@ -17,8 +17,9 @@ from hydro.io.table import Artefact
 
 KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics")
 """Kinds of table that a report can tell of."""
-STUDY = re.compile(r"(comparison|diagnosis|ladder|replay|metrics|evaluation|errors)(-\d+)?\.parquet")
-"""Names of files that are looked for in a folder."""
+NAMES = (*KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
+STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
+"""Names of files that are looked for in a folder, in the order in which the page tells of them."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def _read(place: str | Path | BinaryIO) -> list[Named]:
     return [Named(name, table.read(path / name, KINDS)) for name in names]
 
 
-def _step(name: str) -> tuple[str, int]:
-    """Sorts `diagnosis-2` before `diagnosis-10`."""
+def _step(name: str) -> tuple[int, int]:
+    """Sorts `diagnosis-2` before `diagnosis-10`, and kinds in the order of the page."""
     kind, _, number = name.removesuffix(".parquet").partition("-")
-    return kind, int(number or 0)
+    return NAMES.index(kind), int(number or 0)

@@ -10,7 +10,8 @@ import polars as pl
 
 from hydro.core.explain import HORIZON, best_step
 from hydro.report import comparison, words
-from hydro.report.sources import Sources
+from hydro.report.sources import Named, Sources
+from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
 
 
@@ -174,4 +175,27 @@ def _worst_place(sources: Sources) -> str:
 
 def _what_it_is(sources: Sources) -> str:
     """What the page shows where there is neither comparison nor diagnosis."""
+    best = [told for one in sources.metrics if _of_study(one) and (told := _best(one.frame))]
+    if best:
+        return f"Of these networks {words.listed(best)}."
     return "Measured motion against simulated." if sources.replays else "Errors of models, axis by axis."
+
+
+def _of_study(one: Named) -> bool:
+    """Whether a metrics table holds the errors of all networks of a study."""
+    record = one.artefact.provenance
+    return record.stage == "study" and record.parameters.get("part") in ("evaluation", "errors")
+
+
+def _best(metrics: pl.DataFrame) -> str:
+    """Which network has the least error over all six axes, in words; empty where there is none."""
+    found = metrics.filter(pl.col("axis") == "all", pl.col("metric") == "rmse", ~of_a_piece()).sort("value")
+    if found["unit"].str.contains("N").any():
+        found = found.filter(pl.col("variant") == "")
+        did = "{model} predicts the wrench best, to {error} over all six axes"
+    else:
+        did = "{variant} flies best, to {error} m/s and rad/s"
+    if found.is_empty():
+        return ""
+    row = found.row(0, named=True)
+    return did.format(model=row["model"], variant=row["variant"], error=words.figure(row["value"]))

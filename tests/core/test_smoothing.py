@@ -19,6 +19,7 @@ from hydro.core.smoothing import (
     Design,
     _innovations_kernel,
     _unit_design,
+    acceleration_noise,
     estimate,
     filter_step,
     gains,
@@ -184,6 +185,14 @@ def test_reach_is_where_the_weights_end(exponent):
 def test_reach_of_the_spline_and_of_the_slowest_axis():
     assert reach(design(1e6)) == math.floor(math.log(1e-3) / math.log(2 - math.sqrt(3))) + 1
     assert reach(design(1e6, 1e6, 1e6, 1e6, 1e6, 1e-4)) == reach(design(1e-4))
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 1e-2, 1.0])
+def test_noise_of_the_acceleration_is_that_of_smoothed_noise(ratio):
+    design = Design(0.02, (ratio,) * 6, (0.05, 0.05, 0.05, 0.01, 0.01, 0.01))
+    white = np.random.default_rng(0).normal(size=(40_000, 6)) * design.noise
+    left = smooth(white, [[0, len(white)]], design)[500:-500, :, 1].std(axis=0)
+    np.testing.assert_allclose(acceleration_noise(design), left, rtol=0.05)
 
 
 def test_same_jerk_at_another_rate():

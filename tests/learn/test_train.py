@@ -11,13 +11,15 @@ import torch
 
 from hydro.core.errors import DataError, UsageError
 from hydro.core.features import INPUTS, OUTPUTS, features
+from hydro.core.smoothing import estimate, smooth
 from hydro.io import table as tables
 from hydro.io.model import from_artefact, to_artefact
 from hydro.learn import rows
 from hydro.learn import train as training
 from hydro.learn.evaluate import predict, predict_rows
 from hydro.learn.networks import ARCHITECTURES
-from hydro.learn.train import train
+from hydro.learn.train import train, trusted_accelerations
+from hydro.sim.network import Network
 
 
 def stored(model) -> bytes:
@@ -132,6 +134,52 @@ def test_rows_of_the_other_parts_do_not_reach_the_model(table, part):
     split = table(600)
     changed = with_bad(with_bad(split, part, "u_s", np.nan), part, "X_res", 1e9)
     assert stored(train(changed, epochs=2)) == stored(train(split, epochs=2))
+
+
+@pytest.mark.parametrize("model", list(ARCHITECTURES))
+def test_a_network_trained_blind_does_not_feel_accelerations(table, model):
+    trained = train(table(600), model=model, epochs=1, accelerations=False)
+    states = np.random.default_rng(0).normal(size=(5, 12))
+    faster = states + np.r_[np.zeros(6), np.full(6, 100.0)]
+    np.testing.assert_allclose(predict(trained, faster), predict(trained, states), rtol=1e-5)
+    np.testing.assert_allclose(
+        Network.of(trained).wrench(faster), predict(trained, states), rtol=1e-4, atol=1e-3
+    )
+
+
+def logged(noise: float, count: int = 3000) -> pl.DataFrame:
+    """Labels of M nu_dot = -D nu, with white noise in the velocities that were logged."""
+    rng = np.random.default_rng(3)
+    t = 0.02 * np.arange(count)
+    nu = np.stack([np.sin((0.3 + 0.1 * k) * t + k) for k in range(6)], axis=1)
+    rate = np.stack([(0.3 + 0.1 * k) * np.cos((0.3 + 0.1 * k) * t + k) for k in range(6)], axis=1)
+    measured = nu + noise * rng.normal(size=nu.shape)
+    bounds = [[0, count]]
+    motion = smooth(measured, bounds, estimate(measured, bounds, 0.02, [noise] * 6))
+    label = 20.0 * nu + 50.0 * (rate - motion[:, :, 1])
+    columns = np.hstack([measured, motion[:, :, 0], motion[:, :, 1], label])
+    names = ("u", "v", "w", "p", "q", "r", *INPUTS, *OUTPUTS)
+    parts = pl.Series(["train", "test"])[(np.arange(count) // 300) % 2]
+    return pl.DataFrame(dict(zip(names, columns.T, strict=True))).with_columns(
+        session=pl.lit("s"), t=pl.Series(t), block=pl.Series((np.arange(count) // 50).astype(str)), part=parts
+    )
+
+
+def test_accelerations_are_trusted_where_the_log_is_clean():
+    assert trusted_accelerations(logged(0.0))
+    assert not trusted_accelerations(logged(0.05))
+    assert not trusted_accelerations(logged(0.05), [0.05] * 6)
+
+
+def test_noise_that_is_in_input_and_label_is_learnt_unless_the_network_is_blind_to_it():
+    noisy, clean = logged(0.1), logged(0.0)
+    seeing, blind = (
+        predict_rows(train(noisy, model="mlp", epochs=8, accelerations=seen), clean)[1]
+        for seen in (True, False)
+    )
+    truth = rows.wrenches(clean.filter(pl.col("part") == "test"))
+    errors = [np.sqrt(np.square(predicted - truth).mean()) for predicted in (seeing, blind)]
+    assert errors[1] < 0.7 * errors[0]
 
 
 def test_scalers_are_of_the_rows_fitted(table):

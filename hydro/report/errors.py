@@ -1,0 +1,135 @@
+"""Errors of models and of their replays on the page: a chart of the axes, and tables that say the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import polars as pl
+
+from hydro.report import plots, seeds, tables, words
+from hydro.report.charts import Charts
+from hydro.report.sources import Named
+
+UNITS = dict.fromkeys("uvw", "m/s") | dict.fromkeys("pqr", "rad/s")
+UNITS |= dict.fromkeys("XYZ", "N") | dict.fromkeys("KMN", "N m")
+BY_SEEDS = "Means over seeds; in small print their smallest and largest, of a single one its 95 % interval."
+INTERVALS = "In small print 95 % intervals."
+OF_NETWORKS = {
+    "ranking": (
+        "Does the better prediction fly better?",
+        "Kendall's tau between the error of the predicted wrench and that of the replay, over models, with "
+        "its 95 % interval: 1 where both rank alike, -1 where one ranks the other way round; p, the chance "
+        "of as much without any relation.",
+        seeds.ranking_table,
+    ),
+    "minutes": (
+        "What less training data teaches",
+        "Root mean square errors over all six axes of the wrench [N, N m] and of the replay [m/s, rad/s], "
+        "means over seeds with the smallest and the largest; p, the chance of ranks so far behind the best "
+        "flights' without being worse.",
+        seeds.minutes_table,
+    ),
+    "conditioning": (
+        "What conditioning the learned wrench does",
+        "Replays of the first seeds, root mean square errors over all six velocities [m/s, rad/s].",
+        seeds.conditioning_table,
+    ),
+}
+"""Parts of a study that are a table alone: title, what it says, and the table of its metrics."""
+
+
+def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
+    """What one metrics table says.
+
+    Args:
+        one: The table.
+        number: Its place among those of the page.
+        charts: Where its figures are kept.
+
+    Returns:
+        `title`, `lede`, `charts` (names), `legend` (label, colour), `table`, and `more`, tables that unfold;
+        a table is `about`, `columns` (name, whether of numbers) and `rows` of cells (figure, small print).
+    """
+    record = one.artefact.provenance
+    part = record.parameters.get("part") if record.stage == "study" else None
+    if part in OF_NETWORKS:
+        title, lede, tabulated = OF_NETWORKS[part]
+        shown = {"charts": [], "legend": [], "table": _table(title, tabulated(one.frame)), "more": []}
+        return {"number": number, "title": title, "lede": lede} | shown
+    flown = one.frame["axis"].is_in(tables.VELOCITIES).any()
+    told = (_replays if flown else _predictions)(one.frame, number, charts)
+    spread = BY_SEEDS if record.stage == "study" else INTERVALS
+    return {"number": number} | told | {"lede": f"{told['lede']} {spread}"}
+
+
+def _predictions(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]:
+    """Errors of predicted wrenches: the paper's Table II and its Fig. 2, and by regime of motion."""
+    whole = frame.filter(pl.col("variant") == "")
+    table = _by_axis(whole, "model", number, charts)
+    single = tables.prediction_errors(whole).select("MAE", "R2")
+    for name in single.columns:
+        table["table"]["columns"].append((name, True))
+        for row, value in zip(table["table"]["rows"], single[name], strict=True):
+            row.append((words.figure(value, 4 if name == "R2" else 3), ""))
+    regimes = tables.regime_errors(frame) if (frame["variant"] != "").any() else None
+    more = [] if regimes is None else [_table("By regime of motion, over all six axes", regimes)]
+    lede = (
+        f"Root mean square errors on {_data(whole)}, axis by axis and over all six as they are; there also "
+        "the mean absolute error, and the mean R² of the axes."
+    )
+    return table | {"title": "Predicted wrench", "lede": lede, "more": more}
+
+
+def _replays(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]:
+    """Errors of replayed velocities: the paper's Table III, and by piece of the recording."""
+    whole = frame.filter(~tables.of_a_piece())
+    pieces = tables.piece_errors(frame)
+    more = [] if pieces.is_empty() else [_table("By piece of the recording", pieces)]
+    lede = f"Root mean square errors on {_data(whole)}, commands alone given."
+    return _by_axis(whole, "variant", number, charts) | {
+        "title": "Open-loop replay",
+        "lede": lede,
+        "more": more,
+    }
+
+
+def _data(frame: pl.DataFrame) -> str:
+    return words.listed(frame["dataset"].unique(maintain_order=True).to_list())
+
+
+def _by_axis(frame: pl.DataFrame, group: str, number: int, charts: Charts) -> dict[str, Any]:
+    """Chart and table of root mean square errors, translation apart from rotation, all axes together last."""
+    rows = frame.filter(pl.col("metric") == "rmse")
+    axes = [axis for axis in rows["axis"].unique(maintain_order=True) if axis in UNITS]
+    own = rows.filter(pl.col("axis").is_in(axes))
+    drawn = [
+        charts.add(f"metrics-{number}-{i}", plots.bars(own.filter(unit=unit), group))
+        for i, unit in enumerate(own["unit"].unique(maintain_order=True))
+    ]
+    names = frame[group].unique(maintain_order=True).to_list()
+    found = {(row[group], row["axis"]): row for row in rows.iter_rows(named=True)}
+    columns = [(f"{axis} [{UNITS[axis]}]", True) for axis in axes] + [("all six", True)]
+    cells = [[(name, ""), *(_cell(found.get((name, axis))) for axis in (*axes, "all"))] for name in names]
+    return {
+        "charts": drawn,
+        "legend": [(name, plots.MANY[i % len(plots.MANY)]) for i, name in enumerate(names)],
+        "table": {"about": "Errors per axis", "columns": [(group, False), *columns], "rows": cells},
+    }
+
+
+def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
+    """A figure and, in small print, its interval."""
+    if row is None:
+        return words.figure(None), ""
+    ends = [words.figure(row[end]) for end in ("low", "high") if row[end] is not None]
+    return words.figure(row["value"]), " to ".join(ends)
+
+
+def _table(about: str, frame: pl.DataFrame) -> dict[str, Any]:
+    """A data frame as a table of figures."""
+    columns = [(name.replace("_", ", "), dtype.is_numeric()) for name, dtype in frame.schema.items()]
+    rows = [
+        [(words.figure(value) if dtype.is_numeric() else str(value), "") for value, dtype in cells]
+        for cells in (zip(row, frame.dtypes, strict=True) for row in frame.iter_rows())
+    ]
+    return {"about": about, "columns": columns, "rows": rows}
