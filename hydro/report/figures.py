@@ -20,13 +20,18 @@ TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 MEASURED = "measured"
 PANELS = ("u", "p", "v", "q", "w", "r")
+LABELS = 7
+"""Labels of a legend that fit on one line."""
 HEADROOM = 0.35
 """How far a panel reaches beyond the measured range, as a share of it."""
 MOST_POINTS = 3000
 """Samples drawn per curve; more would not be seen at print resolution."""
 
 _INK = "#222222"
-COLOURS = ("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9", "#8C8C00", "#7A5195")
+COLOURS = (
+    *("#E69F00", "#CC79A7", "#0072B2", "#009E73", "#D55E00", "#56B4E9"),
+    *("#8C8C00", "#7A5195", "#7F3B08", "#C51B7D", "#35978F", "#4D9221"),
+)
 STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
@@ -112,7 +117,8 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
         if table["lost"].any():
             handles.append(Line2D([], [], color="#777777", marker="x", linestyle="", markeredgewidth=2))
             labels.append("lost: error beyond the measured range")
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+        beside = -(-len(labels) // -(-len(labels) // LABELS))
+        figure.legend(handles, labels, loc="outside upper center", ncols=beside, frameon=False)
     return figure
 
 
