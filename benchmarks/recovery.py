@@ -138,6 +138,7 @@ TRUTHS: dict[str, Draw] = {
     "command_delay": lambda rng, v: {"d": within(0.03, 0.2, signs=False)(rng)},
     "thruster_deadband": lambda rng, v: {"d": within(0.02, 0.08, signs=False)(rng)},
     "thruster_inflow": lambda rng, v: {"c": within(0.03, 0.15, signs=False)(rng)},
+    "thruster_curve": lambda rng, v: {"da": within(0.2, 0.9, signs=False)(rng)},
     "sensor_scale": lambda rng, v: {"axes": vector(rng, 0.05)},
     "sensor_misalignment": lambda rng, v: {"alpha": vector(rng, 0.05)},
     "sensor_delay": lambda rng, v: {"d": within(0.05, 0.3, signs=False)(rng)},

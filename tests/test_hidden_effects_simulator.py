@@ -46,6 +46,7 @@ HIDDEN = {
     "thruster_lag": {"dT": 0.12},
     "command_delay": {"d": 0.113},
     "thruster_deadband": {"d": 0.06},
+    "thruster_curve": {"da": 0.7},
     "thruster_inflow": {"c": 0.15},
     "sensor_scale": {"axes": [0.06, -0.03, 0.02]},
     "sensor_misalignment": {"alpha": [0.03, 0.02, 0.06]},

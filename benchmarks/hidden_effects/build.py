@@ -51,7 +51,7 @@ def build(
     quadratic, drag, lift = np.zeros(6), np.zeros(2), np.zeros((2, 2, 2))
     buoyancy = np.array(vehicle.buoyancy.center, float)
     extra = [np.array([body.mass * gravity, *body.center_of_gravity])]
-    kappa = lifted = asymmetry = lag = delay = band = inflow = 0.0
+    kappa = lifted = asymmetry = lag = delay = band = curve = inflow = 0.0
     current, tether, suction, memory = np.zeros(3), np.zeros(8), np.zeros(2), np.zeros(7)
     gains = np.zeros(len(vehicle.thruster))
     for table in (*vehicle.effect, *hidden):
@@ -107,6 +107,8 @@ def build(
                 delay += table["d"]
             case "thruster_deadband":
                 band += table["d"]
+            case "thruster_curve":
+                curve += table["da"]
             case "thruster_inflow":
                 inflow += table["c"]
             case name if not str(name).startswith("sensor_"):
@@ -134,7 +136,7 @@ def build(
         chains=np.array(
             [
                 [
-                    t.curve == "quadratic",
+                    (2.0 if t.curve == "quadratic" else 1.0) + curve,
                     t.lag == "speed",
                     _time_constant(t.time_constant + lag, t.lag_step),
                     t.deadband + band,

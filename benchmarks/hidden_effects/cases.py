@@ -17,6 +17,9 @@ from hydro.core.vehicle import Vehicle
 KINDS = ("one", "two", "three", "unknown", "form", "none")
 WEAKEST, STRONGEST = 0.15, 4.0
 """Bounds of the factor on an effect's usual size, drawn log-uniformly."""
+LATER = ("thruster_curve",)
+"""Effects that came after figures were published: not drawn, so that a seed hides what it hid."""
+HIDDEN = tuple(name for name in TRUTHS if name not in LATER)
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),
     "surface_suction": ("decay",),
@@ -129,9 +132,9 @@ Drawn = tuple[list[dict[str, Any]], dict[str, float], tuple[str, ...], str]
 def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
     """None, one, two or three effects of the catalogue."""
     count = ("none", "one", "two", "three").index(kind)
-    names = [list(TRUTHS)[seed % len(TRUTHS)]] if count else []
+    names = [HIDDEN[seed % len(HIDDEN)]] if count else []
     while len(names) < count:
-        name = str(rng.choice(list(TRUTHS)))
+        name = str(rng.choice(HIDDEN))
         if name not in names and not any({name, other} in CONTAINED for other in names):
             names.append(name)
     return [strong(name, rng, vehicle) for name in names], {}, tuple(sorted(names)), " + ".join(names)

@@ -182,7 +182,7 @@ def by_simulate(
         rng = np.random.default_rng([seed, number, 5])
         demand = 0.5 * demands(Session(str(number), kind, count, number), seed, DT) * greatest
         level = np.clip(demand @ share.T / limits, -1.0, 1.0)
-        level = np.where(file.chains[:, 0] > 0.0, np.sign(level) * np.sqrt(np.abs(level)), level)
+        level = np.sign(level) * np.abs(level) ** (1.0 / file.chains[:, 0])
         columns: dict[str, Any] = {"session": ["x"] * count, "t": np.arange(count) * DT}
         columns |= {name: np.zeros(count) for name in (*POSE, *VELOCITY)}
         columns |= {"z": np.full(count, depth), "psi": np.full(count, rng.uniform(-np.pi, np.pi))}

@@ -80,7 +80,7 @@ class Plant(NamedTuple):
         memory: K of six axes and the rate, (7,).
         thrusts: Unit wrenches of the thrusters, (n, 6).
         limits: Greatest thrust ahead and astern, (n, 2).
-        chains: Quadratic curve, speed lag, time constant, dead band, shifted dead band, (n, 5).
+        chains: Power of the curve, speed lag, time constant, dead band, shifted dead band, (n, 5).
         gains: Relative deviation of each thrust, (n,).
         asymmetry: Share of reverse thrust lost.
         inflow: Loss to the water's speed [s/m].
@@ -168,8 +168,8 @@ def static(chain: Array, limit: Array, n: float) -> float:
     size, band = abs(n), chain[3]
     if size <= band:
         return 0.0
-    if chain[0] > 0.0:
-        size, band = size * size, band * band
+    if chain[0] != 1.0:
+        size, band = size ** chain[0], band ** chain[0]
     if chain[4] > 0.0:
         size = (size - band) / (1.0 - band)
     return size * limit[0] if n > 0.0 else -size * limit[1]
@@ -345,7 +345,7 @@ def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: flo
     for i in range(thrust.size):
         limit = believed.limits[i, 0] if thrust[i] > 0.0 else believed.limits[i, 1]
         size = min(abs(thrust[i]) / limit, 1.0)
-        size = math.sqrt(size) if believed.chains[i, 0] > 0.0 else size
+        size = size ** (1.0 / believed.chains[i, 0])
         out[i] = size if thrust[i] > 0.0 else -size
     return out
 

@@ -52,6 +52,7 @@ MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
                 "thruster_gain",
                 "thruster_asymmetry",
                 "thruster_deadband",
+                "thruster_curve",
                 "thruster_inflow",
                 "linear_damping",
                 "quadratic_damping",

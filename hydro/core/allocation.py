@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 UNIT_WRENCH = slice(0, 6)
 MAX_THRUST = 6  # N at +1
 MAX_REVERSE = 7  # N at -1, as a positive number
-QUADRATIC = 8  # 1: thrust goes with the square of n; 0: linear
+POWER = 8  # of n that thrust goes with: 1 linear, 2 quadratic
 SPEED_LAG = 9  # 1: the state is the rotor speed; 0: the thrust
 TIME_CONSTANT = 10  # s
 LAG_STEP = 11  # s, of the source's Euler integration; 0: exact
@@ -86,7 +86,7 @@ def thruster_table(vehicle: Vehicle) -> Array:
         row[UNIT_WRENCH] = _unit_wrench(thruster)
         row[MAX_THRUST] = thruster.max_thrust
         row[MAX_REVERSE] = thruster.max_reverse_thrust
-        row[QUADRATIC] = thruster.curve == "quadratic"
+        row[POWER] = 2.0 if thruster.curve == "quadratic" else 1.0
         row[SPEED_LAG] = thruster.lag == "speed"
         row[TIME_CONSTANT] = thruster.time_constant
         row[LAG_STEP] = step
@@ -97,14 +97,20 @@ def thruster_table(vehicle: Vehicle) -> Array:
 
 
 @jit
+def raised(size: float, power: float) -> float:
+    """Size to a power, by one product where that is 2."""
+    return size * size if power == 2.0 else size**power
+
+
+@jit
 def static_thrust(row: Array, n: float) -> float:
     """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
     size: float = abs(n)
     band: float = row[DEADBAND]
     if size <= band:
         return 0.0
-    if row[QUADRATIC]:
-        size, band = size * size, band * band
+    if row[POWER] != 1.0:
+        size, band = raised(size, row[POWER]), raised(band, row[POWER])
     if row[SHIFT]:
         size = (size - band) / (1.0 - band)
     limit: float = row[MAX_THRUST] if n > 0.0 else -row[MAX_REVERSE]

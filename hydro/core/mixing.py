@@ -17,7 +17,7 @@ from hydro.core.allocation import (
     DELAY,
     MAX_REVERSE,
     MAX_THRUST,
-    QUADRATIC,
+    POWER,
     TIME_CONSTANT,
     allocate,
     configuration_matrix,
@@ -138,6 +138,6 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
             thrust += allocation[i, j] * tau[j]
         limit = table[i, MAX_THRUST] if thrust > 0.0 else table[i, MAX_REVERSE]
         size = min(abs(thrust) / limit, 1.0)
-        if table[i, QUADRATIC]:
-            size = math.sqrt(size)
+        if table[i, POWER] != 1.0:
+            size = math.sqrt(size) if table[i, POWER] == 2.0 else size ** (1.0 / table[i, POWER])
         commands[i] = np.float64(np.float32(math.copysign(size, thrust)))

@@ -26,6 +26,8 @@ from hydro.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
+LEAST_POWER, MOST_POWER = 0.5, 4.0
+"""Bounds of the power of a thrust curve."""
 LONGEST_SENSOR_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
 ROUGH = {"thruster_deadband": 5e-2, "command_delay": 1e-2, "sensor_delay": 1e-2, "tether": 1e-2}
@@ -379,6 +381,9 @@ def _limits(
     elif name == "thruster_deadband":
         bands = [t.deadband for t in vehicle.thruster] or [0.0]
         low, high = -min(bands), 0.9 - max(bands)
+    elif name == "thruster_curve":
+        powers = [2.0 if t.curve == "quadratic" else 1.0 for t in vehicle.thruster] or [1.0]
+        low, high = LEAST_POWER - min(powers), MOST_POWER - max(powers)
     elif name == "payload" and parameter.name in ("x", "y", "z"):
         low, high = -2.0 * vehicle.hull.length, 2.0 * vehicle.hull.length
     elif parameter.name == "attachment":

@@ -39,6 +39,7 @@ EFFECTS = {
     "thruster_lag": {"dT": 0.08},
     "command_delay": {"d": 0.06},
     "thruster_deadband": {"d": 0.04},
+    "thruster_curve": {"da": 0.6},
     "thruster_inflow": {"c": 0.2},
 }  # fmt: skip
 

@@ -6,7 +6,7 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from hydro.core.allocation import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, TIME_CONSTANT
+from hydro.core.allocation import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 from hydro.core.effects.record import Array, Effect, Fill, Parameter
 
 
@@ -33,6 +33,15 @@ def command_delay(p: Array, table: Array) -> None:
 def thruster_deadband(p: Array, table: Array) -> None:
     """Dead band wider by d, in units of command or normalised speed."""
     table[:, DEADBAND] += p[0]
+
+
+def thruster_curve(p: Array, table: Array) -> None:
+    """Thrust |n|^(a + da) sign(n) of the greatest; a = 1 of a linear curve in the file, 2 of a quadratic one.
+
+    A propeller's thrust goes with the square of its speed, and what a command is a share of (voltage, speed,
+    thrust) only its driver knows: a curve taken for another is the commonest error of a thruster table.
+    """
+    table[:, POWER] += p[0]
 
 
 def thruster_inflow(p: Array, table: Array) -> None:
@@ -112,6 +121,15 @@ EFFECTS = (
         "small commands of both signs",
         ("thruster_gain", "linear_damping"),
         Parameter("d", ("1",), "added half-width of the dead band", low=-1.0, high=1.0),
+    ),
+    _effect(
+        "thruster_curve",
+        thruster_curve,
+        "abs(n)^(a + da) sign(n)",
+        "Fossen (2011), section 12.3 (thrust and the square of propeller speed)",
+        "commands from small to full on every thruster",
+        ("thruster_gain", "thruster_deadband", "quadratic_damping"),
+        Parameter("da", ("1",), "added to the power of the curve: 1 makes a linear one quadratic"),
     ),
     _effect(
         "thruster_inflow",

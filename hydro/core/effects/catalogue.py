@@ -115,5 +115,7 @@ def _require_possible(table: Array) -> None:
         raise DataError("effect: the delay in sum must not be below 0")
     if (band < 0.0).any() or (band >= 1.0).any():
         raise DataError("effect: the dead band in sum must lie within [0, 1)")
+    if (table[:, allocation.POWER] <= 0.0).any():
+        raise DataError("effect: the power of the thrust curve in sum must be above 0")
     if (table[:, allocation.GAIN] < -1.0).any() or (table[:, allocation.ASYMMETRY] > 1.0).any():
         raise DataError("effect: the gain in sum must not reverse the thrust")

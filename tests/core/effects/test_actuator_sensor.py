@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from bench import BARE, equipped
@@ -53,6 +54,31 @@ def test_delay_shifts_the_response():
 def test_dead_band_widens():
     assert held([0.0, 0.06])[-1, 1] > 0.0
     assert held([0.0, 0.06], {"name": "thruster_deadband", "d": 0.02})[-1, 1] == 0.0
+
+
+@given(numbers(-1.0, 1.0), numbers(-0.5, 2.0))
+def test_the_curve_is_of_another_power(command, added):
+    """Of 80 N ahead and 60 N astern at full command, |u|^(1 + da); 1 is what the file calls quadratic."""
+    thrust = held([command, 0.0], {"name": "thruster_curve", "da": added})[-1, 0]
+    full = 80.0 if command > 0.0 else -60.0
+    assert thrust == pytest.approx(full * abs(command) ** (1.0 + added), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("style", ["cut", "shift"])
+def test_a_linear_curve_with_one_more_power_is_the_quadratic_one(style):
+    def banded(curve, *effects):
+        vehicle = equipped(*effects)
+        changed = (
+            msgspec.structs.replace(t, curve=curve, deadband=0.1, deadband_style=style)
+            for t in vehicle.thruster
+        )
+        table = thruster_table(msgspec.structs.replace(vehicle, thruster=tuple(changed)))
+        commands = np.linspace(-1.0, 1.0, 200)[:, None].repeat(2, axis=1)
+        return thrusts(table, commands, T, ROWS)
+
+    more, less = {"name": "thruster_curve", "da": 1.0}, {"name": "thruster_curve", "da": -1.0}
+    np.testing.assert_array_equal(banded("linear", more), banded("quadratic"))
+    np.testing.assert_array_equal(banded("quadratic", less), banded("linear"))
 
 
 @given(numbers(-1.0, 1.0), vectors(6, 1.5))

@@ -37,6 +37,7 @@ PHYSICS = [
     "thruster_lag",
     "command_delay",
     "thruster_deadband",
+    "thruster_curve",
     "thruster_inflow",
     "sensor_scale",
     "sensor_misalignment",
@@ -146,6 +147,7 @@ REFUSED = [
     ({"name": "command_delay", "d": -0.1}, "delay in sum"),
     ({"name": "thruster_deadband", "d": -0.1}, "dead band in sum"),
     ({"name": "thruster_deadband", "d": 0.97}, "dead band in sum"),
+    ({"name": "thruster_curve", "da": -2.0}, "power of the thrust curve in sum"),
     ({"name": "sensor_scale"}, "exactly one of s, axes"),
 ]
 
