@@ -10,6 +10,7 @@ from hydro.core.manoeuvres import SECONDS, Flight
 
 ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
 QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
+PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -110,6 +111,12 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
         return (
             "thrusters quicker by about one sample: most likely the log writes a command one row after it "
             "acts; shift the command columns up by one row and diagnose again"
+        )
+    if effect == "thruster_curve" and abs(abs(float(parameters["da"])) - 1.0) < PLAIN:
+        curve = "quadratic" if float(parameters["da"]) > 0.0 else "linear"
+        return (
+            f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] of the file, and '
+            "diagnose again; `hydro add` does it as well"
         )
     return f"add it with `hydro add`; {CATALOGUE[effect].definition}"
 

@@ -23,7 +23,7 @@ from hydro.core.findings import Diagnosis, Finding
 from hydro.core.fit import UNDETERMINED, Fit, OutputError, judged
 from hydro.core.given import in_file, steadied
 from hydro.core.left_out import Fitted, scores
-from hydro.core.log_faults import freed
+from hydro.core.log_faults import sound
 from hydro.core.manoeuvres import best, plain, showing
 from hydro.core.normal import block_length, covariance
 from hydro.core.parameters import free
@@ -56,6 +56,8 @@ STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be told."""
 LEFT = 0.05
 """Share of the error beyond the noise which it must reach besides."""
+OVERLAP = 0.7
+"""Part of what findings explain together below which the sum of what each adds tells that they overlap."""
 IMITATED = 0.5
 """What no effect explains, in units of what a finding explains, from which it casts doubt on the finding."""
 
@@ -77,8 +79,8 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     """
     told = report or (lambda words, share: None)
     told("shots", 0.0)
-    raw, faults = freed(vehicle, raw)
-    record = recording(raw, vehicle)
+    log = sound(vehicle, raw)
+    raw, record = log.raw, recording(log.raw, vehicle)
     base, reach, problem = own_effects(vehicle), record.eta[:, :3], aimed(vehicle, record)
     shots = problem.shots
     told("the file's own effects", 0.05)
@@ -94,11 +96,9 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None
     left = _left(search, model, last, record, raw)
-    findings = [
-        doubted(_named(one, search, model, without[one.effect], result, vehicle, shots), left)
-        for one in found
-    ]
-    findings += left
+    named = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
+    together = float(np.clip((first.normal.cost - model.normal.cost) / max(first.excess, 1e-9), 0.0, 1.0))
+    findings = [doubted(one, left) for one in shared(named, together)] + left
     findings.sort(key=lambda one: -one.share)
     if not findings:
         findings.append(_nothing(first, last))
@@ -107,7 +107,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     findings += (one for one in _unseen(last, model, shots) if one.effect not in told_of)
     told("done", 1.0)
     chi2 = (given.normal.chi2, first.normal.chi2, model.normal.chi2)
-    return Diagnosis((*faults, *findings), result.vehicle if result else vehicle, chi2)
+    return Diagnosis((*log.faults, *findings), result.vehicle if result else vehicle, chi2)
 
 
 def aimed(vehicle: Vehicle, record: Recording) -> OutputError:
@@ -174,6 +174,29 @@ def _named(
         errors,
         advice=words,
     )
+
+
+def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
+    """The findings with what they explain together parted among them, where one can stand in for another.
+
+    Then each adds little to the others, and all they add is far less than what they explain.
+
+    Args:
+        findings: Each with what it adds to the others as its share.
+        together: What all of them explain.
+    """
+    added = sum(one.share for one in findings)
+    if added >= OVERLAP * together or added <= 0.0:
+        return list(findings)
+    names, parted = " and ".join(one.effect for one in findings), []
+    for one in findings:
+        low, share, high = (value * together / added for value in (one.low, one.share, one.high))
+        words = (
+            f"; {names} explain {together:.0%} together, and each can stand for most of it: this one adds "
+            f"{one.share:.0%} to the others"
+        )
+        parted.append(replace(one, share=share, low=low, high=min(high, 1.0), advice=one.advice + words))
+    return parted
 
 
 def doubted(finding: Finding, left: Sequence[Finding]) -> Finding:
@@ -246,7 +269,7 @@ def _left(search: Search, model: Model, last: Round, record: Recording, raw: pl.
             share=share,
             low=low,
             high=high,
-            p_value=last.p_value,
+            p_value=last.p_value if last.significant else np.nan,
             advice=f"structured error remains that no effect of the catalogue explains: {where}",
         )
     ]

@@ -23,8 +23,9 @@ from hydro.core.errors import DataError
 from hydro.core.extend import extended, tables
 from hydro.core.fit import judged
 from hydro.core.given import steadied
-from hydro.core.log_faults import freed
+from hydro.core.log_faults import ordered, sound
 from hydro.core.parameters import free
+from hydro.core.readings import freed
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
 
@@ -165,19 +166,20 @@ def _next(
     steps: Sequence[Step], vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, told: Report
 ) -> Step:
     """The step after these."""
-    sound, _ = freed(vehicle, raw)
+    log = sound(vehicle, raw)
     number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         told("all together", 0.0)
-        fitted = _together(last.vehicle, sound, _wanted(last, found), vehicle)
+        fitted = _together(last.vehicle, log.raw, _wanted(last, found), vehicle)
         vehicle = extended(vehicle, fitted)
-    comparison = compare(vehicle, sound, progress=_part(told, 0.3, 0.5))
+    comparison = compare(vehicle, log.raw, progress=_part(told, 0.3, 0.5))
     compared = [comparison]
     if holdout is not None:
-        compared.append(compare(vehicle, freed(vehicle, holdout)[0], progress=_part(told, 0.5, 0.6)))
+        other = ordered(freed(vehicle, holdout)[0], log.wiring)
+        compared.append(compare(vehicle, other, progress=_part(told, 0.5, 0.6)))
     found_now = diagnose(vehicle, raw, report=_part(told, 0.6, 1.0))
     return Step(
         number,

@@ -23,10 +23,10 @@ from hydro.core.candidate import candidate
 from hydro.core.descent import ITERATIONS, PRIOR, Problem, descend, linearised, searched, told_by_errors
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
-from hydro.core.log_faults import freed
 from hydro.core.normal import Normal, covariance
 from hydro.core.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.passive import accepted, bounded_in_sum, possible
+from hydro.core.readings import freed
 from hydro.core.recording import recording
 from hydro.core.vehicle import Vehicle
 

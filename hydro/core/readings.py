@@ -16,8 +16,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.findings import Finding
 from hydro.core.frames import rotation
-from hydro.core.recording import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels
+from hydro.core.recording import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
+from hydro.core.vehicle import Vehicle
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -91,6 +93,23 @@ def faults(record: Recording) -> Faults:
         found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
     found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
     return found
+
+
+def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Finding, ...]]:
+    """The recording without readings that no motion makes, and a finding for each kind of them.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle.
+    """
+    record = recording(raw, vehicle)
+    found = faults(record)
+    lines = told(raw, record, found)
+    findings = (Finding("log_fault", members=columns, advice=words) for columns, words in lines)
+    return mended(raw, record, found), tuple(findings)
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:

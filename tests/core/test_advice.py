@@ -26,3 +26,9 @@ def test_commands_logged_a_row_late_look_like_quick_thrusters():
     assert "Euler" in advice.adding("thruster_lag", {"dT": -0.0104}, 0.02)
     assert "hydro add" in advice.adding("thruster_lag", {"dT": -0.08}, 0.02)
     assert "hydro add" in advice.adding("thruster_lag", {"dT": 0.0218}, 0.02)
+
+
+def test_a_curve_that_a_file_can_name_is_named():
+    assert 'curve = "quadratic"' in advice.adding("thruster_curve", {"da": 0.98}, 0.02)
+    assert 'curve = "linear"' in advice.adding("thruster_curve", {"da": -1.02}, 0.02)
+    assert "[[thruster]]" not in advice.adding("thruster_curve", {"da": 0.5}, 0.02)

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from hydro.core import advice, unexplained
-from hydro.core.diagnose import aimed, diagnose, doubted
+from hydro.core.diagnose import aimed, diagnose, doubted, shared
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.extend import tables
@@ -227,3 +227,19 @@ def test_what_a_diagnosis_adds():
 def test_what_it_cannot_add(wanted, words):
     with pytest.raises(DataError, match=words):
         tables(tied().frame(), [wanted])
+
+
+def test_effects_that_stand_for_one_another_share_what_they_explain_together():
+    lag = Finding("missing", "thruster_lag", share=0.05, low=0.04, high=0.06)
+    delay = Finding("missing", "command_delay", share=0.07, low=0.06, high=0.08)
+    first, second = shared([lag, delay], 0.96)
+    assert first.share + second.share == pytest.approx(0.96)
+    assert first.share / second.share == pytest.approx(5 / 7)
+    assert "96% together" in first.advice
+    assert "adds 5%" in first.advice
+
+
+def test_effects_that_stand_for_themselves_keep_their_shares():
+    both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
+    assert shared(both, 1.0) == both
+    assert shared([], 0.0) == []

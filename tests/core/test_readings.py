@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from test_sensor_tests import tumbling
 
-from hydro.core.log_faults import freed
 from hydro.core.noise import PROFILES, Noise, disturb
-from hydro.core.readings import CHANNELS, faults
+from hydro.core.readings import CHANNELS, faults, freed
 from hydro.core.recording import POSE, VELOCITY, recording
 
 ORDINARY = PROFILES["ordinary"]
@@ -137,6 +136,6 @@ def test_a_jump_of_a_heading_near_half_a_turn_is_bridged_across_it():
     sound = psi + 1e-3 * np.random.default_rng(0).standard_normal(ROWS)
     broken = sound.copy()
     broken[700] -= 1.0
-    mended, _ = freed(synthetic.vehicle(), spoilt(raw, psi=broken))
+    mended = freed(synthetic.vehicle(), spoilt(raw, psi=broken))[0]
     turned = np.angle(np.exp(1j * (mended["psi"].to_numpy() - sound)))
     assert np.abs(turned).max() < 0.01
