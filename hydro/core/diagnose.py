@@ -17,6 +17,7 @@ from scipy.stats import f as fisher
 
 from hydro.core import advice, naming, shooting, slow, unexplained
 from hydro.core.candidate import candidate
+from hydro.core.coloured import coloured
 from hydro.core.descent import ITERATIONS, PRIOR
 from hydro.core.errors import DataError
 from hydro.core.findings import Diagnosis, Finding
@@ -84,9 +85,13 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     base, reach, problem = own_effects(vehicle), record.eta[:, :3], aimed(vehicle, record)
     shots = problem.shots
     told("the file's own effects", 0.05)
+    first, sensors = fitted(vehicle, base, problem, reach, ITERATIONS), kinematic_tests(record)
+    sigma = coloured(shots.sigma, first.normal, record, sensors)
+    if sigma is not shots.sigma:
+        problem = problem.weighed(sigma)
+        first = fitted(first.vehicle, base, problem, reach, ITERATIONS)
     given = fitted(vehicle, [], problem, reach, 0)
-    first = fitted(vehicle, base, problem, reach, ITERATIONS)
-    search = Search(first, base, reach, kinematic_tests(record), problem)
+    search = Search(first, base, reach, sensors, problem)
     model, found, last = search.grow(told)
     told("looking back", 0.8)
     model, found, without = search.reconsider(model, found)
@@ -95,7 +100,8 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = Non
     model = replace(model, values=steadied(model.unknown, model.values, model.normal, vehicle))
     told("verdicts", 0.9)
     result = _judged(model) if wanted else None
-    left = _left(search, model, last, record, raw)
+    white = sigma is shots.sigma and not drawn(record)
+    left = _left(search, model, last, record, raw, white)
     named = [_named(one, search, model, without[one.effect], result, vehicle, shots) for one in found]
     together = float(np.clip((first.normal.cost - model.normal.cost) / max(first.excess, 1e-9), 0.0, 1.0))
     findings = [doubted(one, left) for one in shared(named, together)] + left
@@ -248,15 +254,18 @@ def _tables(result: Fit | None, effect: str) -> tuple[dict[str, object], dict[st
     raise KeyError(effect)
 
 
-def _left(search: Search, model: Model, last: Round, record: Recording, raw: pl.DataFrame) -> list[Finding]:
+def _left(
+    search: Search, model: Model, last: Round, record: Recording, raw: pl.DataFrame, white: bool
+) -> list[Finding]:
     """That structured error remains which no effect explains.
 
-    Structured is what some effect answers to by more than chance, or what a steady force in each shot would.
+    Structured is what some effect answers to by more than chance, or, where the sensors' noise is white,
+    what a steady force in each shot would.
     """
     first = search.first
     if model.excess < max(LEFT * first.excess, STRUCTURED * model.normal.residuals):
         return []
-    if not last.significant and _steadily(model, record) < STRUCTURED:
+    if not last.significant and not (white and _steadily(model) >= STRUCTURED):
         return []
     gain = model.costs - model.normal.freedom
     share, low, high = naming.share(
@@ -275,10 +284,8 @@ def _left(search: Search, model: Model, last: Round, record: Recording, raw: pl.
     ]
 
 
-def _steadily(model: Model, record: Recording) -> float:
-    """What steady forces explain of what is left; nothing is said of noise that is not white."""
-    if drawn(record):
-        return 0.0
+def _steadily(model: Model) -> float:
+    """What steady forces explain of what is left."""
     pulls = list(slow.pulled(model.vehicle))
     return slow.share(model.problem.linearise(model.vehicle, pulls, [1.0] * slow.WRENCH))
 

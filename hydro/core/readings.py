@@ -75,7 +75,7 @@ class Faults:
 def faults(record: Recording) -> Faults:
     """Find the readings of a recording that no motion makes."""
     found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
-    gone = _gone(record)
+    apart = gone(record, record.nu)
     for i, parts in enumerate(channels(record)):
         runs = [_runs(part) for part in parts]
         lengths = np.concatenate([np.diff(edges) for edges in runs])
@@ -87,7 +87,7 @@ def faults(record: Recording) -> Faults:
         for (start, stop), part, edges in zip(record.segments, parts, runs, strict=True):
             long = np.repeat(np.diff(edges) >= least, np.diff(edges))
             if long.any() and not noisy:
-                long = _contradicted(gone[i // 3 % 2][start:stop], long)
+                long = _contradicted(apart[i // 3 % 2][start:stop], long)
             found.stills[start:stop, i] = long
             found.marks[start:stop, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
         found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
@@ -177,14 +177,17 @@ def _whiteness(samples: Sequence[Array]) -> float:
     return float(size[0] / max(size[1], 1e-300))
 
 
-def _gone(record: Recording) -> tuple[Array, Array]:
-    """How the pose goes otherwise than the velocities, summed up: position [m] and attitude [rad], (N, 3)."""
+def gone(record: Recording, nu: Array) -> tuple[Array, Array]:
+    """How the pose goes otherwise than velocities nu, summed up: position [m] and attitude [rad], (N, 3).
+
+    Velocities are summed by trapezoids; what lies between two segments has no meaning.
+    """
     R = rotation(*record.eta[:, 3:].T)
-    moved = np.einsum("kij,kj->ki", R[:-1], record.nu[:-1, :3]) * record.dt
-    steps = np.diff(record.eta[:, :3], axis=0) - moved
+    along = np.einsum("kij,kj->ki", R, nu[:, :3])
+    steps = np.diff(record.eta[:, :3], axis=0) - 0.5 * record.dt * (along[1:] + along[:-1])
     turned = np.einsum("kji,kjl->kil", R[:-1], R[1:])
     skew = 0.5 * (turned - turned.transpose(0, 2, 1))
-    turns = skew[:, [2, 0, 1], [1, 2, 0]] - record.nu[:-1, 3:] * record.dt
+    turns = skew[:, [2, 0, 1], [1, 2, 0]] - 0.5 * record.dt * (nu[1:, 3:] + nu[:-1, 3:])
     start = np.zeros((1, 3))
     return np.concatenate([start, steps.cumsum(axis=0)]), np.concatenate([start, turns.cumsum(axis=0)])
 

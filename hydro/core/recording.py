@@ -140,12 +140,12 @@ def noise(record: Recording) -> Array:
     return sigma
 
 
-def drawn(record: Recording) -> bool:
-    """Whether any channel was drawn in straight lines between the samples of a slower sensor.
+def drawn(record: Recording, of: slice = slice(None)) -> bool:
+    """Whether any of these channels was drawn in straight lines between the samples of a slower sensor.
 
     Its noise is not white from row to row, however well its size is known.
     """
-    return any(_apart(parts) > 1 for parts in channels(record))
+    return any(_apart(parts) > 1 for parts in list(channels(record))[of])
 
 
 def channels(record: Recording) -> Iterator[list[Array]]:
