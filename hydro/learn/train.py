@@ -11,7 +11,7 @@ at most; and the weight decay is decoupled from the gradient (AdamW). As a part 
 moves weights where the error's own has become small, and bends the wrench enough to be seen in a replay.
 docs/benchmarks.md has what each is worth.
 
-Where the log is noisy, networks are trained blind to accelerations (`trusted_accelerations`).
+From a noisy log networks are trained blind to accelerations (`trusted_accelerations`), and for less long.
 
 The same rows, seed and device give the same weights to the last bit: deterministic algorithms, own shuffling,
 no clock, and one thread (threads share out the sums over a batch, so that another number rounds otherwise):
@@ -43,6 +43,7 @@ from hydro.learn.networks import architecture, build, parameter_count
 from hydro.learn.networks.residual import Residual
 
 UPDATES = 25_000  # of the weights, where the number of epochs is not given
+UPDATES_NOISY = 4_000  # the same from a noisy log: longer training learns the noise of its labels
 MOST_EPOCHS = 60  # then
 LEARNING_RATE = 4e-3
 WARM_UP = 0.05  # share of the updates
@@ -102,9 +103,10 @@ def train(
         model: name of an architecture, see `learn.networks`.
         seed: of the first weights and of the order of the rows.
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
-            sooner. By default as many as make 25,000 updates of the weights, 60 at most.
+            sooner. By default as many as make 25,000 updates of the weights, 60 at most; 4,000 from labels
+            of a noisy log, whose validation error rises from then on.
         device: `cpu`, or `cuda` where there is one.
-        accelerations: whether the network sees nu_dot; see `trusted_accelerations`.
+        accelerations: whether the network sees nu_dot; not from a noisy log, see `trusted_accelerations`.
         progress: called after every epoch.
 
     Returns:
@@ -128,7 +130,8 @@ def train(
     fitted = _standardised(inputs[~validating], targets[~validating], scalers, target_device)
     watched = _standardised(inputs[validating], targets[validating], scalers, target_device)
     batch = int(np.clip(len(fitted.inputs) // BATCHES_PER_EPOCH, *BATCH_LIMITS))
-    epochs = epochs or min(MOST_EPOCHS, math.ceil(UPDATES * batch / len(fitted.inputs)))
+    updates = UPDATES if accelerations else UPDATES_NOISY
+    epochs = epochs or min(MOST_EPOCHS, math.ceil(updates * batch / len(fitted.inputs)))
     with _reproducible(seed):
         network = build(description).to(target_device)
         network.standardise(scalers)

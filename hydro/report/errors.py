@@ -121,7 +121,7 @@ def _cell(row: dict[str, Any] | None) -> tuple[str, str]:
     """A figure and, in small print, its interval."""
     if row is None:
         return words.figure(None), ""
-    ends = [words.figure(row[end]) for end in ("low", "high") if row[end] is not None]
+    ends = [words.figure(row[end], 2) for end in ("low", "high") if row[end] is not None]
     return words.figure(row["value"]), " to ".join(ends)
 
 

@@ -59,18 +59,18 @@ FLOWN = of_study(
 def test_networks_have_a_row_each_and_regimes_and_pieces_unfold() -> None:
     predicted, flown = (section(one, 0, Charts()) for one in (EVALUATED, FLOWN))
     assert predicted["table"]["rows"] == [
-        [("mlp", ""), ("2.00", "1.80 to 2.20"), ("2.00", "1.80 to 2.20"), ("0.500", ""), ("0.9990", "")],
+        [("mlp", ""), ("2.00", "1.8 to 2.2"), ("2.00", "1.8 to 2.2"), ("0.500", ""), ("0.9990", "")],
         [
             ("physfeat", ""),
-            ("1.00", "0.900 to 1.10"),
-            ("1.00", "0.900 to 1.10"),
+            ("1.00", "0.90 to 1.1"),
+            ("1.00", "0.90 to 1.1"),
             ("0.500", ""),
             ("0.9990", ""),
         ],
     ]
     assert predicted["more"][0]["rows"] == [[("speed 0-1 m/s", ""), ("14.0", ""), ("7.00", "")]]
     assert [cells[0][0] for cells in flown["table"]["rows"]] == ["MJ0", "MJ1", "MJ4"]
-    assert flown["table"]["rows"][1][1] == ("0.00300", "0.00270 to 0.00330")
+    assert flown["table"]["rows"][1][1] == ("0.00300", "0.0027 to 0.0033")
     assert [cells[:3] for cells in flown["more"][0]["rows"]][1] == [
         ("0-10 s", ""),
         ("MJ1", ""),
