@@ -14,10 +14,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hydro.core.dead_reckoning import gone
 from hydro.core.effects import sensor
 from hydro.core.frames import rotation
 from hydro.core.normal import Normal
-from hydro.core.readings import gone
 from hydro.core.recording import LEAST_NOISE, Array, Recording, drawn, noise
 from hydro.core.sensor_tests import ENTRIES, KinematicTest, shown
 

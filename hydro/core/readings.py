@@ -16,15 +16,15 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.dead_reckoning import gone, rate_bias
 from hydro.core.findings import Finding
-from hydro.core.frames import rotation
 from hydro.core.recording import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
 from hydro.core.vehicle import Vehicle
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
-CHANNELS = (*POSE, *VELOCITY)
+CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
 REACH = 3
 """Samples to each side that tell what a sample should be, by the cubic through them."""
 JUMP = 8.0
@@ -96,7 +96,7 @@ def faults(record: Recording) -> Faults:
 
 
 def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Finding, ...]]:
-    """The recording without readings that no motion makes, and a finding for each kind of them.
+    """The recording without readings that no motion makes, nor a gyro's bias; and a finding for each kind.
 
     Args:
         vehicle: The vehicle.
@@ -108,8 +108,17 @@ def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Find
     record = recording(raw, vehicle)
     found = faults(record)
     lines = told(raw, record, found)
-    findings = (Finding("log_fault", members=columns, advice=words) for columns, words in lines)
-    return mended(raw, record, found), tuple(findings)
+    findings = [Finding("log_fault", members=columns, advice=words) for columns, words in lines]
+    kept = mended(raw, record, found)
+    if (bias := rate_bias(recording(kept, vehicle))).any():
+        read = {name: float(value) for name, value in zip(RATES, bias, strict=True) if value}
+        words = (
+            f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in read.items())} too much all "
+            "the time, as the attitude tells: a gyro's bias; it is taken off here, take it off the log"
+        )
+        findings.append(Finding("log_fault", members=tuple(read), advice=words))
+        kept = kept.with_columns(pl.col(name) - value for name, value in read.items())
+    return kept, tuple(findings)
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
@@ -175,21 +184,6 @@ def _whiteness(samples: Sequence[Array]) -> float:
         return 0.0
     size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
     return float(size[0] / max(size[1], 1e-300))
-
-
-def gone(record: Recording, nu: Array) -> tuple[Array, Array]:
-    """How the pose goes otherwise than velocities nu, summed up: position [m] and attitude [rad], (N, 3).
-
-    Velocities are summed by trapezoids; what lies between two segments has no meaning.
-    """
-    R = rotation(*record.eta[:, 3:].T)
-    along = np.einsum("kij,kj->ki", R, nu[:, :3])
-    steps = np.diff(record.eta[:, :3], axis=0) - 0.5 * record.dt * (along[1:] + along[:-1])
-    turned = np.einsum("kji,kjl->kil", R[:-1], R[1:])
-    skew = 0.5 * (turned - turned.transpose(0, 2, 1))
-    turns = skew[:, [2, 0, 1], [1, 2, 0]] - 0.5 * record.dt * (nu[1:, 3:] + nu[:-1, 3:])
-    start = np.zeros((1, 3))
-    return np.concatenate([start, steps.cumsum(axis=0)]), np.concatenate([start, turns.cumsum(axis=0)])
 
 
 def _contradicted(gone: Array, still: Flags) -> Flags:
