@@ -35,6 +35,7 @@ SECONDS = 2.0
 CHANNELS = 12  # position, attitude, velocity, rates: three each
 NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
 TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
+UNKNOWN = 0.5  # s, after a gap, in which thrusters still obey commands that it swallowed
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 WILD = 20.0
@@ -91,6 +92,8 @@ def aim(
 ) -> Shots:
     """Lay shots end to end over a recording, or spread some of them evenly over it.
 
+    Behind a gap they begin half a second later where there is room: what the thrusters did is not known.
+
     Args:
         record: The recording.
         seconds: Length of what is compared of each [s].
@@ -104,7 +107,11 @@ def aim(
     ahead = int(np.ceil(lead / record.dt - 1e-9)) if lead > 0.0 else 0
     compared = max(round(seconds / record.dt), 6)
     length = ahead + compared
-    starts = [np.arange(a, b - length + 1, compared, dtype=np.int64) for a, b in record.segments]
+    unknown = np.where(record.after_gap, round(UNKNOWN / record.dt), 0)
+    starts = [
+        np.arange(a + min(lost, max(b - a - length, 0)), b - length + 1, compared, dtype=np.int64)
+        for (a, b), lost in zip(record.segments, unknown, strict=True)
+    ]
     if not sum(part.size for part in starts):
         raise DataError(
             f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer sessions"

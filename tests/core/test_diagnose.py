@@ -22,6 +22,7 @@ from hydro.core.simulate import simulate
 from hydro.core.vehicle import Vehicle
 from hydro.io import vehicle as files
 
+CURRENT = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15, "v_D": 0.0}
 ROWS = 1500  # of each of two sessions, 60 s at 50 Hz in all
 
 
@@ -98,6 +99,24 @@ def test_nothing_hidden_is_nothing_missing(known):
     assert table.schema == pl.Schema(SCHEMA)
     with pytest.raises(DataError, match="nothing to add"):
         tables(table)
+
+
+def test_an_effect_is_named_behind_the_faults_of_its_log(known):
+    """Two command columns exchanged, a frozen velocity log and spikes of a gyro."""
+    raw = recorded(hiding(known, CURRENT))
+    wrong = {name: raw[name].to_numpy().copy() for name in "uvwp"}
+    wrong["p"][100::500] += 1.0
+    for name in "uvw":
+        wrong[name][700:800] = wrong[name][700]
+    exchanged = {"cmd_2": pl.col("cmd_5"), "cmd_5": pl.col("cmd_2")}
+    columns = (pl.Series(name, values) for name, values in wrong.items())
+    found = diagnose(misjudged(known), raw.with_columns(*columns, **exchanged))
+    told = [one.members for one in found.findings if one.verdict == "log_fault"]
+    assert told == [("p",), ("u", "v", "w"), ("cmd_2", "cmd_5")]
+    named = found.findings[len(told)]
+    assert (named.verdict, named.effect) == ("missing", "ocean_current")
+    assert named.parameters["v_N"] == pytest.approx(CURRENT["v_N"], abs=0.01)
+    assert found.chi2[2] == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
