@@ -9,7 +9,7 @@ import pytest
 
 from hydro import cli
 from hydro.commands.steps import Runner, Step, here
-from hydro.commands.study import Data, Run, _beside_effects
+from hydro.commands.study import Data, Run, _beside_effects, _rounds
 from hydro.core.metrics import SCHEMA
 from hydro.report.seeds import ranking, seeds_together
 
@@ -152,6 +152,14 @@ def test_ranking_counts_a_diverged_flight_as_the_worst():
     found = ranking(predicted, replayed).filter(pl.col("metric") == "kendall_tau")
     assert found.select("axis", "value").rows() == [("all", pytest.approx(1.0))]
     assert ranking(predicted.head(2), replayed).is_empty()
+
+
+def test_every_model_gets_its_first_seed_before_any_gets_its_second():
+    rounds = _rounds(("mlp", "moe"), 2, (1.0, 3.0))
+    names = [[run.name for run in runs] for runs in rounds]
+    assert names[:2] == [["mlp-seed0", "moe-seed0"], ["mlp-seed1", "moe-seed1"]]
+    assert names[2] == ["mlp-seed0-1min", "moe-seed0-1min", "mlp-seed0-3min", "moe-seed0-3min"]
+    assert [len(runs) for runs in _rounds(("mlp",), 3, ())] == [1, 1, 1]
 
 
 def test_names_tell_runs_apart():
