@@ -96,6 +96,8 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
             frame.filter(learnt, whole_flight).with_columns(dataset=pl.lit(kind))
             for kind, frame in (("off", beside), *of_kinds)
         )
+    for name in {"ranking", "minutes", "conditioning"} - found.keys():  # of an earlier study of this folder
+        (folder / f"{name}.parquet").unlink(missing_ok=True)
     for name, frame in found.items():
         table.write(
             table.make("metrics", frame, stage="study", parameters={"part": name}), folder / f"{name}.parquet"
