@@ -159,7 +159,7 @@ def test_draws_are_possible_and_depend_on_kind_and_seed_alone():
     counts = {"one": 1, "two": 2, "three": 3, "none": 0}
     hidden = set()
     for kind in cases.KINDS:
-        for seed in range(len(CATALOGUE)):
+        for seed in range(len(cases.HIDDEN)):
             case = cases.draw(kind, seed)
             assert case == cases.draw(kind, seed)
             validate(vehicles.joined(vehicles.preset(case.preset), case.hidden))
@@ -172,7 +172,7 @@ def test_draws_are_possible_and_depend_on_kind_and_seed_alone():
                 assert not case.called
                 assert case.foreign
             assert set(case.called) <= set(CATALOGUE)
-    assert hidden == set(CATALOGUE), "every effect has its turn"
+    assert hidden == set(CATALOGUE) - set(cases.LATER), "every effect has its turn"
 
 
 def test_a_case_can_be_made_weaker():
