@@ -96,6 +96,39 @@ def step(flat: Array, facets: Array, h: float, y: Array, s: Array, rotors: Array
 
 
 @jit
+def resume(
+    table: Array,
+    commands: Array,
+    t: Array,
+    at: int,
+    settled: bool,
+    target: Array,
+    upcoming: NDArray[np.int64],
+) -> tuple[float, float]:
+    """Take a motion up at row `at` of a segment: late commands from before it are still to be felt.
+
+    Args:
+        table: Thruster table (n, columns).
+        commands: Of the segment, (N, n).
+        t: Its times [s].
+        at: Row.
+        settled: Whether the rotors had settled on the first command when the segment began, as after a gap.
+        target: (n,) written, as in `obey`.
+        upcoming: (n,) written, as in `obey`.
+
+    Returns:
+        `due`, as `advance` takes it.
+    """
+    for i in range(target.size):
+        target[i] = settled_state(table[i], commands[0, i]) if settled else 0.0
+        row = at
+        while row > 0 and t[row] + table[i, DELAY] > t[at]:
+            row -= 1
+        upcoming[i] = row
+    return t[at], 0.0
+
+
+@jit
 def turn(
     table: Array,
     commands: Array,

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, same_states, settled_state
+from hydro.core.allocation import same_states
 from hydro.core.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.compiled import jit
 from hydro.core.dynamics import observe
@@ -25,7 +25,7 @@ from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.frames import quaternion_from_euler
-from hydro.core.integrate import BODY, NO_HULL, advance
+from hydro.core.integrate import BODY, NO_HULL, advance, resume
 from hydro.core.recording import Array, Recording, noise, smoothed
 
 Rows = NDArray[np.int64]
@@ -339,14 +339,8 @@ def _shoot(
         y[:BODY] = first[m]
         y[BODY:] = memory[m]
         observe(flat, y[:3], y[3:7], y[7:BODY], s)
-        for i in range(count):
-            rotors[2, i] = rotor[m, i]
-            target[i] = settled_state(table[i], demand[0, i]) if resumed[m] else 0.0
-            row = at
-            while row > 0 and clock[row] + table[i, DELAY] > clock[at]:
-                row -= 1
-            upcoming[i] = row
-        due = (clock[at], 0.0)
+        rotors[2] = rotor[m]
+        due = resume(table, demand, clock, at, resumed[m], target, upcoming)
         for k in range(out.shape[1]):
             out[m, k] = y[:BODY]
             if k + 1 == out.shape[1]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.allocation import DELAY, INFLOW, settled_state
+from hydro.core.allocation import INFLOW
 from hydro.core.compiled import jit
 from hydro.core.dynamics import accelerate, observe, propel
 from hydro.core.effects.layout import (
@@ -27,7 +27,7 @@ from hydro.core.effects.layout import (
 )
 from hydro.core.effects.program import HEADER, STATE_COUNT, relative_to_water, thrusters_of, wrench
 from hydro.core.effects.record import Array
-from hydro.core.integrate import BODY, NO_HULL, rates_kernel, step, turn
+from hydro.core.integrate import BODY, NO_HULL, rates_kernel, resume, step, turn
 
 Rows = NDArray[np.int64]
 
@@ -95,14 +95,8 @@ def vary(
         for i in range(DEVIATION):
             delta[i, i] = 1.0
         delta[DEVIATION:, DEVIATION:] = ahead[m]
-        for i in range(count):
-            rotors[2, i] = rotor[m, i]
-            target[i] = settled_state(table[i], demand[0, i]) if resumed[m] else 0.0
-            row = at
-            while row > 0 and clock[row] + table[i, DELAY] > clock[at]:
-                row -= 1
-            upcoming[i] = row
-        due = (clock[at], 0.0)
+        rotors[2] = rotor[m]
+        due = resume(table, demand, clock, at, resumed[m], target, upcoming)
         for k in range(states.shape[1]):
             states[m, k] = y[:BODY]
             out[m, k] = delta[:DEVIATION]
