@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -180,6 +181,25 @@ def test_a_case_can_be_made_weaker():
     half = cases.weaker(case)
     assert half.hidden[0]["k"] == pytest.approx(0.5 * case.hidden[0]["k"])
     assert half.hidden[0]["anchor"] == case.hidden[0]["anchor"]
+
+
+def test_what_is_hidden_is_doubled_until_it_tells(tmp_path):
+    """A current of a few mm/s: its share grows to what was asked for; nothing hidden stays so."""
+    case = cases.draw("one", 12, "simulate")
+    faint = dataclasses.replace(case, hidden=({"name": "ocean_current", "v_N": 0.004, "v_E": 0.004},))
+    flown = study.fly(faint, 40.0, tmp_path)
+    told, again = study.telling(faint, flown, 40.0, tmp_path, 0.02)
+    shares = []
+    for one, recorded in ((faint, flown), (told, again)):
+        errors = study.Replay(recorded.held_out, recorded.exact)
+        shares.append(study.shares(one, recorded, errors, errors.of(recorded.given))[0])
+    doubled = np.log2(told.hidden[0]["v_N"] / 0.004)
+    assert shares[0] < 0.02
+    assert doubled == round(doubled)
+    assert 1 <= doubled <= study.STRONGER
+    assert shares[1] >= 0.02 or doubled == study.STRONGER
+    nothing = cases.draw("none", 0, "simulate")
+    assert study.telling(nothing, study.fly(nothing, 40.0, tmp_path), 40.0, tmp_path, 0.02)[0] is nothing
 
 
 def test_damping_is_at_most_a_quarter_wrong_and_nothing_else_is():

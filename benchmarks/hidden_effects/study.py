@@ -175,7 +175,7 @@ def telling(case: Case, flown: Flown, seconds: float, folder: Path, least: float
         errors = Replay(flown.held_out, flown.exact)
         together, each = shares(case, flown, errors, errors.of(flown.given))
         weak = [share < least for share in (each if len(each) > 1 else [together])]
-        if case.foreign or not any(weak):
+        if case.foreign or not (case.hidden and any(weak)):
             break
         try:
             more = stronger(case, weak)
