@@ -106,8 +106,10 @@ def draw_flight(
             above.plot(way[:, 1], way[:, 0], color="#CC79A7", linestyle="--", label="plan")
         above.plot(path[:, 1], path[:, 0], color="#0072B2", label="flown")
         above.plot(path[0, 1], path[0, 0], "o", color="#0072B2", label="start")
-        above.set(title=title, xlabel="east [m]", ylabel="north [m]", aspect="equal")
-        above.legend(frameon=False)
+        above.set(xlabel="east [m]", ylabel="north [m]")
+        above.set_aspect("equal", adjustable="datalim")  # a flight due north keeps the width of the panel
+        drawn.suptitle(title, x=0.02, ha="left")
+        drawn.legend(loc="outside upper right", frameon=False, ncols=3)
         beside.plot(_along(path), path[:, 2], color="#0072B2")
         if len(way):
             beside.plot(_along(way), way[:, 2], color="#CC79A7", linestyle="--")
