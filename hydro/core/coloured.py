@@ -45,8 +45,9 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
         velocities that weigh little leave little.  `sigma` itself where only white noise shows.
     """
     left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE:]
-    grown = velocity_noise(record, tests) / noise(record)[POSE:]
-    known = [(noise(record)[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
+    white = noise(record)
+    grown = velocity_noise(record, tests) / white[POSE:]
+    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
     there = (left > PLAIN) & (grown > PLAIN) & np.repeat(known, 3)
     if drawn(record, slice(POSE)) or not there.any():
         return sigma
@@ -66,18 +67,18 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
         if shown(tests[name]):
             log[place] = tests[name].estimate
     nu = np.vstack([sensor.corrected(log, record.t[a:b], record.nu[a:b]) for a, b in record.segments])
-    found = sigma[POSE:]
+    found, away = sigma[POSE:], gone(record, nu)
     for seconds in SECONDS:
-        found = np.maximum(found, _over(record, nu, sigma, max(round(seconds / record.dt) + 1, 4)))
+        found = np.maximum(found, _over(record, away, sigma, max(round(seconds / record.dt) + 1, 4)))
     return found
 
 
-def _over(record: Recording, nu: Array, sigma: Array, length: int) -> Array:
-    """The same by slopes over so many rows, (6,); 0 where they scatter as white noise makes them."""
+def _over(record: Recording, away: tuple[Array, Array], sigma: Array, length: int) -> Array:
+    """The same by slopes of what has `gone` otherwise over so many rows; 0 where white noise does as much."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST:
         return np.zeros(len(sigma) - POSE)
-    rows, (position, attitude) = starts[:, None] + np.arange(length), gone(record, nu)
+    rows, (position, attitude) = starts[:, None] + np.arange(length), away
     time = (np.arange(length) - 0.5 * (length - 1)) * record.dt
     weight = time / (time @ time)
     body = rotation(*record.eta[starts + length // 2, 3:].T)

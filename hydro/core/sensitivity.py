@@ -69,8 +69,8 @@ def linearise(
     gram = np.empty((pieces, count + 1, count + 1))
     follow = np.empty((pieces, CHANNELS, count + 1))
     channels = np.zeros((pieces, CHANNELS))
-    varied = _varied(base, moved, shares)
     logged = [i for i, other in enumerate(moved) if _same_motion(base, other)]
+    varied = _varied(base, moved, shares, logged)
     rest = [i for i in range(count) if i not in logged and i not in varied.of]
     order = np.argsort([*varied.of, *logged, *rest])
     order = np.concatenate([np.arange(CHANNELS), CHANNELS + order, [CHANNELS + count]])
@@ -113,15 +113,15 @@ def _same_motion(base: Loaded, other: Loaded) -> bool:
     )
 
 
-def _varied(base: Loaded, moved: Sequence[Loaded], shares: Array) -> Varied:
-    """Those parameters whose effect on the motion the variational equation gives."""
+def _varied(base: Loaded, moved: Sequence[Loaded], shares: Array, logged: Sequence[int]) -> Varied:
+    """Those parameters, but those of the log, whose effect on the motion the variational equation gives."""
     flat, states = base.model.program.flat, base.model.program.states
     of, kinds, where, programs, ahead = [], [], [], list[Array](), []
     place = 0
     for i, (other, share) in enumerate(zip(moved, shares, strict=True)):
         its = other.model.program.flat
-        alike = np.array_equal(base.model.log, other.model.log) and not _same_motion(base, other)
-        if not alike or other.model.program.states != states:
+        alike = np.array_equal(base.model.log, other.model.log)
+        if i in logged or not alike or other.model.program.states != states:
             continue
         if not same_states(base.model.thrusters, other.model.thrusters):
             continue

@@ -86,7 +86,7 @@ def vary(
     target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
     rotors = np.zeros((3, count))
     slope, push = np.zeros((size, size)), np.zeros((size - 6, total - DEVIATION))
-    delta, fresh = np.zeros((size, total)), np.zeros((size, total))
+    delta, middle = np.zeros((size, total)), np.zeros((size, total))
     for m in range(starts.size):
         begin, end = bounds[m, 0], bounds[m, 1]
         clock, demand, at = t[begin:end], commands[begin:end], starts[m] - begin
@@ -112,7 +112,7 @@ def vary(
                     )
                     length = until - now
                     _slopes(flat, kinds, programs, where, shares, length, y, s, rotors, work, slope, push)
-                    _propagate(slope, push, length, delta, fresh)
+                    _propagate(slope, push, length, delta, middle)
                     step(flat, NO_HULL, length, y, s, rotors, work)
                     now = until
 
@@ -233,34 +233,27 @@ def _turned(y: Array, axis: int, quaternion: Array) -> None:
     quaternion[3] = y[3] * c + y[4] * b - y[5] * a + y[6] * w
 
 
-def _propagated(slope: Array, push: Array, h: float, delta: Array, fresh: Array) -> None:
-    """Deviations after a step h: (I + h J + h^2/2 J^2) delta + (h I + h^2/2 J) df/dp, to second order."""
+def _added(slope: Array, push: Array, h: float, delta: Array, out: Array) -> None:
+    """Add h (J delta + df/dp)."""
     size, total = delta.shape
-    fresh[:] = delta
     for i in range(size):
         for j in range(size):
             amount = h * slope[i, j]
             if amount == 0.0:
                 continue
             for k in range(total):
-                fresh[i, k] += amount * delta[j, k]
+                out[i, k] += amount * delta[j, k]
     for i in range(6, size):
         for k in range(DEVIATION, total):
-            fresh[i, k] += h * push[i - 6, k - DEVIATION]
-    # delta + h/2 (J delta + push) is the mean of both ends to first order: once more with it
-    for i in range(size):
-        for k in range(total):
-            fresh[i, k] = 0.5 * (fresh[i, k] + delta[i, k])
-    for i in range(size):
-        for j in range(size):
-            amount = h * slope[i, j]
-            if amount == 0.0:
-                continue
-            for k in range(total):
-                delta[i, k] += amount * fresh[j, k]
-    for i in range(6, size):
-        for k in range(DEVIATION, total):
-            delta[i, k] += h * push[i - 6, k - DEVIATION]
+            out[i, k] += h * push[i - 6, k - DEVIATION]
 
 
-_propagate = jit(_propagated, reorder_sums=True)
+_add = jit(_added, reorder_sums=True)
+
+
+@jit
+def _propagate(slope: Array, push: Array, h: float, delta: Array, middle: Array) -> None:
+    """Deviations after a step h, by the midpoint rule; `middle` is room for those in the middle of it."""
+    middle[:] = delta
+    _add(slope, push, 0.5 * h, delta, middle)
+    _add(slope, push, h, middle, delta)
