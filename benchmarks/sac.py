@@ -31,7 +31,7 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import MLP, ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from hydro.rl.observation import OBSERVATIONS
+from hydro.rl.observation import ENCODING, OBSERVATIONS
 from hydro.rl.sac import Choices, Learner
 
 ACTIONS, FILLED = 6, 100_000
@@ -147,7 +147,7 @@ class TorchRL:
 
 
 def learner(data: dict[str, Tensor]) -> Learner:
-    made = Learner(np.ones(OBSERVATIONS, dtype=np.float32), ACTIONS, CHOICES, seed=0)
+    made = Learner(ENCODING, ACTIONS, CHOICES, seed=0)
     before = (data[name].numpy() for name in ("observation", "action", "reward", "terminated"))
     made.remember(*before, np.zeros(FILLED, dtype=np.bool_), data["following"].numpy())
     return made

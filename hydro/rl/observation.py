@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
 from hydro.rl.config import Noise, Settings
+from hydro.rl.encoding import Encoding
 from hydro.rl.geometry import FLOOR
 from hydro.rl.sonar import BEAMS, sonar_kernel
 
@@ -36,11 +37,22 @@ NAMES = (
 )
 """Of the observations, in order."""
 
-SCALE: Array32 = np.array(
-    [5.0] * 3 + [1.0] * 3 + [1.0] * 3 + [1.0] * 4 + [10.0] * 3 + [5.0] + [10.0] * BEAMS + [5.0] + [10.0] * 3,
-    dtype=np.float32,
+ENCODING = Encoding(
+    scale=np.array(
+        [5.0] * 3
+        + [1.0] * 3
+        + [1.0] * 3
+        + [1.0] * 4
+        + [10.0] * 3
+        + [5.0]
+        + [2.0] * BEAMS
+        + [5.0]
+        + [10.0] * 3,
+        dtype=np.float32,
+    ),
+    fades=np.array([name.startswith("sonar_") for name in NAMES]),
 )
-"""Typical size of each: divide by it at the input of a network."""
+"""How a policy is given them."""
 
 
 def sigmas(noise: Noise) -> Array:

@@ -14,6 +14,7 @@ from torch import nn
 from torchrl.modules import MLP
 
 from hydro.core.errors import DataError
+from hydro.rl.encoding import Encoding
 
 Array32 = NDArray[np.float32]
 
@@ -27,7 +28,7 @@ def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Module:
 
 
 def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Scaled observations (..., O) to mean and scale (..., A) of the normal under the tanh."""
+    """Encoded observations (..., O) to mean and scale (..., A) of the normal under the tanh."""
     return nn.Sequential(layers(observations, 2 * actions, widths), NormalParamExtractor())
 
 
@@ -37,13 +38,13 @@ class Policy:
 
     Attributes:
         widths: Of the hidden layers.
-        scale: Typical size of every observation (O,): they are divided by it.
+        encoding: Of observations (O,) for the network.
         weights: Tensors of `network` by name.
         training: How it came about; JSON values.
     """
 
     widths: tuple[int, ...]
-    scale: Array32
+    encoding: Encoding
     weights: Mapping[str, Array32]
     training: Mapping[str, Any] = field(default_factory=dict)
 
@@ -55,7 +56,7 @@ class Policy:
         """
         tensors = {name: torch.from_numpy(np.array(each)) for name, each in self.weights.items()}
         actions = len(next(reversed(tensors.values()))) // 2 if tensors else 0
-        built = network(len(self.scale), actions, self.widths)
+        built = network(len(self.encoding), actions, self.widths)
         try:
             built.load_state_dict(tensors)
         except RuntimeError as error:
@@ -65,11 +66,11 @@ class Policy:
     @torch.no_grad()
     def __call__(self, observations: Array32) -> Array32:
         """Actions (N, A) at observations (N, O) in SI units: the median of what it would draw."""
-        return median(self._network, observations / self.scale)  # type: ignore[attr-defined]
+        return median(self._network, self.encoding(observations))  # type: ignore[attr-defined]
 
 
 @torch.no_grad()
-def median(network: nn.Module, scaled: Array32) -> Array32:
-    """The policy's most likely actions (N, A) at scaled observations (N, O)."""
-    actions: Array32 = network(torch.from_numpy(scaled))[0].tanh().numpy()
+def median(network: nn.Module, encoded: Array32) -> Array32:
+    """The policy's most likely actions (N, A) at encoded observations (N, O)."""
+    actions: Array32 = network(torch.from_numpy(encoded))[0].tanh().numpy()
     return actions

@@ -28,6 +28,7 @@ from hydro.io import model as models
 from hydro.io import table
 from hydro.io.files import explained, whole_file
 from hydro.io.table import Artefact
+from hydro.rl.encoding import Encoding
 from hydro.rl.policy import Policy
 from hydro.rl.train import Plan, Training
 
@@ -207,7 +208,8 @@ def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
     )
     described = {
         "widths": list(policy.widths),
-        "scale": [float(each) for each in policy.scale],
+        "scale": policy.encoding.scale.tolist(),
+        "fades": policy.encoding.fades.tolist(),
         "training": dict(policy.training),
     }
     return table.make("policy", frame, stage=STAGE, seed=seed, inputs=[run], model=described)
@@ -220,11 +222,11 @@ def policy_of(artefact: Artefact) -> Policy:
         DataError: The footer does not describe one.
     """
     described = artefact.provenance.model or {}
-    if not described.keys() >= {"widths", "scale", "training"}:
+    if not described.keys() >= {"widths", "scale", "fades", "training"}:
         raise DataError("policy: the file's footer lacks its layers: write it with `hydro rl train`")
     return Policy(
         tuple(described["widths"]),
-        np.array(described["scale"], dtype=np.float32),
+        Encoding(np.array(described["scale"], np.float32), np.array(described["fades"], np.bool_)),
         models.tensors(artefact),
         described["training"],
     )

@@ -25,6 +25,7 @@ from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
 from hydro.core.errors import UsageError
+from hydro.rl.encoding import Encoding
 from hydro.rl.policy import Array32, Policy, layers, median, network
 from hydro.rl.returns import Horizon, Mask, Transition
 
@@ -198,26 +199,26 @@ class Learner:
     """A policy that learns from what it is told.
 
     Attributes:
-        network: Of the policy: scaled observations to mean and scale of the normal under the tanh.
+        network: Of the policy: encoded observations to mean and scale of the normal under the tanh.
         loss: Its loss, with critics and temperature.
         updates: Updates so far.
     """
 
-    def __init__(self, scale: Array32, actions: int, choices: Choices, seed: int) -> None:
+    def __init__(self, encoding: Encoding, actions: int, choices: Choices, seed: int) -> None:
         """Make the networks; the global random state is left as it was.
 
         Args:
-            scale: Typical size of every observation (O,); networks and memory have them divided by it.
+            encoding: Of observations (O,); networks and memory have them encoded.
             actions: Numbers of an action.
             choices: What SAC is run with.
             seed: Of first weights, of the actions' noise and of the batches.
         """
-        self.choices, self.updates, self._scale, self._actions = choices, 0, scale, actions
+        self.choices, self.updates, self._encoding, self._actions = choices, 0, encoding, actions
         self._generators = {name: _generator(seed, name) for name in ("actions", "loss", "batches")}
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.network = network(len(scale), actions, choices.layers)
-            self.loss = TwinLoss(self.network, len(scale), actions, choices, self._generators["loss"])
+            self.network = network(len(encoding), actions, choices.layers)
+            self.loss = TwinLoss(self.network, len(encoding), actions, choices, self._generators["loss"])
         self._optimiser = torch.optim.Adam(self.loss.parameters(), choices.rate, fused=True)
         self._replay = ReplayBuffer(
             storage=LazyTensorStorage(choices.capacity),
@@ -234,7 +235,7 @@ class Learner:
     @torch.no_grad()
     def act(self, observations: Array32) -> Array32:
         """Actions (N, A) at observations (N, O): drawn from the policy."""
-        mean, scale = self.network(torch.from_numpy(observations / self._scale))
+        mean, scale = self.network(torch.from_numpy(self._encoding(observations)))
         noise = torch.randn(mean.shape, generator=self._generators["actions"])
         actions: Array32 = (mean + scale * noise).tanh().numpy()
         return actions
@@ -247,12 +248,12 @@ class Learner:
 
     def best(self, observations: Array32) -> Array32:
         """Actions (N, A) at observations (N, O), without exploration."""
-        return median(self.network, observations / self._scale)
+        return median(self.network, self._encoding(observations))
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
         """What has been learnt, by itself, with a word on how."""
         weights = {name: each.numpy().copy() for name, each in self.network.state_dict().items()}
-        return Policy(self.choices.layers, self._scale, weights, training)
+        return Policy(self.choices.layers, self._encoding, weights, training)
 
     def remember(
         self,
@@ -276,13 +277,13 @@ class Learner:
         """Put transitions into the memory, under TorchRL's names."""
         rows = len(made.rewards)
         after = {
-            "observation": torch.from_numpy(made.following / self._scale),
+            "observation": torch.from_numpy(self._encoding(made.following)),
             "reward": torch.from_numpy(made.rewards)[:, None],
             "terminated": torch.from_numpy(made.terminated)[:, None],
         }
         now = {
             "steps_to_next_obs": torch.from_numpy(made.steps)[:, None],
-            "observation": torch.from_numpy(made.observations / self._scale),
+            "observation": torch.from_numpy(self._encoding(made.observations)),
             "action": torch.from_numpy(made.actions),
         }
         self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))

@@ -22,7 +22,7 @@ from hydro.rl.curriculum import Curriculum, Ladder
 from hydro.rl.divergence import Watch
 from hydro.rl.evaluate import fly, summary
 from hydro.rl.fleet import Fleet, Step
-from hydro.rl.observation import SCALE
+from hydro.rl.observation import ENCODING
 from hydro.rl.policy import Policy
 from hydro.rl.sac import Choices, Learner, Losses
 
@@ -113,7 +113,7 @@ class Training:
         self.evaluations: list[dict[str, Any]] = []
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
-        self._learner = Learner(SCALE, ACTIONS, plan.sac, plan.seed)
+        self._learner = Learner(ENCODING, ACTIONS, plan.sac, plan.seed)
         self._fleet = build(plan.vehicles, plan.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()

@@ -126,5 +126,5 @@ def test_noise_is_that_of_the_settings_and_repeats_with_the_seed():
 
 def test_names_scales_and_bounds_are_of_36_numbers():
     low, high = o.bounds(Settings())
-    assert len(o.NAMES) == len(o.SCALE) == len(low) == len(high) == o.OBSERVATIONS == 36
+    assert len(o.NAMES) == len(o.ENCODING) == len(low) == len(high) == o.OBSERVATIONS == 36
     assert (low < high).all()

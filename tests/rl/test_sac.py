@@ -11,15 +11,23 @@ from scipy import integrate
 from torchrl.objectives import SACLoss
 
 from hydro.core.errors import DataError, UsageError
+from hydro.rl.encoding import Encoding
 from hydro.rl.policy import Policy
 from hydro.rl.sac import Choices, Learner, twin
 
 SMALL = Choices(layers=(16, 16), batch=32, capacity=500, horizon=3)
-SCALE = np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32)
+ENCODING = Encoding(
+    np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32), np.array([False, False, False, True, False])
+)
+
+
+def plain(count):
+    """An encoding that leaves observations as they are."""
+    return Encoding(np.ones(count, np.float32), np.zeros(count, np.bool_))
 
 
 def learner(choices=SMALL, seed=0, rows=200):
-    made = Learner(SCALE, 2, choices, seed)
+    made = Learner(ENCODING, 2, choices, seed)
     feed(made, rows)
     return made
 
@@ -81,7 +89,7 @@ def test_both_critics_at_once_are_each_by_itself():
 
 def test_the_density_of_actions_integrates_to_one():
     """The log density that `sample` gives, as a function of the action it is of."""
-    made = Learner(SCALE, 1, SMALL, seed=3)
+    made = Learner(ENCODING, 1, SMALL, seed=3)
     observation = torch.zeros(20_000, 5)
     with torch.no_grad():
         actions, log_density = made.loss.sample(observation)
@@ -160,7 +168,7 @@ def test_memory_keeps_the_last_transitions_scaled():
     made.remember(
         raw, np.zeros((8, 2), np.float32), np.zeros(8, np.float32), np.zeros(8, bool), np.zeros(8, bool), raw
     )
-    found = (transitions(made)["observation"] == torch.from_numpy(4.0 / SCALE)).all(1)
+    found = (transitions(made)["observation"] == torch.from_numpy(ENCODING(raw[0]))).all(1)
     assert found.sum() == 8
 
 
@@ -168,7 +176,7 @@ def test_seeds_are_apart_and_the_global_stream_is_left_alone():
     torch.manual_seed(1)
     expected = torch.rand(3)
     torch.manual_seed(1)
-    first, second, third = (Learner(SCALE, 2, SMALL, seed) for seed in (0, 1, 0))
+    first, second, third = (Learner(ENCODING, 2, SMALL, seed) for seed in (0, 1, 0))
     torch.testing.assert_close(torch.rand(3), expected)
     observations = np.ones((4, 5), dtype=np.float32)
     assert not np.array_equal(first.best(observations), second.best(observations))
@@ -188,15 +196,15 @@ def test_a_policy_by_itself_acts_as_its_learner():
 def test_tensors_of_other_layers_make_no_policy():
     policy = learner().policy({})
     with pytest.raises(DataError, match="not those of layers"):
-        Policy((8,), policy.scale, policy.weights)
+        Policy((8,), policy.encoding, policy.weights)
     with pytest.raises(DataError, match="not those of layers"):
-        Policy((16, 16), policy.scale, {})
+        Policy((16, 16), policy.encoding, {})
 
 
 def test_a_simple_task_is_learnt():
     """One step, reward -(a - a*)^2 with a* = 0.5 sign of the first observation: the best action is a*."""
     choices = Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1)
-    made = Learner(np.ones(2, np.float32), 1, choices, 0)
+    made = Learner(plain(2), 1, choices, 0)
     rng = np.random.default_rng(0)
     observations = rng.choice([-1.0, 1.0], (2000, 2)).astype(np.float32)
     actions = rng.uniform(-1, 1, (2000, 1)).astype(np.float32)
@@ -214,7 +222,7 @@ def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
     worth = []
     for horizon in (1, 10):
         choices = Choices(layers=(16,), batch=32, rate=3e-2, temperature=1e-6, horizon=horizon)
-        made = Learner(np.ones(2, np.float32), 1, choices, 0)
+        made = Learner(plain(2), 1, choices, 0)
         for _ in range(20):
             made.remember(still, still[:, :1], np.ones(64, np.float32), never, never, still)
         for _ in range(400):
