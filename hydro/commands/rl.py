@@ -64,12 +64,13 @@ def train(
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
 
     Stage 1 is point to point in open water, stage 2 pillars, from none to a slalom of eight, stage 3 a
-    planned way to follow. A level is passed when 97 % of 150 episodes of training succeed, and of as many
-    without exploration after them. Training ends with the last level or with the steps.
+    planned way to follow. A level is passed when 97 % of 150 episodes of training succeed (--set
+    ladder.ready=0.9 asks for less), and of as many without exploration after them. Training ends with the
+    last level or with the steps.
 
     DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
-    bits as if it never had; with more --steps or --stages it goes on beyond.
+    bits as if it never had; with more --steps, --stages or another ladder it goes on beyond.
     """
     from hydro.io import table
     from hydro.io.vehicle import read as read_vehicle

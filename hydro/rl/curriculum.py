@@ -18,13 +18,16 @@ class Ladder:
     Attributes:
         last: Last stage, 1 to 3.
         pillars: Numbers of pillars of stage 2, one level each; stage 3 has as many as its last.
-        share: Share of episodes that must succeed.
-        window: Episodes that it is taken of: of training first, then as many without exploration.
+        share: Share of episodes without exploration that must succeed.
+        ready: Share of the last episodes of training from which on they are flown; exploration itself makes
+            a policy fail that would not by itself, the more the closer it passes by pillars.
+        window: Episodes that both are taken of.
     """
 
     last: int = 1
     pillars: tuple[int, ...] = (0, 1, 2, 4, 6, 8)
     share: float = 0.97
+    ready: float = 0.97
     window: int = 150
 
     def __post_init__(self) -> None:
@@ -37,7 +40,7 @@ class Ladder:
             raise UsageError(f"there is no stage {self.last}: choose 1 to {STAGES}")
         if not self.pillars or min(self.pillars) < 0:
             raise UsageError("stage 2 needs at least one level, of 0 pillars or more")
-        if not 0.0 < self.share <= 1.0 or self.window < 1:
+        if not (0.0 < self.share <= 1.0 and 0.0 < self.ready <= 1.0) or self.window < 1:
             raise UsageError("the curriculum goes on at a share within 0 and 1 of at least one episode")
 
     @property
@@ -52,23 +55,29 @@ class Curriculum:
 
     Attributes:
         ladder: When it goes on.
-        passed: Levels behind it.
+        passed: Levels behind it, stage and number of pillars.
     """
 
     def __init__(self, ladder: Ladder) -> None:
         """Begin at the first level."""
-        self.ladder, self.passed = ladder, 0
+        self.ladder = ladder
+        self.passed: list[tuple[int, int]] = []
         self._window: deque[bool] = deque(maxlen=ladder.window)
 
     @property
     def done(self) -> bool:
         """Whether the last level is passed."""
-        return self.passed >= len(self.ladder.levels)
+        return not self._ahead
 
     @property
     def level(self) -> tuple[int, int]:
         """Stage and pillars of the level it stands at; of the last once that is passed."""
-        return self.ladder.levels[min(self.passed, len(self.ladder.levels) - 1)]
+        return (self._ahead or self.ladder.levels[-1:])[0]
+
+    @property
+    def _ahead(self) -> tuple[tuple[int, int], ...]:
+        """Levels that are not passed yet."""
+        return tuple(level for level in self.ladder.levels if level not in self.passed)
 
     @property
     def share(self) -> float:
@@ -78,7 +87,7 @@ class Curriculum:
     @property
     def ready(self) -> bool:
         """Whether training succeeds often enough to be examined."""
-        return len(self._window) == self.ladder.window and self.share >= self.ladder.share
+        return len(self._window) == self.ladder.window and self.share >= self.ladder.ready
 
     def note(self, success: bool) -> None:
         """An episode of training at this level has ended."""
@@ -90,15 +99,15 @@ class Curriculum:
         A failed examination is not tried again before as many more episodes as make a window.
         """
         passed = share >= self.ladder.share
-        self.passed += passed
+        self.passed += [self.level] if passed else []
         self._window.clear()
         return passed
 
     def state(self) -> dict[str, Any]:
         """Everything that the future depends on."""
-        return {"passed": self.passed, "window": list(self._window)}
+        return {"passed": [list(level) for level in self.passed], "window": list(self._window)}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a `state`, of this ladder or of one that was shorter."""
-        self.passed = state["passed"]
+        """Go back to a `state`, of this ladder or another: what was passed stays passed."""
+        self.passed = [(stage, pillars) for stage, pillars in state["passed"]]
         self._window = deque(state["window"], maxlen=self.ladder.window)

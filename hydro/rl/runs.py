@@ -118,7 +118,7 @@ class Folder:
         """Begin a training here, or go on with the one that is here.
 
         Args:
-            run: What is to be trained; fewer steps or stages may have been before.
+            run: What is to be trained; it may have had other steps and another ladder before.
             model: The residual model, which is copied here.
 
         Returns:
@@ -143,10 +143,10 @@ class Folder:
     def _require_same(self, run: Artefact) -> None:
         before = self.run()
         old, new = plan_of(before), plan_of(run)
-        longer = replace(old, steps=new.steps, ladder=replace(old.ladder, last=new.ladder.last))
+        longer = replace(old, steps=new.steps, ladder=new.ladder)
         if longer != new or before.provenance.inputs != run.provenance.inputs:
             changed = before.frame.join(run.frame, on="name").filter(pl.col("value") != pl.col("value_right"))
-            names = ", ".join(name for name in changed["name"] if name not in ("steps", "ladder.last"))
+            names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("ladder."))
             raise DataError(
                 f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "
                 "same choices to go on"

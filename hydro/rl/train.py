@@ -147,7 +147,7 @@ class Training:
         """What has been learnt so far."""
         stage, pillars = self.curriculum.level
         return self._learner.policy(
-            {"steps": self.steps, "levels_passed": self.curriculum.passed, "stage": stage, "pillars": pillars}
+            {"steps": self.steps, "levels_passed": len(self.curriculum.passed), "stage": stage, "pillars": pillars}
         )
 
     def _step(self) -> None:
@@ -242,7 +242,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from the `state` of a training of this plan, or of one with fewer steps or stages."""
+        """Go on from the `state` of a training of this plan, or of one with fewer steps or another ladder."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
         self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])

@@ -30,6 +30,15 @@ def test_training_is_examined_only_when_a_full_window_succeeds_often_enough():
     assert not curriculum.ready
 
 
+def test_examinations_may_begin_before_training_succeeds_as_often_as_they_ask_for():
+    curriculum = Curriculum(Ladder(last=2, ready=0.9))
+    for k in range(150):
+        curriculum.note(k >= 15)
+    assert curriculum.ready
+    assert not curriculum.examined(0.96)
+    assert curriculum.examined(0.97)
+
+
 @given(st.lists(st.booleans(), max_size=60))
 def test_the_window_is_of_the_last_episodes(outcomes):
     curriculum = Curriculum(Ladder(window=20))
@@ -62,8 +71,18 @@ def test_a_longer_ladder_goes_on_where_the_shorter_one_ended():
     assert longer.level == (2, 0)
 
 
+def test_what_was_passed_stays_passed_on_another_ladder():
+    before = Curriculum(Ladder(last=2, pillars=(0, 1, 2)))
+    for _ in range(3):
+        before.examined(1.0)
+    after = Curriculum(Ladder(last=2, pillars=(0, 4, 8)))
+    after.restore(before.state())
+    assert after.level == (2, 4)
+    assert not after.done
+
+
 @pytest.mark.parametrize(
-    "wrong", [{"last": 0}, {"last": 4}, {"pillars": ()}, {"pillars": (-1,)}, {"share": 0.0}, {"window": 0}]
+    "wrong", [{"last": 0}, {"last": 4}, {"pillars": ()}, {"pillars": (-1,)}, {"share": 0.0}, {"ready": 1.1}, {"window": 0}]
 )
 def test_a_ladder_without_rungs_is_refused(wrong):
     with pytest.raises(UsageError):
