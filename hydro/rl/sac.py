@@ -19,6 +19,7 @@ from tensordict import TensorDict
 from tensordict.nn import TensorDictModule
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torchrl import torchrl_logger
 from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
@@ -42,6 +43,9 @@ class Choices:
         horizon: Steps n whose rewards are summed before the critics are asked what follows.  A constant
             error of the values dies out at (1 - gamma^n) tau per update: with n = 1 in 20,000 of them.
         tau: Share of the critics that their targets take on in an update.
+        average: Share of the policy that its average takes on in an update.  The average is what is evaluated
+            and kept: a policy that succeeds over many episodes of training may, as it is after any single
+            update, fail one in five.
         target_entropy: Of the policy, in nats.
         temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
             reward weighs as much as its entropy.
@@ -56,6 +60,7 @@ class Choices:
     discount: float = 0.99
     horizon: int = 10
     tau: float = 0.005
+    average: float = 0.001
     target_entropy: float = -6.0
     temperature: float = 0.05
     batch: int = 512
@@ -68,8 +73,10 @@ class Choices:
         """Refuse what no learning can be run with.
 
         Raises:
-            UsageError: The horizon is not of one step at least.
+            UsageError: The horizon is not of one step at least, or the average takes no share.
         """
+        if not 0.0 < self.average <= 1.0:
+            raise UsageError(f"sac.average is {self.average:g}; give a share above 0, at most 1")
         if self.horizon < 1:
             raise UsageError(f"sac.horizon is {self.horizon}; give 1 step or more")
 
@@ -219,6 +226,8 @@ class Learner:
             torch.manual_seed(seed)
             self.network = network(len(encoding), actions, choices.layers)
             self.loss = TwinLoss(self.network, len(encoding), actions, choices, self._generators["loss"])
+            follow = get_ema_multi_avg_fn(1.0 - choices.average)  # type: ignore[no-untyped-call]
+            self._average = AveragedModel(self.network, multi_avg_fn=follow)
         self._optimiser = torch.optim.Adam(self.loss.parameters(), choices.rate, fused=True)
         self._replay = ReplayBuffer(
             storage=LazyTensorStorage(choices.capacity),
@@ -247,12 +256,12 @@ class Learner:
         return actions
 
     def best(self, observations: Array32) -> Array32:
-        """Actions (N, A) at observations (N, O), without exploration."""
-        return median(self.network, self._encoding(observations))
+        """Actions (N, A) at observations (N, O) of the average policy, without exploration."""
+        return median(self._average.module, self._encoding(observations))
 
     def policy(self, training: Mapping[str, Any]) -> Policy:
-        """What has been learnt, by itself, with a word on how."""
-        weights = {name: each.numpy().copy() for name, each in self.network.state_dict().items()}
+        """What has been learnt, the average by itself, with a word on how."""
+        weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
         return Policy(self.choices.layers, self._encoding, weights, training)
 
     def remember(
@@ -295,6 +304,7 @@ class Learner:
         (losses.critic + losses.actor + losses.temperature).backward()
         self._optimiser.step()
         self.loss.target.step()
+        self._average.update_parameters(self.network)
         self.updates += 1
         return Losses(*(loss.detach() for loss in losses))
 
@@ -302,6 +312,7 @@ class Learner:
         """Everything that the future depends on, for `torch.save`; not a copy."""
         return {
             "loss": self.loss.state_dict(),
+            "average": self._average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "generators": {name: each.get_state() for name, each in self._generators.items()},
             "transitions": self._replay[:].flatten_keys(".").to_dict() if len(self._replay) else {},
@@ -313,6 +324,7 @@ class Learner:
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from the `state` of a learner of the same choices, bit for bit as that one did."""
         self.loss.load_state_dict(state["loss"])
+        self._average.load_state_dict(state["average"])
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])

@@ -147,7 +147,12 @@ class Training:
         """What has been learnt so far."""
         stage, pillars = self.curriculum.level
         return self._learner.policy(
-            {"steps": self.steps, "levels_passed": len(self.curriculum.passed), "stage": stage, "pillars": pillars}
+            {
+                "steps": self.steps,
+                "levels_passed": len(self.curriculum.passed),
+                "stage": stage,
+                "pillars": pillars,
+            }
         )
 
     def _step(self) -> None:

@@ -82,7 +82,16 @@ def test_what_was_passed_stays_passed_on_another_ladder():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"last": 0}, {"last": 4}, {"pillars": ()}, {"pillars": (-1,)}, {"share": 0.0}, {"ready": 1.1}, {"window": 0}]
+    "wrong",
+    [
+        {"last": 0},
+        {"last": 4},
+        {"pillars": ()},
+        {"pillars": (-1,)},
+        {"share": 0.0},
+        {"ready": 1.1},
+        {"window": 0},
+    ],
 )
 def test_a_ladder_without_rungs_is_refused(wrong):
     with pytest.raises(UsageError):

@@ -19,8 +19,8 @@ def test_the_nearer_something_is_the_more_a_network_is_given_of_it(one, other):
     rows[0, RANGES], rows[1, RANGES] = near, far
     given_near, given_far = ENCODING(rows)[:, RANGES]
     assert (given_near >= given_far).all()
-    assert (given_near <= 1.0).all() and (given_far >= 0.0).all()
-    # Noise of a range is told apart near by and forgotten far away.
+    assert (given_near <= 1.0).all()
+    assert (given_far >= 0.0).all()
     np.testing.assert_allclose(given_near, np.exp(-np.float32(near) / 2.0), rtol=1e-6)
 
 

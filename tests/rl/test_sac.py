@@ -193,6 +193,19 @@ def test_a_policy_by_itself_acts_as_its_learner():
     assert not np.array_equal(policy(observations), made.best(observations))
 
 
+def test_what_is_kept_is_the_average_of_the_policies():
+    """Of its first update it is the policy itself; then it takes on its share of every further one."""
+    made = learner(replace(SMALL, average=0.25))
+    expected = None
+    for _ in range(5):
+        made.update()
+        now = {name: each.clone() for name, each in made.network.state_dict().items()}
+        expected = {name: 0.75 * expected[name] + 0.25 * now[name] for name in now} if expected else now
+    for name, kept in made.policy({}).weights.items():
+        torch.testing.assert_close(torch.from_numpy(kept), expected[name])
+        assert not torch.equal(torch.from_numpy(kept), now[name])
+
+
 def test_tensors_of_other_layers_make_no_policy():
     policy = learner().policy({})
     with pytest.raises(DataError, match="not those of layers"):
@@ -203,7 +216,7 @@ def test_tensors_of_other_layers_make_no_policy():
 
 def test_a_simple_task_is_learnt():
     """One step, reward -(a - a*)^2 with a* = 0.5 sign of the first observation: the best action is a*."""
-    choices = Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1)
+    choices = Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1, average=0.05)
     made = Learner(plain(2), 1, choices, 0)
     rng = np.random.default_rng(0)
     observations = rng.choice([-1.0, 1.0], (2000, 2)).astype(np.float32)
@@ -232,5 +245,7 @@ def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
 
 
 def test_a_horizon_is_of_a_step_at_least():
+    with pytest.raises(UsageError, match="give a share above 0"):
+        Choices(average=0.0)
     with pytest.raises(UsageError, match="give 1 step or more"):
         Choices(horizon=0)
