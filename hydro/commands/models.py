@@ -67,8 +67,8 @@ def train(
     without a split get the default one. The same data and seed give the same bytes on one machine.
 
     Noise of a log is in the acceleration and, through M nu_dot, in the label: a network that sees both learns
-    the noise. From a noisy log networks are therefore trained blind to accelerations, and for a sixth of the
-    updates, after which they would learn the labels' noise; one line says so.
+    the noise. From a noisy log networks are therefore trained blind to accelerations, and with a weight decay
+    that keeps them from learning the labels' noise; one line says so.
 
     \b
     model       weights  the paper's count and what it is
@@ -102,7 +102,9 @@ def train(
         with about(labels):
             accelerations = trusted_accelerations(frame, labelled.get("noise"))
         if not accelerations:
-            typer.echo("hydro: the log is noisy: trained blind to accelerations, for fewer updates", err=True)
+            typer.echo(
+                "hydro: the log is noisy: trained blind to accelerations, with strong weight decay", err=True
+            )
     with progress(f"train {model}") as update:
         trained = fit(
             frame,

@@ -55,6 +55,11 @@ class Design:
         """The same noise and the same jerk, sampled every `dt` [s]."""
         return dataclasses.replace(self, dt=dt, ratio=tuple(r * (dt / self.dt) ** 3 for r in self.ratio))
 
+    def following(self, times: float) -> Design:
+        """The same noise, and a jerk of so many times the density, as far as the grid of ratios goes."""
+        most = float(RATIOS[-1])
+        return dataclasses.replace(self, ratio=tuple(max(r, min(r * times, most)) for r in self.ratio))
+
     @property
     def jerk(self) -> tuple[float, ...]:
         """Spectral density q of the white jerk of each axis, shape (6,) [m^2/s^5, rad^2/s^5]."""

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hydro.core.errors import DataError
 from hydro.core.labels import filter_design, labels, subtracted
 from hydro.core.simulate import simulate
-from hydro.core.smoothing import Design
+from hydro.core.smoothing import Design, estimate
 from hydro.core.vehicle import Vehicle
 from hydro.io import vehicle as vehicle_file
 
@@ -79,9 +79,19 @@ def test_two_sided_beats_the_papers_recipe_under_noise(raw, vehicle):
         )
         for method in ("rts", "kalman", "kalman-difference")
     }
-    assert (rms["rts"] < 0.7 * rms["kalman-difference"]).all()
+    assert (rms["rts"] < 0.8 * rms["kalman-difference"]).all()
     assert (rms["rts"] < 0.7 * rms["kalman"]).all()
-    assert (rms["rts"][:3] < 6).all()
+    assert (rms["rts"][:3] < 9).all()
+
+
+def test_averaged_over_noise_labels_are_truer_than_those_of_the_likeliest_filter(raw, vehicle):
+    """The filter is linear: without noise it leaves what an average over noise would, its bias."""
+    dvl = [0.05] * 3 + [0.01] * 3
+    measured, bounds = noisy(raw, dvl), [[0, raw.height]]
+    designs = filter_design(measured, dvl), estimate(measured.select(VELOCITY).to_numpy(), bounds, 0.02, dvl)
+    bias = [residual(labels(raw, vehicle, design=design)) - truth(raw) for design in designs]
+    closer, smoother = (np.sqrt(np.square(one[20:-20]).mean(axis=0)) for one in bias)
+    assert (closer < 0.8 * smoother).all()
 
 
 def test_known_noise_is_used(raw, vehicle):

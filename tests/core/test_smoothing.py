@@ -271,3 +271,11 @@ def test_bad_method_and_too_few_rows():
         smooth(walk(10), [[0, 4], [4, 5], [5, 10]], design(1.0))
     with pytest.raises(DataError, match="no session has eight rows"):
         estimate(walk(10), [[0, 4], [4, 10]], DT)
+
+
+def test_a_design_follows_more_closely_as_far_as_the_grid_goes():
+    design = Design(0.02, (1e-3, 1e2, 1e6, 5e5, 1e-8, 1.0), (0.1,) * 6)
+    closer = design.following(3.0)
+    assert closer.ratio == pytest.approx((3e-3, 3e2, 1e6, 1e6, 3e-8, 3.0))
+    assert closer.noise == design.noise
+    assert reach(closer) <= reach(design)

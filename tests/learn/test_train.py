@@ -239,14 +239,13 @@ def test_the_learning_rate_rises_and_falls_to_nothing_as_a_half_cosine(table):
     assert early == sorted(early)
 
 
-@pytest.mark.parametrize(("accelerations", "limit"), [(True, "UPDATES"), (False, "UPDATES_NOISY")])
-def test_epochs_make_so_many_updates_where_none_are_given(table, monkeypatch, accelerations, limit):
-    monkeypatch.setattr(training, limit, 30)
-    model = train(table(600), accelerations=accelerations)
+def test_epochs_make_so_many_updates_where_none_are_given(table, monkeypatch):
+    monkeypatch.setattr(training, "UPDATES", 30)
+    model = train(table(600))
     batches = -(-model.training["rows"]["fitted"] // model.training["batch"])
     assert model.training["epochs"] == -(-30 // batches)
     monkeypatch.setattr(training, "MOST_EPOCHS", 2)
-    assert train(table(600), accelerations=accelerations).training["epochs"] == 2
+    assert train(table(600)).training["epochs"] == 2
 
 
 def test_unsplit_labels_are_refused(table):
