@@ -75,6 +75,15 @@ def test_every_table_is_sound_and_knows_its_origin(run: Path, capsys: pytest.Cap
     assert "vehicle" in capsys.readouterr().out
 
 
+def test_a_training_may_start_from_another_and_says_so(run: Path, tmp_path: Path) -> None:
+    line = ["train", VEHICLE, "--condition", "R_0", "--start", run, *SMALL, "-o", tmp_path / "on"]
+    assert rl(*line, "--steps", 80) == 0
+    origin = table.read(run / "policy.parquet", "policy").provenance.content
+    inputs = table.read(tmp_path / "on" / "run.parquet", "run").provenance.inputs
+    assert ("policy", origin) in [(each.kind, each.content) for each in inputs]
+    assert rl(*line, "--steps", 160) == 0
+
+
 @pytest.mark.parametrize("simulator", ["student", "teacher"])
 def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simulator: str) -> None:
     out, details = tmp_path / "result.parquet", tmp_path / "episodes.parquet"
@@ -126,6 +135,7 @@ def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
         (("train", VEHICLE, "--set", "sac.batch", "-o", "x"), "give a name and a value", 2),
         (("train", VEHICLE, "--condition", "R_1", "-o", "x"), "there is no condition 'R_1'", 2),
         (("train", VEHICLE, "--condition", "R_MLP", "-o", "x"), "flies with a residual model", 2),
+        (("train", VEHICLE, "--start", "nowhere", "-o", "x"), "nowhere", 1),
         (("eval", "nowhere", "-o", "x.parquet"), "nowhere", 1),
         (("watch", "nowhere", "-o", "x.gif"), "name a .png for a picture", 2),
         (("curves", "nowhere", "-o", "x.png"), "nowhere", 1),

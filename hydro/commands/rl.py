@@ -56,6 +56,13 @@ def train(
     steps: Annotated[
         int, typer.Option(min=1, help="Control steps of all vehicles together at most.")
     ] = 500_000,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN",
+            help="Begin with what another training has learnt, under whatever physics; not with its levels.",
+        ),
+    ] = None,
     choices: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
@@ -70,7 +77,8 @@ def train(
 
     DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
-    bits as if it never had; with more --steps, --stages or another ladder it goes on beyond.
+    bits as if it never had; with more --steps, --stages or another ladder it goes on beyond. With --start a
+    policy that has learnt under one condition learns on under another, from the first level.
     """
     from hydro.io import table
     from hydro.io.vehicle import read as read_vehicle
@@ -82,11 +90,13 @@ def train(
     residual = table.read(model, "model") if model is not None else None
     plan = Plan(condition=condition, seed=seed, steps=steps, ladder=Ladder(last=stages))
     plan = changed(plan, dict(_choice(one) for one in choices or ()))
-    folder, run = Folder(output), run_artefact(plan, text, residual)
+    origin = None if start is None else Folder(start)
+    first = None if origin is None else origin.policy()[1]
+    folder, run = Folder(output), run_artefact(plan, text, residual, first)
     builder = _builder(plan, text, residual, vehicle.parent)
     state = folder.open(run, residual)
     clock = _Clock()
-    training = Training(plan, builder, clock.part)
+    training = Training(plan, builder, clock.part, None if origin is None else origin.learnt())
     if state is not None:
         training.restore(state)
         typer.echo(f"{output}: goes on after {training.steps:,} steps", err=True)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +38,13 @@ CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
 STAGE = "rl train"
 
 
-def run_artefact(plan: Plan, vehicle_text: str, model: Artefact | None) -> Artefact:
-    """The table of a plan's choices, made from the vehicle and the residual model."""
+def run_artefact(
+    plan: Plan, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
+) -> Artefact:
+    """The table of a plan's choices, made from vehicle, residual model and the policy to start from."""
     choices = dict(_flat(msgspec.to_builtins(plan)))
     frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
-    inputs = [] if model is None else [model]
+    inputs = [one for one in (model, start) if one is not None]
     return table.make(
         "run", frame, stage=STAGE, seed=plan.seed, inputs=inputs, vehicle_text=vehicle_text,
         parameters={"condition": plan.condition},
@@ -72,7 +75,9 @@ def changed(plan: Plan, choices: Mapping[str, str]) -> Plan:
     """
     known = dict(_flat(msgspec.to_builtins(plan)))
     if unknown := [name for name in choices if name not in known]:
-        raise UsageError(f"no choice is called {unknown[0]!r}: choose of {', '.join(known)}")
+        near = [name for name in known if name.endswith(unknown[0])]
+        meant = near or get_close_matches(unknown[0], known) or list(known)
+        raise UsageError(f"no choice is called {unknown[0]!r}: choose of {', '.join(meant)}")
     try:
         return _plan(known | dict(choices))
     except msgspec.MsgspecError as error:
@@ -184,6 +189,17 @@ class Folder:
     def model(self) -> Artefact | None:
         """The residual model that its condition flies with, if it does."""
         return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
+
+    def learnt(self) -> dict[str, Any]:
+        """The state of its learner, for another training to begin with.
+
+        Raises:
+            DataError: There is no checkpoint, or it is broken.
+        """
+        if not (self.path / CHECKPOINT).exists():
+            raise DataError(f"{self.path}: no {CHECKPOINT} to start from: give the folder of a training")
+        learner: dict[str, Any] = _read_state(self.path / CHECKPOINT)["learner"]
+        return learner
 
     def policy(self) -> tuple[Policy, Artefact]:
         """What it has learnt.

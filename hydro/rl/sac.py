@@ -25,7 +25,7 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 from hydro.rl.encoding import Encoding
 from hydro.rl.policy import Array32, Policy, layers, median, network
 from hydro.rl.returns import Horizon, Mask, Transition
@@ -320,6 +320,18 @@ class Learner:
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
+
+    def begin_with(self, learnt: Mapping[str, Any]) -> None:
+        """Take over what another learner has learnt, of its `state`: policy, critics, temperature.
+
+        Raises:
+            DataError: Its networks have other layers.
+        """
+        try:
+            self.loss.load_state_dict(learnt["loss"])
+            self._average.load_state_dict(learnt["average"])
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise DataError("the training to start from has other layers: give its sac.layers") from error
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from the `state` of a learner of the same choices, bit for bit as that one did."""

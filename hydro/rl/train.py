@@ -6,7 +6,7 @@ on: going on from it gives the same bits as never having stopped.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -97,13 +97,16 @@ class Training:
         evaluations: Evaluations so far, rows of a table `evaluations`.
     """
 
-    def __init__(self, plan: Plan, build: Build, part: Part = nullcontext) -> None:
+    def __init__(
+        self, plan: Plan, build: Build, part: Part = nullcontext, learnt: Mapping[str, Any] | None = None
+    ) -> None:
         """Put the vehicles at their first start.
 
         Args:
             plan: What it depends on.
             build: Makes its fleets, see `Build`.
             part: Surrounds each part of the work, see `Part`.
+            learnt: A learner's state to begin with; its policy then flies where actions would be random.
         """
         torch.set_num_threads(plan.threads)
         self.plan, self._build, self._part = plan, build, part
@@ -114,6 +117,9 @@ class Training:
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
         self._learner = Learner(ENCODING, ACTIONS, plan.sac, plan.seed)
+        self._skilled = learnt is not None
+        if learnt is not None:
+            self._learner.begin_with(learnt)
         self._fleet = build(plan.vehicles, plan.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
@@ -158,7 +164,7 @@ class Training:
     def _step(self) -> None:
         """One control step of all vehicles, and what is learnt after it."""
         learner, sac = self._learner, self.plan.sac
-        exploring = self.steps < sac.random
+        exploring = self.steps < sac.random and not self._skilled
         with self._part("flying"):
             actions = learner.explore(self._fleet.count) if exploring else learner.act(self._observations)
             step = self._fleet.step(actions)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from hydro.core.errors import DataError, UsageError
@@ -67,6 +68,26 @@ def test_more_steps_and_stages_go_on_beyond(tmp_path, auv151):
         assert (tmp_path / "longer" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes(), name
 
 
+def test_a_training_begins_with_what_another_has_learnt(tmp_path, auv151):
+    """Its policy flies from the first step on, under other physics, and its critics judge."""
+    train(tmp_path / "first", replace(QUICK, steps=80), auv151)
+    folder, (vehicle, _) = Folder(tmp_path / "first"), auv151
+    plan = replace(QUICK, condition="R_0", seed=3, steps=QUICK.vehicles)
+    second = Training(plan, Builder(plan, vehicle), learnt=folder.learnt())
+    observations = np.random.default_rng(0).standard_normal((4, 36)).astype(np.float32)
+    np.testing.assert_array_equal(second.policy()(observations), folder.policy()[0](observations))
+    drawn = second._learner.act(second._observations)
+    fresh = Training(plan, Builder(plan, vehicle), learnt=folder.learnt())
+    fresh.advance()
+    np.testing.assert_allclose(fresh._learner._horizon.state()[-1].actions, drawn)
+    assert fresh.curriculum.passed == []
+    other = replace(plan, sac=replace(plan.sac, layers=(8,)))
+    with pytest.raises(DataError, match=r"other layers: give its sac\.layers"):
+        Training(other, Builder(other, vehicle), learnt=folder.learnt())
+    with pytest.raises(DataError, match=r"no checkpoint\.pt to start from"):
+        Folder(tmp_path / "nothing").learnt()
+
+
 def test_other_choices_are_another_training(tmp_path, auv151):
     train(tmp_path, replace(QUICK, steps=80), auv151)
     with pytest.raises(DataError, match=r"other sac\.batch: give another folder"):
@@ -109,7 +130,7 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
 def test_choices_are_made_by_name():
     plan = changed(Plan(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'})
     assert (plan.sac.layers, plan.settings.task.radius, plan.condition) == ((64, 64), 0.4, "R_0")
-    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of condition"):
+    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of "):
         changed(Plan(), {"sac.size": "3"})
     with pytest.raises(UsageError, match=r"sac\.batch=.*: not a value"):
         changed(Plan(), {"sac.batch": '"big"'})
