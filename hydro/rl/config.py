@@ -37,11 +37,12 @@ class Sonar:
     """A fan of beams from the bow, level in the body, from port to starboard.
 
     Attributes:
-        fan: Angle between the outermost beams [rad].
+        fan: Angle between the outermost beams [rad].  Under a half circle a pillar is out of sight before
+            the bow is past it, and a policy without memory hits with its side what it cannot see.
         reach: Greatest range; a beam that meets nothing nearer gives it [m].
     """
 
-    fan: float = 2.0 * math.pi / 3.0
+    fan: float = math.pi
     reach: float = 10.0
 
 

@@ -72,8 +72,8 @@ def test_depth_grows_downward_and_altitude_upward(one):
 
 @pytest.mark.parametrize("beam", [11, 3])
 def test_a_pillar_to_starboard_is_in_the_later_beams(one, beam):
-    """The seventh beam looks ahead; four to either side look 34 degrees away, from 0.7 m before CO."""
-    bearing = np.radians((beam - 7) * 60.0 / 7.0)
+    """The seventh beam looks ahead; four to either side look 51 degrees away, from 0.7 m before CO."""
+    bearing = np.radians((beam - 7) * 90.0 / 7.0)
     stands = (12.7 + 2.0 * np.cos(bearing), 6.0 + 2.0 * np.sin(bearing))
     ranges = part(put(one, pillars=[stands]), o.SONAR, 15)
     assert ranges.argmin() == beam

@@ -74,7 +74,7 @@ def test_beams_go_from_port_to_starboard_of_the_bow():
     fan = beams(SONAR)
     assert fan.shape == (BEAMS, 2)
     np.testing.assert_allclose(fan[7], [1.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(np.degrees(np.arctan2(fan[:, 1], fan[:, 0])), np.linspace(-60, 60, 15))
+    np.testing.assert_allclose(np.degrees(np.arctan2(fan[:, 1], fan[:, 0])), np.linspace(-90, 90, 15))
 
 
 def test_from_within_a_pillar_and_outside_the_tank_ranges_are_zero():
