@@ -37,8 +37,8 @@ class Sonar:
     """A fan of beams from the bow, level in the body, from port to starboard.
 
     Attributes:
-        fan: Angle between the outermost beams [rad].  Under a half circle a pillar is out of sight before
-            the bow is past it, and a policy without memory hits with its side what it cannot see.
+        fan: Angle between the outermost beams [rad].  A policy without memory hits with the hull's sides
+            what has left it (docs/benchmarks.md).
         reach: Greatest range; a beam that meets nothing nearer gives it [m].
     """
 
