@@ -239,7 +239,10 @@ def policy_of(artefact: Artefact) -> Policy:
     """
     described = artefact.provenance.model or {}
     if not described.keys() >= {"widths", "scale", "fades", "training"}:
-        raise DataError("policy: the file's footer lacks its layers: write it with `hydro rl train`")
+        raise DataError(
+            "policy: the file's footer does not say all of layers and encoding, perhaps as an earlier version "
+            "wrote it: train anew with `hydro rl train`"
+        )
     return Policy(
         tuple(described["widths"]),
         Encoding(np.array(described["scale"], np.float32), np.array(described["fades"], np.bool_)),

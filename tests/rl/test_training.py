@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -123,6 +124,11 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
     assert kinds == ["run"]
     assert [each.kind for each in artefact.provenance.inputs[0].inputs] == ["vehicle"]
     assert policy_of(table.read(tmp_path / "policy.parquet")).training["steps"] == 80
+    provenance = msgspec.structs.replace(
+        artefact.provenance, model={k: v for k, v in artefact.provenance.model.items() if k != "fades"}
+    )
+    with pytest.raises(DataError, match="an earlier version wrote it: train anew"):
+        policy_of(replace(artefact, provenance=provenance))
     fleet = Builder(plan, vehicle)(3, 7)
     assert fly(policy, fleet).equals(fly(training.policy(), Builder(plan, vehicle)(3, 7)))
 
