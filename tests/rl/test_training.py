@@ -127,7 +127,7 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
     provenance = msgspec.structs.replace(
         artefact.provenance, model={k: v for k, v in artefact.provenance.model.items() if k != "fades"}
     )
-    with pytest.raises(DataError, match="an earlier version wrote it: train anew"):
+    with pytest.raises(DataError, match="an earlier version wrote it: train anew with"):
         policy_of(replace(artefact, provenance=provenance))
     fleet = Builder(plan, vehicle)(3, 7)
     assert fly(policy, fleet).equals(fly(training.policy(), Builder(plan, vehicle)(3, 7)))
