@@ -90,13 +90,13 @@ def train(
     residual = table.read(model, "model") if model is not None else None
     plan = Plan(condition=condition, seed=seed, steps=steps, ladder=Ladder(last=stages))
     plan = changed(plan, dict(_choice(one) for one in choices or ()))
-    origin = None if start is None else Folder(start)
-    first = None if origin is None else origin.policy()[1]
+    first = None if start is None else Folder(start).policy()[1]
     folder, run = Folder(output), run_artefact(plan, text, residual, first)
     builder = _builder(plan, text, residual, vehicle.parent)
     state = folder.open(run, residual)
     clock = _Clock()
-    training = Training(plan, builder, clock.part, None if origin is None else origin.learnt())
+    learnt = Folder(start).learnt() if start is not None and state is None else None
+    training = Training(plan, builder, clock.part, learnt)
     if state is not None:
         training.restore(state)
         typer.echo(f"{output}: goes on after {training.steps:,} steps", err=True)

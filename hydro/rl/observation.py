@@ -39,15 +39,7 @@ NAMES = (
 
 ENCODING = Encoding(
     scale=np.array(
-        [5.0] * 3
-        + [1.0] * 3
-        + [1.0] * 3
-        + [1.0] * 4
-        + [10.0] * 3
-        + [5.0]
-        + [2.0] * BEAMS
-        + [5.0]
-        + [10.0] * 3,
+        [5.0] * 3 + [1.0] * 10 + [10.0] * 3 + [5.0] + [2.0] * BEAMS + [5.0] + [10.0] * 3,
         dtype=np.float32,
     ),
     fades=np.array([name.startswith("sonar_") for name in NAMES]),

@@ -335,8 +335,7 @@ class Learner:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from the `state` of a learner of the same choices, bit for bit as that one did."""
-        self.loss.load_state_dict(state["loss"])
-        self._average.load_state_dict(state["average"])
+        self.begin_with(state)
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])

@@ -266,7 +266,7 @@ class Training:
         self._learner.restore(state["learner"])
 
 
-_COUNTS = ("steps", "episodes", "_overspeed")
+_COUNTS = ("steps", "episodes", "_overspeed", "_skilled")
 _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
 
 

@@ -73,15 +73,20 @@ def test_a_command_shifted_by_one_row_is_seen(raw, vehicle):
 
 def test_two_sided_beats_the_papers_recipe_under_noise(raw, vehicle):
     measured, expected = noisy(raw, ORDINARY), truth(raw)
-    rms = {
-        method: np.sqrt(
-            np.mean((residual(labels(measured, vehicle, acceleration=method)) - expected) ** 2, axis=0)
-        )
-        for method in ("rts", "kalman", "kalman-difference")
-    }
-    assert (rms["rts"] < 0.8 * rms["kalman-difference"]).all()
+    likeliest = estimate(measured.select(VELOCITY).to_numpy(), [[0, raw.height]], 0.02)
+
+    def errors(method, design=None):
+        made = residual(labels(measured, vehicle, acceleration=method, design=design))
+        return np.sqrt(np.mean((made - expected) ** 2, axis=0))
+
+    rms = {method: errors(method, likeliest) for method in ("rts", "kalman", "kalman-difference")}
+    assert (rms["rts"] < 0.7 * rms["kalman-difference"]).all()
     assert (rms["rts"] < 0.7 * rms["kalman"]).all()
-    assert (rms["rts"][:3] < 9).all()
+    assert (rms["rts"][:3] < 6).all()
+    followed = errors("rts")  # row by row noisier, see below what for
+    assert (followed < 0.8 * errors("kalman-difference")).all()
+    assert (followed < 0.7 * errors("kalman")).all()
+    assert (followed[:3] < 9).all()
 
 
 def test_averaged_over_noise_labels_are_truer_than_those_of_the_likeliest_filter(raw, vehicle):

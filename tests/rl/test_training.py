@@ -136,7 +136,7 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
 def test_choices_are_made_by_name():
     plan = changed(Plan(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'})
     assert (plan.sac.layers, plan.settings.task.radius, plan.condition) == ((64, 64), 0.4, "R_0")
-    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of "):
+    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of sac\."):
         changed(Plan(), {"sac.size": "3"})
     with pytest.raises(UsageError, match=r"sac\.batch=.*: not a value"):
         changed(Plan(), {"sac.batch": '"big"'})
