@@ -29,21 +29,37 @@ class World:
     width: float = 12.0
     depth: float = 8.0
     pillars: int = 8
-    pillar_radius: float = 0.1
+    pillar_radius: float = 0.25
 
 
 @dataclass(frozen=True)
 class Sonar:
-    """A fan of beams from the bow, level in the body, from port to starboard.
+    """A fan of beams from the hull's skin, level in the body, from port to starboard.
+
+    They look around the hull: a policy without memory hits with flank and stern what has left its bow's sight
+    (docs/benchmarks.md).
 
     Attributes:
-        fan: Angle between the outermost beams [rad].  A policy without memory hits with the hull's sides
-            what has left it (docs/benchmarks.md).
+        fan: Angle between the outermost beams [rad].
+        crowding: How much closer beams stand ahead than abaft: their azimuths go with this power of their
+            number from the middle; 1 spaces them evenly.
         reach: Greatest range; a beam that meets nothing nearer gives it [m].
     """
 
-    fan: float = math.pi
+    fan: float = math.radians(300.0)
+    crowding: float = 1.5
     reach: float = 10.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no fan.
+
+        Raises:
+            UsageError: It is wider than a circle, or beams do not go from port to starboard.
+        """
+        if not 0.0 < self.fan < 2.0 * math.pi:
+            raise UsageError(f"sonar.fan is {self.fan:g} rad; give more than 0, less than a full circle")
+        if self.crowding <= 0.0:
+            raise UsageError(f"sonar.crowding is {self.crowding:g}; give a power above 0, 1 for even spacing")
 
 
 @dataclass(frozen=True)
@@ -96,7 +112,7 @@ class Reward:
     obstacle: float = 0.02
     near: float = 0.4
     far: float = 4.0
-    collision: float = 10.0
+    collision: float = 20.0
     energy: float = 0.01
     action: float = 0.005
     smoothness: float = 0.01
@@ -126,7 +142,7 @@ class Task:
     margin: float = 1.2
     spacing: float = 2.0
     run_up: float = 2.5
-    sway: tuple[float, float] = (0.3, 0.9)
+    sway: tuple[float, float] = (0.45, 1.05)
     slant: float = math.pi / 4
 
 

@@ -135,8 +135,7 @@ class Fleet:
         self._mixing = crew.allocation, crew.table, crew.authority
         self._bounds = np.stack(observation.bounds(settings))
         self._senses = (
-            np.add(hull.center, (0.5 * hull.length, 0.0, 0.0)),
-            sonar.beams(settings.sonar),
+            sonar.beams(settings.sonar, hull),
             settings.sonar.reach,
             geometry.tank(settings.world),
             vehicle.environment.gravity,

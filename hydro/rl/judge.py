@@ -30,7 +30,6 @@ POWER = 1.5  # an ideal propeller's power goes with this power of its thrust
 def sense_kernel(
     mask: Mask,
     limits: Array32,
-    bow: Array,
     fan: Array,
     reach: float,
     tank: Array,
@@ -59,7 +58,6 @@ def sense_kernel(
         quaternion_kernel(pose[k, 3:7], rotation[k])
         least[k] = observe_kernel(
             limits,
-            bow,
             fan,
             reach,
             tank,

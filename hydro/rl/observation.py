@@ -75,7 +75,6 @@ def bounds(settings: Settings) -> tuple[Array32, Array32]:
 @jit
 def observe_kernel(
     limits: Array32,
-    bow: Array,
     fan: Array,
     reach: float,
     tank: Array,
@@ -93,8 +92,7 @@ def observe_kernel(
 
     Args:
         limits: Least and greatest values (2, 36).
-        bow: Where the sonar sits in the body (3,) [m].
-        fan: Directions of its beams (15, 2).
+        fan: Places and directions of the sonar's beams in the body (15, 6) [m].
         reach: Its reach [m].
         tank: Numbers of `rl.geometry`.
         gravity: [m/s^2].
@@ -123,7 +121,7 @@ def observe_kernel(
     o[DEPTH] += pose[2]
     o[ALTITUDE] += tank[FLOOR] - pose[2]
     ranges = np.empty(BEAMS)
-    least = sonar_kernel(bow, fan, reach, tank, pose[:3], R, pillars, ranges)
+    least = sonar_kernel(fan, reach, tank, pose[:3], R, pillars, ranges)
     for beam in range(BEAMS):
         o[SONAR + beam] += ranges[beam]
     for i in range(OBSERVATIONS):

@@ -55,10 +55,15 @@ def plan_of(run: Artefact) -> Plan:
     """The plan in a run's table.
 
     Raises:
-        DataError: it is not one of this version.
+        DataError: it is not one of this version, whose choices are others.
     """
+    choices = dict(run.frame.select("name", "value").iter_rows())
+    known = dict(_flat(msgspec.to_builtins(Plan())))
+    if strange := sorted(choices.keys() ^ known.keys()):
+        # A choice that is left out is not its default: there was none, and something else was done.
+        raise DataError(f"run: not a plan of this version, for its {strange[0]}: train anew")
     try:
-        return _plan(dict(run.frame.select("name", "value").iter_rows()))
+        return _plan(choices)
     except msgspec.MsgspecError as error:
         raise DataError(f"run: not a plan of this version ({error}): train anew") from error
 

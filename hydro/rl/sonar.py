@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
+from hydro.core.vehicle import Hull
 from hydro.rl.config import Sonar
 from hydro.rl.geometry import FLOOR, LENGTH, RADIUS, WIDTH
 
@@ -16,10 +17,24 @@ Array = NDArray[np.float64]
 BEAMS = 15
 
 
-def beams(sonar: Sonar) -> Array:
-    """Directions of the beams (15, 2), x forward and y to starboard in the body, from port to starboard."""
-    azimuth = np.linspace(-0.5 * sonar.fan, 0.5 * sonar.fan, BEAMS)
-    return np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+def beams(sonar: Sonar, hull: Hull) -> Array:
+    """Where beams leave the hull and where they look, from port to starboard.
+
+    They point away from the hull's centre, level in the body, and begin at its skin: a range is what is left
+    before something touches there.
+
+    Args:
+        sonar: The fan.
+        hull: The ellipsoid that carries them.
+
+    Returns:
+        Place x y z and direction x y z of every beam in the body (15, 6), FRD [m].
+    """
+    number = np.linspace(-1.0, 1.0, BEAMS)
+    azimuth = 0.5 * sonar.fan * np.sign(number) * np.abs(number) ** sonar.crowding
+    way = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(BEAMS)])
+    skin = 1.0 / np.hypot(way[:, 0] / (0.5 * hull.length), way[:, 1] / (0.5 * hull.width))
+    return np.column_stack([np.asarray(hull.center) + skin[:, None] * way, way])
 
 
 @jit
@@ -58,13 +73,12 @@ def range_kernel(origin: Array, ray: Array, tank: Array, pillars: Array, reach: 
 
 @jit
 def sonar_kernel(
-    bow: Array, fan: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array, out: Array
+    fan: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array, out: Array
 ) -> float:
     """Ranges of one vehicle's beams, and the least of them.
 
     Args:
-        bow: Where the sonar sits in the body (3,), FRD [m].
-        fan: Directions of the beams (15, 2).
+        fan: Places and directions of the beams in the body (15, 6), FRD [m].
         reach: [m].
         tank: Numbers of `rl.geometry`.
         position: Of CO (3,), NED.
@@ -73,12 +87,13 @@ def sonar_kernel(
         out: (15,) written.
     """
     origin, ray = np.empty(3), np.empty(3)
-    for i in range(3):
-        origin[i] = position[i] + R[3 * i] * bow[0] + R[3 * i + 1] * bow[1] + R[3 * i + 2] * bow[2]
     least = reach
     for beam in range(fan.shape[0]):
+        place, way = fan[beam, :3], fan[beam, 3:]
         for i in range(3):
-            ray[i] = R[3 * i] * fan[beam, 0] + R[3 * i + 1] * fan[beam, 1]
+            row = R[3 * i : 3 * i + 3]
+            origin[i] = position[i] + row[0] * place[0] + row[1] * place[1] + row[2] * place[2]
+            ray[i] = row[0] * way[0] + row[1] * way[1] + row[2] * way[2]
         out[beam] = range_kernel(origin, ray, tank, pillars, reach)
         least = min(least, out[beam])
     return least

@@ -31,7 +31,7 @@ def tank(
     size: tuple[float, float, float],
     *,
     pillars: int = 0,
-    radius: float = 0.1,
+    radius: float = 0.25,
     water: Water | None = None,
     folder: Path | None = None,
 ) -> mujoco.MjModel:

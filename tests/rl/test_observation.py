@@ -70,14 +70,16 @@ def test_depth_grows_downward_and_altitude_upward(one):
     assert seen[o.ALTITUDE] == pytest.approx(5.5)
 
 
-@pytest.mark.parametrize("beam", [11, 3])
+@pytest.mark.parametrize("beam", [12, 10, 4, 1])
 def test_a_pillar_to_starboard_is_in_the_later_beams(one, beam):
-    """The seventh beam looks ahead; four to either side look 51 degrees away, from 0.7 m before CO."""
-    bearing = np.radians((beam - 7) * 90.0 / 7.0)
-    stands = (12.7 + 2.0 * np.cos(bearing), 6.0 + 2.0 * np.sin(bearing))
+    """The seventh beam looks ahead; those beside it leave the hull of 1.4 m by 0.7 m where they look."""
+    bearing = np.sign(beam - 7) * np.radians(150.0) * (abs(beam - 7) / 7) ** 1.5
+    skin = 1.0 / np.hypot(np.cos(bearing) / 0.7, np.sin(bearing) / 0.35)
+    away = skin + 0.8 + Settings().world.pillar_radius
+    stands = (12.0 + away * np.cos(bearing), 6.0 + away * np.sin(bearing))
     ranges = part(put(one, pillars=[stands]), o.SONAR, 15)
     assert ranges.argmin() == beam
-    assert ranges[beam] == pytest.approx(1.9, abs=1e-4)
+    assert ranges[beam] == pytest.approx(0.8, abs=1e-4)
 
 
 def test_an_accelerometer_at_rest_feels_the_water_bear_it(one):

@@ -105,7 +105,9 @@ def test_pillars_cost_in_stage_2_alone():
         flown.set_level(stage, 0)
         put(flown, goal=(18.0, 6.0, 4.0), pillars=[(14.0, 6.0)])
         earned[stage] = flown.step(np.zeros((1, 6)), renew=False).reward[0]
-    assert earned[1] - earned[2] == pytest.approx(reward.obstacle_cost(W, 14.0 - 0.1 - 12.7), rel=1e-3)
+    assert earned[1] - earned[2] == pytest.approx(
+        reward.obstacle_cost(W, 14.0 - Settings().world.pillar_radius - 12.7), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from hydro.core.errors import UsageError
 from hydro.core.frames import quaternion_from_euler, rotation
 from hydro.rl import geometry
 from hydro.rl.config import Sonar, World
@@ -17,7 +18,8 @@ from hydro.sim.states import coordinates
 
 WORLD, SONAR = World(), Sonar()
 TANK = geometry.tank(WORLD)
-BOW = np.array([0.7, 0.0, 0.0])
+HULL = vehicle().hull
+FAN = beams(SONAR, HULL)
 SEEN = np.array([1, 1, 0, 1, 1, 1], dtype=np.uint8)  # all but the surface
 
 angle = st.floats(-np.pi, np.pi)
@@ -28,7 +30,8 @@ attitudes = st.tuples(angle, st.floats(-1.5, 1.5), angle)
 
 @pytest.fixture(scope="module")
 def model():
-    return scene.tank(vehicle(), (WORLD.length, WORLD.width, WORLD.depth), pillars=8)
+    size = WORLD.length, WORLD.width, WORLD.depth
+    return scene.tank(vehicle(), size, pillars=8, radius=WORLD.pillar_radius)
 
 
 def standing(pillars):
@@ -49,17 +52,15 @@ def posed(model, pillars, at, attitude):
 @given(at=places, attitude=attitudes, pillars=axes)
 @example(at=(12.0, 6.0, 4.0), attitude=(0.0, 0.0, 0.0), pillars=[(14.0, 6.3)])
 def test_ranges_are_those_of_mujocos_rays(model, at, attitude, pillars):
-    R = rotation(*attitude)
-    origin = at + R @ BOW
-    assume((origin > 0.05).all() and (origin < [23.95, 11.95, 7.95]).all())
-    gaps = np.hypot(*(np.reshape(pillars, (-1, 2)) - origin[:2]).T)
+    R, stand, ranges = rotation(*attitude), standing(pillars), np.empty(BEAMS)
+    origins = at + FAN[:, :3] @ R.T
+    assume((origins > 0.05).all() and (origins < [23.95, 11.95, 7.95]).all())
+    gaps = np.hypot(*np.moveaxis(np.reshape(pillars, (-1, 1, 2)) - origins[:, :2], -1, 0))
     assume((gaps > WORLD.pillar_radius + 0.01).all())
-    ranges, stand = np.empty(BEAMS), standing(pillars)
-    least = sonar_kernel(BOW, beams(SONAR), SONAR.reach, TANK, np.array(at), R.ravel(), stand, ranges)
+    least = sonar_kernel(FAN, SONAR.reach, TANK, np.array(at), R.ravel(), stand, ranges)
     data = posed(model, stand, at, attitude)
     hull, found = model.body("auv151").id, []
-    for forward, starboard in beams(SONAR):
-        ray = R @ [forward, starboard, 0.0]
+    for origin, ray in zip(origins, FAN[:, 3:] @ R.T, strict=True):
         flip = np.array([1.0, -1.0, -1.0])
         met = mujoco.mj_ray(model, data, flip * origin, flip * ray, SEEN, 1, hull, np.zeros(1, np.int32))
         above = (-origin[2] / ray[2]) if ray[2] < 0.0 else np.inf  # the walls end at the surface
@@ -70,17 +71,54 @@ def test_ranges_are_those_of_mujocos_rays(model, at, attitude, pillars):
     assert least == ranges.min()
 
 
-def test_beams_go_from_port_to_starboard_of_the_bow():
-    fan = beams(SONAR)
-    assert fan.shape == (BEAMS, 2)
-    np.testing.assert_allclose(fan[7], [1.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(np.degrees(np.arctan2(fan[:, 1], fan[:, 0])), np.linspace(-90, 90, 15))
+def test_beams_begin_at_the_skin_as_mujoco_finds_it(model):
+    data = posed(model, standing([]), (12.0, 6.0, 4.0), (0.0, 0.0, 0.0))
+    hull, flip = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8), np.array([1.0, -1.0, -1.0])
+    for place, way in zip(FAN[:, :3], FAN[:, 3:], strict=True):
+        outside = place + 3.0 * way
+        origin, ray = [12.0, -6.0, -4.0] + flip * outside, -flip * way
+        met = mujoco.mj_ray(model, data, origin, ray, hull, 0, -1, geom := np.zeros(1, np.int32))
+        assert met == pytest.approx(3.0, abs=1e-6)
+        assert model.geom(geom[0]).name == "auv151/hull"
+
+
+def test_beams_go_from_port_to_starboard_closest_ahead():
+    assert FAN.shape == (BEAMS, 6)
+    np.testing.assert_allclose(FAN[7], [0.7, 0.0, 0.0, 1.0, 0.0, 0.0], atol=1e-12)
+    azimuth = np.degrees(np.arctan2(FAN[:, 4], FAN[:, 3]))
+    np.testing.assert_allclose(azimuth[[0, 14]], [-150.0, 150.0])
+    gaps = np.diff(azimuth)
+    np.testing.assert_allclose(gaps, gaps[::-1])
+    assert (np.diff(gaps[7:]) > 0.0).all()
+    even = beams(Sonar(fan=np.pi, crowding=1.0), HULL)
+    np.testing.assert_allclose(np.degrees(np.arctan2(even[:, 4], even[:, 3])), np.linspace(-90, 90, 15))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("along", np.linspace(-0.4, 2.0, 7))
+def test_no_pillar_beside_the_hull_is_out_of_sight(along, side):
+    """Passing by a pillar at 0.3 m it is seen all the way, to where the hull has passed it."""
+    stand, ranges = (
+        standing([(12.0 + along, 6.0 + side * (0.35 + 0.3 + WORLD.pillar_radius))]),
+        np.empty(BEAMS),
+    )
+    least = sonar_kernel(FAN, 10.0, TANK, np.array([12.0, 6.0, 4.0]), np.eye(3).ravel(), stand, ranges)
+    assert least < 2.0
+
+
+@pytest.mark.parametrize(
+    ("choices", "word"),
+    [({"fan": 7.0}, "sonar.fan"), ({"fan": 0.0}, "sonar.fan"), ({"crowding": 0.0}, "crowding")],
+)
+def test_what_is_no_fan_is_refused(choices, word):
+    with pytest.raises(UsageError, match=word):
+        Sonar(**choices)
 
 
 def test_from_within_a_pillar_and_outside_the_tank_ranges_are_zero():
     ranges, level = np.empty(BEAMS), np.eye(3).ravel()
     for at, stand in (((5.0, 6.0, 4.0), standing([(5.7, 6.0)])), ((23.6, 6.0, 4.0), standing([]))):
-        assert sonar_kernel(BOW, beams(SONAR), 10.0, TANK, np.array(at), level, stand, ranges) == 0.0
+        assert sonar_kernel(FAN, 10.0, TANK, np.array(at), level, stand, ranges) == 0.0
 
 
 @given(at=places, attitude=attitudes, pillars=axes)

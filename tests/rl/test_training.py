@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
+import polars as pl
 import pytest
 
 from hydro.core.errors import DataError, UsageError
@@ -99,6 +100,13 @@ def test_other_choices_are_another_training(tmp_path, auv151):
     (tmp_path / "checkpoint.pt").write_bytes(b"broken")
     with pytest.raises(DataError, match="remove it to train anew"):
         train(tmp_path, replace(QUICK, steps=80), auv151)
+
+
+def test_a_run_of_another_version_is_told_by_the_choices_it_lacks(auv151):
+    run = run_artefact(QUICK, auv151[1], None)
+    older = replace(run, frame=run.frame.filter(pl.col("name") != "settings.sonar.crowding"))
+    with pytest.raises(DataError, match=r"not a plan of this version, for its settings\.sonar\.crowding"):
+        plan_of(older)
 
 
 def test_the_ladder_is_climbed_to_its_end(tmp_path, auv151):
