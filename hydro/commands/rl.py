@@ -271,8 +271,8 @@ def watch(
 ) -> None:
     """See a trained policy fly one task: its path with pillars and plan, or a film of it.
 
-    A .png shows the path from above and its depth. An .mp4 is rendered by MuJoCo off-screen, and needs the
-    extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
+    A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
+    off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
     """
     if output.suffix not in (".png", ".mp4"):
         raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
@@ -284,10 +284,10 @@ def watch(
     flight = trace(policy, fleet)
     settings, ending = builder.plan.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
     world = settings.world
+    size = world.length, world.width, world.depth
     if output.suffix == ".mp4":
         from hydro.sim.film import film
 
-        size = world.length, world.width, world.depth
         shown = flight.pose, flight.targets, flight.pillars
         film(
             builder.vehicle, size, *shown, radius=world.pillar_radius, period=settings.period, output=output,
@@ -297,7 +297,8 @@ def watch(
 
         title = f"{builder.plan.condition}, seed {builder.plan.seed}, in the {simulator}: {ending}"
         where = flight.pose[:, :3], flight.goal, flight.pillars, flight.way
-        drawn = draw_flight(*where, radius=world.pillar_radius, reach=settings.task.radius, title=title)
+        radius, reach = world.pillar_radius, settings.task.radius
+        drawn = draw_flight(*where, size=size, radius=radius, reach=reach, title=title)
         save(drawn, output)
     typer.echo(f"{output}: {ending}", err=True)
 

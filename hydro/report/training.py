@@ -79,15 +79,26 @@ def _draw_curve(panel: Axes, one: pl.DataFrame, name: str, label: str, colour: s
 
 
 def draw_flight(
-    path: Array, goal: Array, pillars: Array, way: Array, *, radius: float, reach: float, title: str
+    path: Array,
+    goal: Array,
+    pillars: Array,
+    way: Array,
+    *,
+    size: tuple[float, float, float],
+    radius: float,
+    reach: float,
+    title: str,
 ) -> Figure:
-    """The path of a flight from above, and its depth, with pillars and plan.
+    """The path of a flight in its tank, from above and from the side, with pillars and plan.
+
+    North is to the right and east down: seen from above, as the tank lies.
 
     Args:
         path: (K, 3), NED [m].
         goal: (3,).
         pillars: Axes (P, 2).
         way: Corners of the plan (W, 3), W may be 0.
+        size: Length north, width east and depth of the tank [m], from its corner at the origin.
         radius: Of the pillars [m].
         reach: Distance to the goal that is a success [m].
         title: Above it.
@@ -95,35 +106,26 @@ def draw_flight(
     from matplotlib import pyplot as plt
     from matplotlib.patches import Circle
 
+    length, width, depth = size
     with plt.rc_context(figures.STYLE):
         drawn, (above, beside) = plt.subplots(
-            2, 1, figsize=(8, 6), layout="constrained", height_ratios=(3, 1), sharex=False
+            2, 1, figsize=(8, 6.4), layout="constrained", height_ratios=(width, depth), sharex=True
         )
         for x, y in pillars:
-            above.add_patch(Circle((y, x), radius, color="#555555"))
-        above.add_patch(Circle((goal[1], goal[0]), reach, color="#009E73", alpha=0.4))
-        if len(way):
-            above.plot(way[:, 1], way[:, 0], color="#CC79A7", linestyle="--", label="plan")
-        above.plot(path[:, 1], path[:, 0], color="#0072B2", label="flown")
-        above.plot(path[0, 1], path[0, 0], "o", color="#0072B2", label="start")
-        above.set(xlabel="east [m]", ylabel="north [m]")
-        above.set_aspect("equal", adjustable="datalim")  # a flight due north keeps the width of the panel
+            above.add_patch(Circle((x, y), radius, color="#555555"))
+            beside.axvspan(x - radius, x + radius, color="#555555", alpha=0.25, linewidth=0)
+        for panel, axis, end in ((above, 1, width), (beside, 2, depth)):
+            panel.add_patch(Circle((goal[0], goal[axis]), reach, color="#009E73", alpha=0.4))
+            if len(way):
+                panel.plot(way[:, 0], way[:, axis], color="#CC79A7", linestyle="--", label="plan")
+            panel.plot(path[:, 0], path[:, axis], color="#0072B2", label="flown")
+            panel.plot(path[0, 0], path[0, axis], "o", color="#0072B2", label="start")
+            panel.set(xlim=(0.0, length), ylim=(end, 0.0), aspect="equal")
+        above.set(ylabel="east [m]")
+        beside.set(xlabel="north [m]", ylabel="depth [m]")
         drawn.suptitle(title, x=0.02, ha="left")
-        drawn.legend(loc="outside upper right", frameon=False, ncols=3)
-        beside.plot(_along(path), path[:, 2], color="#0072B2")
-        if len(way):
-            beside.plot(_along(way), way[:, 2], color="#CC79A7", linestyle="--")
-        beside.axhline(goal[2], color="#009E73", linewidth=0.8)
-        beside.invert_yaxis()
-        beside.set(xlabel="way over ground [m]", ylabel="depth [m]")
+        drawn.legend(*above.get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=3)
         return drawn
-
-
-def _along(path: Array) -> Array:
-    """Horizontal length of a path up to each of its points."""
-    steps = np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1)
-    along: Array = np.concatenate([[0.0], steps.cumsum()])
-    return along
 
 
 def save(drawn: Figure, path: Path) -> None:
