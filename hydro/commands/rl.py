@@ -71,9 +71,9 @@ def train(
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
 
     Stage 1 is point to point in open water, stage 2 pillars, from none to a slalom of eight, stage 3 a
-    planned way to follow. A level is passed when 97 % of 150 episodes of training succeed (--set
-    ladder.ready=0.9 asks for less), and of as many without exploration after them. Training ends with the
-    last level or with the steps.
+    planned way to follow. Once 90 % of 150 episodes of training succeed (ladder.ready) as many are flown
+    without exploration, of which 97 % pass a level (ladder.share). Training ends with the last level or
+    with the steps.
 
     DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same

@@ -25,9 +25,9 @@ class Ladder:
     """
 
     last: int = 1
-    pillars: tuple[int, ...] = (0, 1, 2, 4, 6, 8)
+    pillars: tuple[int, ...] = (0, 2, 4, 8)
     share: float = 0.97
-    ready: float = 0.97
+    ready: float = 0.9
     window: int = 150
 
     def __post_init__(self) -> None:
