@@ -42,7 +42,7 @@ def run_artefact(
     plan: Plan, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
 ) -> Artefact:
     """The table of a plan's choices, made from vehicle, residual model and the policy to start from."""
-    choices = dict(_flat(msgspec.to_builtins(plan)))
+    choices = _choices(plan)
     frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
     inputs = [one for one in (model, start) if one is not None]
     return table.make(
@@ -58,8 +58,7 @@ def plan_of(run: Artefact) -> Plan:
         DataError: it is not one of this version, whose choices are others.
     """
     choices = dict(run.frame.select("name", "value").iter_rows())
-    known = dict(_flat(msgspec.to_builtins(Plan())))
-    if strange := sorted(choices.keys() ^ known.keys()):
+    if strange := sorted(choices.keys() ^ _choices(Plan()).keys()):
         # A choice that is left out is not its default: there was none, and something else was done.
         raise DataError(f"run: not a plan of this version, for its {strange[0]}: train anew")
     try:
@@ -78,7 +77,7 @@ def changed(plan: Plan, choices: Mapping[str, str]) -> Plan:
     Raises:
         UsageError: There is no such choice, or not of such a value.
     """
-    known = dict(_flat(msgspec.to_builtins(plan)))
+    known = _choices(plan)
     if unknown := [name for name in choices if name not in known]:
         near = [name for name in known if name.endswith(unknown[0])]
         meant = near or get_close_matches(unknown[0], known) or list(known)
@@ -88,6 +87,11 @@ def changed(plan: Plan, choices: Mapping[str, str]) -> Plan:
     except msgspec.MsgspecError as error:
         names = ", ".join(f"{name}={value}" for name, value in choices.items())
         raise UsageError(f"{names}: not a value for this choice ({error})") from error
+
+
+def _choices(plan: Plan) -> dict[str, str]:
+    """A plan's choices in JSON, by name with dots."""
+    return dict(_flat(msgspec.to_builtins(plan)))
 
 
 def _plan(flat: Mapping[str, str]) -> Plan:

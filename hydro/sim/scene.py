@@ -30,8 +30,8 @@ def tank(
     vehicle: Vehicle,
     size: tuple[float, float, float],
     *,
-    pillars: int = 0,
-    radius: float = 0.25,
+    pillars: int,
+    radius: float,
     water: Water | None = None,
     folder: Path | None = None,
 ) -> mujoco.MjModel:

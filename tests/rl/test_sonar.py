@@ -98,10 +98,8 @@ def test_beams_go_from_port_to_starboard_closest_ahead():
 @pytest.mark.parametrize("along", np.linspace(-0.4, 2.0, 7))
 def test_no_pillar_beside_the_hull_is_out_of_sight(along, side):
     """Passing by a pillar at 0.3 m it is seen all the way, to where the hull has passed it."""
-    stand, ranges = (
-        standing([(12.0 + along, 6.0 + side * (0.35 + 0.3 + WORLD.pillar_radius))]),
-        np.empty(BEAMS),
-    )
+    away, ranges = 0.35 + 0.3 + WORLD.pillar_radius, np.empty(BEAMS)
+    stand = standing([(12.0 + along, 6.0 + side * away)])
     least = sonar_kernel(FAN, 10.0, TANK, np.array([12.0, 6.0, 4.0]), np.eye(3).ravel(), stand, ranges)
     assert least < 2.0
 
