@@ -1,10 +1,10 @@
 """Which integrator and step should a user take?  Replay error against simulated seconds per second.
 
 A vehicle with all effects of its file flies 60 s, as twelve segments of 5 s, each from a state and under
-commands of its own, once by `core.simulate` at a step of 0.25 ms and once in MuJoCo for every integrator and
-step.  Commands are held for 20 ms, as in a log of 50 Hz.  The error of a setting is the root mean square of
-the difference in velocity (u, v, w) over all segments.  Speed is that of one thread, by its processor time,
-which on an idle machine is wall time; a median over rounds.
+commands of its own, once by `simulation.simulate` at a step of 0.25 ms and once in MuJoCo for every
+integrator and step.  Commands are held for 20 ms, as in a log of 50 Hz.  The error of a setting is the root
+mean square of the difference in velocity (u, v, w) over all segments.  Speed is that of one thread, by its
+processor time, which on an idle machine is wall time; a median over rounds.
 
     python benchmarks/accuracy.py -o accuracy.parquet --plot docs/images/accuracy.png
 """
@@ -21,11 +21,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.effects import assemble
-from hydro.core.noise import PROFILES
-from hydro.core.simulate import trajectory
-from hydro.core.vehicle import Vehicle
+from hydro.core.simulation.sensor_noise import PROFILES
+from hydro.core.simulation.simulate import trajectory
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
-from hydro.sim.mjcf import Integrator
+from hydro.sim.bridge.mjcf import Integrator
 from hydro.sim.student import Physics, Student
 
 Array = NDArray[np.float64]

@@ -42,12 +42,12 @@ from student import (
 
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
-from hydro.rl import conditions, tasks
-from hydro.rl.action import ACTIONS, command_kernel
-from hydro.rl.config import Settings
-from hydro.rl.fleet import Fleet
-from hydro.rl.judge import sense_kernel
-from hydro.rl.observation import OBSERVATIONS
+from hydro.rl.environment import conditions, tasks
+from hydro.rl.environment.action import ACTIONS, command_kernel
+from hydro.rl.environment.config import Settings
+from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.judge import sense_kernel
+from hydro.rl.environment.observation import OBSERVATIONS
 
 SUBSTEPS = 20
 WIDTHS = {"mlp": (12, *PHYSFEAT[1:]), "physfeat": PHYSFEAT}

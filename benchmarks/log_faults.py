@@ -3,7 +3,7 @@
     python -m benchmarks.log_faults --studies 60 --first-seed 65300
 
 Flights of `benchmarks.hidden_effects`, in turn with nothing hidden, one effect and something outside the
-catalogue, are held to `core.log_faults` as they are, and once more with each fault planted in them.
+catalogue, are held to `diagnosis.log_faults` as they are, and once more with each fault planted in them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.hidden_effects import cases, study
 from benchmarks.hidden_effects.scoring import interval
-from hydro.core.log_faults import Sound, sound
+from hydro.core.diagnosis.log_faults import Sound, sound
 
 SECONDS = 300.0
 KINDS = ("none", "one", "unknown")

@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
-from hydro.core.allocation import configuration_matrix
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
-from hydro.core.excitation import Session, demands
-from hydro.core.fit import fit
-from hydro.core.noise import PROFILES, disturb
-from hydro.core.parameters import Free
-from hydro.core.recording import POSE, VELOCITY
-from hydro.core.simulate import simulate
-from hydro.core.vehicle import Vehicle
+from hydro.core.identification.fit import fit
+from hydro.core.identification.parameters import Free
+from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.simulation.excitation import Session, demands
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import configuration_matrix
 
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")

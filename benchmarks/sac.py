@@ -5,7 +5,7 @@ The same networks, batch and optimiser settings, in turn:
     plain        as one writes it in PyTorch: three Adams, a loop over critics, min of two
     torchrl      TorchRL's SACLoss as usually written: vmap over critics, one fused Adam, SoftUpdate
     compiled     the same inside torch.compile (only with --compile: it takes minutes to compile)
-    hydro        `rl.sac`: the same parameters and losses, both critics in one pass
+    hydro        `rl.training.sac`: the same parameters and losses, both critics in one pass
 
 A round makes one update of every case; given are medians of wall and processor time, and the ratio of plain's
 processor time to each, with quartiles over rounds.
@@ -31,8 +31,8 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import MLP, ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from hydro.rl.observation import ENCODING, OBSERVATIONS
-from hydro.rl.sac import Choices, Learner
+from hydro.rl.environment.observation import ENCODING, OBSERVATIONS
+from hydro.rl.training.sac import Choices, Learner
 
 ACTIONS, FILLED = 6, 100_000
 CHOICES = Choices(horizon=1)  # of random transitions, nothing follows one another

@@ -36,14 +36,14 @@ import polars as pl
 from mujoco import batch
 
 from hydro.core.effects import assemble
-from hydro.core.simulate import RATE, trajectory
-from hydro.core.vehicle import Vehicle
+from hydro.core.simulation.simulate import RATE, trajectory
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
-from hydro.sim import mjcf, native
-from hydro.sim.control import Control
-from hydro.sim.network import Network
+from hydro.sim.bridge import mjcf, native
+from hydro.sim.bridge.water import PREFIX, residual, wet
+from hydro.sim.residual.control import Control
+from hydro.sim.residual.network import Network
 from hydro.sim.teacher import collect, teacher
-from hydro.sim.water import PREFIX, residual, wet
 
 VEHICLES = Path(__file__).resolve().parents[1] / "datasets" / "vehicles"
 TIMESTEP, CONTROL_STEP = 0.002, 0.04

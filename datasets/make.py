@@ -14,10 +14,10 @@ import numpy as np
 import polars as pl
 import tomlkit
 
-from hydro.core.allocation import allocate, configuration_matrix
-from hydro.core.noise import PROFILES, disturb
-from hydro.core.simulate import POSE, VELOCITY, simulate
-from hydro.core.vehicle import Vehicle
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import POSE, VELOCITY, simulate
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import allocate, configuration_matrix
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from hydro.core.allocation import allocate, configuration_matrix
-from hydro.core.noise import PROFILES, disturb
-from hydro.core.simulate import POSE, VELOCITY, simulate
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import POSE, VELOCITY, simulate
+from hydro.core.vehicle.thrusters import allocate, configuration_matrix
 from hydro.io import vehicle as vehicles
 
 HERE = Path(__file__).parent

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from hydro.core.explain import Step
-    from hydro.core.vehicle import Vehicle
+    from hydro.core.diagnosis.explain import Step
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
 
 Acceleration = Literal["rts", "kalman", "kalman-difference"]
@@ -93,7 +93,7 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     Raises:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion grows without bounds.
     """
-    from hydro.core.simulate import simulate as move
+    from hydro.core.simulation.simulate import simulate as move
 
     return move(commands, vehicle)
 
@@ -113,7 +113,7 @@ def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
-    from hydro.core.compare import compare as hold
+    from hydro.core.evaluation.compare import compare as hold
 
     return hold(vehicle, raw, against=against)
 
@@ -131,7 +131,7 @@ def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
     """
-    from hydro.core.diagnose import diagnose as find
+    from hydro.core.diagnosis.diagnose import diagnose as find
 
     return find(vehicle, raw).frame()
 
@@ -150,7 +150,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame, effects: Sequence[str] | None
     Raises:
         hydro.core.errors.DataError: the diagnosis has nothing to add, or not what is named.
     """
-    from hydro.core.extend import extended, tables
+    from hydro.core.diagnosis.extend import extended, tables
 
     return extended(vehicle, tables(diagnosis, effects))
 
@@ -164,13 +164,13 @@ def explain(raw: pl.DataFrame, vehicle: Vehicle, *, holdout: pl.DataFrame | None
         holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
 
     Yields:
-        Each step as it is done, the vehicle as given first: a `hydro.core.explain.Step` with the vehicle, its
-        comparison and diagnosis, and its errors as rows of the ladder table.
+        Each step as it is done, the vehicle as given first: a `hydro.core.diagnosis.explain.Step` with the
+        vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
     """
-    from hydro.core.explain import explain as steps
+    from hydro.core.diagnosis.explain import explain as steps
 
     yield from steps(vehicle, raw, holdout=holdout)
 
@@ -199,7 +199,7 @@ def labels(
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
     """
-    from hydro.core.labels import labels as compute
+    from hydro.core.distillation.labels import labels as compute
 
     return compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
 
@@ -221,7 +221,7 @@ def split(
     Raises:
         hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
     """
-    from hydro.core.split import split as divide
+    from hydro.core.distillation.split import split as divide
 
     return divide(labels, block=block, test=test, salt=salt)
 
@@ -236,7 +236,7 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
     Returns:
         `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there.
     """
-    from hydro.core.features import table
+    from hydro.core.distillation.features import table
 
     return table(labels, set)
 
@@ -363,8 +363,8 @@ def replay(
         hydro.core.errors.DataError: the table does not fit the vehicle.
         hydro.core.errors.UsageError: there is no such variant.
     """
-    from hydro.core.conditioning import preset
     from hydro.sim import replay as sim
+    from hydro.sim.residual.conditioning import preset
 
     flown = sim.variants(models, variants)
     return sim.replay(

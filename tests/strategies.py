@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from hydro.core.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.io import table, vehicle
 from hydro.io.table import Artefact
 

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 from scipy.integrate import solve_ivp
 
-from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 
 MASS, WEIGHT_ARM, BUOYANCY, BUOYANCY_ARM = 151.0, (0.01, -0.005, 0.03), 1484.0, (0.0, 0.0, -0.05)
 INERTIA = ((6.0, 0.1, -0.2), (0.1, 16.0, 0.3), (-0.2, 0.3, 18.0))

@@ -252,7 +252,7 @@ def test_what_conditioning_did_is_told_on_a_terminal_and_in_the_metrics(work: Pa
 def test_every_conditioning_can_be_asked_for_by_command_and_from_python() -> None:
     from hydro import api
     from hydro.commands import replay
-    from hydro.core.conditioning import PRESETS
+    from hydro.sim.residual.conditioning import PRESETS
 
     option = get_type_hints(replay.replay)["conditioning"]
     assert get_args(option) == get_args(api.Conditioning) == PRESETS

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from hydro import cli
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
 from hydro.io.vehicle import parse
 

@@ -158,8 +158,8 @@ def test_a_headline_where_nothing_is_left() -> None:
 
 def test_real_recordings_with_a_changed_vehicle(stonefish: Path) -> None:
     """A weak thruster 3 (front left to right aft pushes yaw) and a current, with the same damping."""
-    from hydro.core.compare import compare
-    from hydro.core.fit import fit
+    from hydro.core.evaluation.compare import compare
+    from hydro.core.identification.fit import fit
     from hydro.io import vehicle
 
     known = vehicle.read(VEHICLE)[0]

@@ -22,7 +22,7 @@ import numpy as np
 from bench import equipped, neutral
 
 from hydro.core.effects import assemble
-from hydro.core.simulate import trajectory
+from hydro.core.simulation.simulate import trajectory
 
 
 """

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 from hydro.core import effects
-from hydro.core.segments import sample_time, segments
+from hydro.core.recording.segments import sample_time, segments
 from hydro.io import table, vehicle
 
 TABLES = ("sample", "replay90")
@@ -73,8 +73,8 @@ def test_the_recordings_with_hidden_effects(datasets: Path) -> None:
 
 def test_the_truth_made_the_recordings_and_stands_nowhere_else(datasets: Path) -> None:
     """The vehicle with the truth moves as recorded, but for noise; the vehicle file does not name it."""
-    from hydro.core.extend import extended
-    from hydro.core.simulate import simulate
+    from hydro.core.diagnosis.extend import extended
+    from hydro.core.simulation.simulate import simulate
 
     truth = tomllib.loads((datasets / "hidden" / "truth.toml").read_text())
     known, text = vehicle.read(datasets / "hidden" / "vehicle.toml")
@@ -103,7 +103,7 @@ def test_no_module_reads_the_truth() -> None:
 @pytest.mark.parametrize("name", TABLES)
 def test_pose_and_velocity_agree_in_frame_and_sign(datasets: Path, name: str) -> None:
     """The world velocity R(phi, theta, psi) (u, v, w) is the pose's derivative, by central differences."""
-    from hydro.core.frames import rotation
+    from hydro.core.vehicle.frames import rotation
 
     frame = table.read(datasets / "stonefish" / f"{name}.parquet").frame
     one = frame.filter(pl.col("session") == frame["session"][0]).cast({pl.Float32: pl.Float64})

@@ -12,7 +12,7 @@ import pytest
 from tables import raw
 
 from hydro import cli
-from hydro.core.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.report.diagnosis import lines

@@ -10,13 +10,13 @@ import pytest
 
 import hydro
 from hydro import cli
-from hydro.core import explain as module
+from hydro.core.diagnosis import explain as module
+from hydro.core.diagnosis.extend import extended
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.errors import DataError
-from hydro.core.extend import extended
-from hydro.core.findings import Diagnosis, Finding
-from hydro.core.noise import PROFILES, disturb
-from hydro.core.recording import POSE, VELOCITY
-from hydro.core.simulate import simulate
+from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
 from hydro.io import provenance, table
 from hydro.io import vehicle as vehicles
 

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from strategies import attitudes, vehicles, velocities
 
-from hydro.core.frames import rotation, skew
-from hydro.core.rigid_body import coriolis_matrix, mass_matrix, restoring
-from hydro.core.vehicle import Buoyancy, Hull, RigidBody, Vehicle
+from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Vehicle
+from hydro.core.vehicle.frames import rotation, skew
+from hydro.core.vehicle.rigid_body import coriolis_matrix, mass_matrix, restoring
 
 BODY = RigidBody(20.0, (0.1, 0.0, 0.03), ((0.4, 0.0, 0.0), (0.0, 1.6, 0.0), (0.0, 0.0, 1.8)))
 VEHICLE = Vehicle("case", BODY, Buoyancy(20.0 * 9.81, (0.1, 0.0, -0.02)), Hull(1.0, 0.3, 0.3))

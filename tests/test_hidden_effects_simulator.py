@@ -1,4 +1,4 @@
-"""The simulator of the benchmark of hidden effects, held against `core.simulate`: two codes, one physics."""
+"""The simulator of the benchmark of hidden effects against `simulation.simulate`: two codes, one physics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.hidden_effects import build, cases, flights, plant, vehicles
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
-from hydro.core.recording import POSE, VELOCITY
-from hydro.core.simulate import simulate
+from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.simulation.simulate import simulate
 
 SECONDS = 8.0
 HIDDEN = {

@@ -13,7 +13,7 @@ import tomlkit
 from hypothesis import HealthCheck, given, settings
 
 from hydro import cli
-from hydro.core.segments import segments
+from hydro.core.recording.segments import segments
 from hydro.io import table
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,14 +12,14 @@ import pytest
 from mujoco import batch, rollout
 from sim.models import GRAVITY, MASS, exact, model, thruster, vehicle
 
-from hydro.core.allocation import configuration_matrix
 from hydro.core.effects import assemble
 from hydro.core.errors import DataError
-from hydro.core.frames import rotation_from_quaternion
-from hydro.core.rigid_body import mass_matrix
-from hydro.core.vehicle import Buoyancy, RigidBody
-from hydro.sim import mjcf, native, states
-from hydro.sim.water import Water
+from hydro.core.vehicle.description import Buoyancy, RigidBody
+from hydro.core.vehicle.frames import rotation_from_quaternion
+from hydro.core.vehicle.rigid_body import mass_matrix
+from hydro.core.vehicle.thrusters import configuration_matrix
+from hydro.sim.bridge import mjcf, native, states
+from hydro.sim.bridge.water import Water
 
 ETA = np.array([1.0, -2.0, 5.0, 0.4, -0.3, 2.0])
 NU = np.array([0.8, -0.5, 0.3, 0.7, -0.4, 0.9])
@@ -46,7 +46,7 @@ def fly(compiled, seconds, eta=ETA, nu=NU, ctrl=None):
 def error(data, solution) -> float:
     """Largest difference in position, velocity and orientation (as a matrix)."""
     eta, nu = states.from_mujoco(data.qpos, data.qvel)
-    from hydro.core.frames import rotation
+    from hydro.core.vehicle.frames import rotation
 
     turn = rotation(*eta[3:]) - rotation_from_quaternion(solution[3:7] / np.linalg.norm(solution[3:7]))
     return max(abs(eta[:3] - solution[:3]).max(), abs(nu - solution[7:]).max(), abs(turn).max())

@@ -17,8 +17,8 @@ import pytest
 
 from hydro import cli
 from hydro.core.effects import CATALOGUE
-from hydro.core.simulate import POSE, VELOCITY
-from hydro.core.simulate import simulate as move
+from hydro.core.simulation.simulate import POSE, VELOCITY
+from hydro.core.simulation.simulate import simulate as move
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.io.model import from_artefact

@@ -10,7 +10,7 @@ import pytest
 from hydro import cli
 from hydro.commands.steps import Runner, Step, here
 from hydro.commands.study import Data, Run, _beside_effects, _rounds
-from hydro.core.metrics import SCHEMA
+from hydro.core.evaluation.metrics import SCHEMA
 from hydro.report.seeds import ranking, seeds_together
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hidden_effects.plant import FOREIGN, Array, Plant
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
 
 PAIRS = {
     "added_mass_coupling": ("M15", "M24", "M04", "M13", "M02"),

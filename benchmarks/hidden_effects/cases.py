@@ -12,7 +12,7 @@ from benchmarks.hidden_effects import vehicles
 from benchmarks.recovery import TRUTHS
 from hydro.core.effects import validate
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
 
 KINDS = ("one", "two", "three", "unknown", "form", "none")
 WEAKEST, STRONGEST = 0.15, 4.0

@@ -17,10 +17,10 @@ from scipy.interpolate import CubicSpline
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import BODY, Array, Plant, fly
 from hydro.core.errors import DataError
-from hydro.core.excitation import Session, demands
-from hydro.core.noise import PROFILES, Noise, disturb
-from hydro.core.recording import POSE, VELOCITY
-from hydro.core.vehicle import Vehicle
+from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.simulation.excitation import Session, demands
+from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
+from hydro.core.vehicle.description import Vehicle
 
 DT = 0.02
 KINDS = ("steps", "sines", "chirps", "steps", "sines")
@@ -173,7 +173,7 @@ def by_simulate(
     believed: Vehicle, actual: Vehicle, *, rows: Sequence[int], depth: float, noise: float, seed: int
 ) -> list[pl.DataFrame]:
     """Sessions of `hydro simulate`, driven without feedback; `actual` holds the hidden effects."""
-    from hydro.core.simulate import simulate
+    from hydro.core.simulation.simulate import simulate
 
     file, tables = build(believed), []
     share, limits = np.linalg.pinv(file.thrusts.T), file.limits.max(axis=1)

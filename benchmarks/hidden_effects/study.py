@@ -16,19 +16,19 @@ import polars as pl
 from benchmarks.hidden_effects import flights, vehicles
 from benchmarks.hidden_effects.cases import Case, stronger, weaker
 from benchmarks.hidden_effects.plant import Array
-from hydro.core import shooting
-from hydro.core.candidate import candidate
-from hydro.core.conditions import Pieces
-from hydro.core.descent import descend
-from hydro.core.diagnose import diagnose
+from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.findings import Diagnosis
-from hydro.core.fit import OutputError
-from hydro.core.misfit import Motion, replay
-from hydro.core.parameters import LONGEST_SENSOR_DELAY, free
-from hydro.core.recording import recording
-from hydro.core.vehicle import Vehicle
+from hydro.core.evaluation.misfit import Motion, replay
+from hydro.core.evaluation.regimes import Pieces
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.fit import OutputError
+from hydro.core.identification.levenberg_marquardt import descend
+from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
+from hydro.core.recording.arrays import recording
+from hydro.core.vehicle.description import Vehicle
 
 SESSIONS = 4
 HORIZON = 5.0
@@ -193,7 +193,7 @@ def oracle(case: Case, flown: Flown) -> Vehicle:
     wanted = [*dict.fromkeys([*own, *(str(table["name"]) for table in case.hidden)])]
     unknown = free(vehicle, wanted, reach=record.eta[:, :3])
     late = "sensor_delay" in wanted
-    shots = shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
+    shots = multiple_shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
     start = unknown.starts[0]
     values, _, _ = descend(unknown, start, OutputError.of(shots, unknown.at(start)), ITERATIONS)
     return unknown.at(values)

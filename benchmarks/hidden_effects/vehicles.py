@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
 VEHICLES = Path(__file__).resolve().parents[2] / "datasets" / "vehicles"
@@ -93,7 +93,7 @@ def of_teacher(name: str, folder: Path) -> Vehicle:
     import polars as pl
 
     from benchmarks.hidden_effects.flights import DT, by_teacher
-    from hydro.core.fit import fit
+    from hydro.core.identification.fit import fit
     from hydro.sim.teacher import teacher
 
     believed = preset(name)

@@ -15,7 +15,7 @@ from hydro.core.errors import DataError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hydro.core.vehicle import Vehicle
+    from hydro.core.vehicle.description import Vehicle
     from hydro.sim.teacher import Teacher
 
 ROWS = 857_542
@@ -71,7 +71,7 @@ def collect(
     they come from panels on the hull and the added mass of its ellipsoid, and the file's own added mass and
     damping are ignored. What is hidden stands in the file of --truth alone, never in the recording.
     """
-    from hydro.core.excitation import RATE, REPLAY, REPLAY_SECONDS
+    from hydro.core.simulation.excitation import RATE, REPLAY, REPLAY_SECONDS
     from hydro.io import mesh, table
     from hydro.io import vehicle as vehicles
     from hydro.sim import teacher as sim
@@ -162,7 +162,7 @@ def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], cont
     """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
     import tomlkit
 
-    from hydro.core.panels import FORM_DRAG, SKIN_FRICTION
+    from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION
     from hydro.io.files import write_bytes
 
     document = tomlkit.document()

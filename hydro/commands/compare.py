@@ -48,7 +48,7 @@ def compare(
     That is printed on the terminal, on stderr where stdout is a pipe.
     """
     from hydro.core import effects
-    from hydro.core.compare import compare as compute
+    from hydro.core.evaluation.compare import compare as compute
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 

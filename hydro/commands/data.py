@@ -57,8 +57,8 @@ def labels(
     -tau_res. With --subtract effects a vehicle file that says everything leaves C_RB(nu) nu. Gaps in time are
     reported in one line on stderr; no filter reaches across one.
     """
-    from hydro.core.labels import labels as compute
-    from hydro.core.labels import subtracted
+    from hydro.core.distillation.labels import labels as compute
+    from hydro.core.distillation.labels import subtracted
     from hydro.io import table
 
     refuse_terminal(output)
@@ -100,8 +100,8 @@ def split(
     The same data give the same split on any machine and in any order, and new sessions never move an old
     block. Rows within the smoother's reach of a block of the other side are marked guard and used by neither.
     """
-    from hydro.core.split import split as divide
-    from hydro.core.split import split_from
+    from hydro.core.distillation.split import split as divide
+    from hydro.core.distillation.split import split_from
     from hydro.io import table
 
     refuse_terminal(output)
@@ -134,7 +134,7 @@ def features(
 
     For a look at what a network sees, or for training one elsewhere: `hydro train` computes them itself.
     """
-    from hydro.core.features import table as compute
+    from hydro.core.distillation.features import table as compute
     from hydro.io import table
 
     refuse_terminal(output)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
-    from hydro.core.findings import Diagnosis
+    from hydro.core.diagnosis.findings import Diagnosis
     from hydro.io.provenance import Provenance
 
 
@@ -42,7 +42,7 @@ def diagnose(
     printed on the terminal, on stderr where stdout is a pipe; hydro add writes what was found into the file.
     """
     from hydro.core import effects
-    from hydro.core.diagnose import diagnose as compute
+    from hydro.core.diagnosis.diagnose import diagnose as compute
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 
@@ -95,7 +95,7 @@ def add(
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from.
     """
-    from hydro.core.extend import tables
+    from hydro.core.diagnosis.extend import tables
     from hydro.io import vehicle as vehicles
 
     _, text = vehicles.read(vehicle)

@@ -13,8 +13,8 @@ from hydro.core.errors import DataError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hydro.core.explain import Step
-    from hydro.core.vehicle import Vehicle
+    from hydro.core.diagnosis.explain import Step
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
 
@@ -47,9 +47,9 @@ def explain(
     same study in the same folder goes on where it stopped; another one takes its place.
     """
     from hydro.core import effects
-    from hydro.core.explain import best, ending
-    from hydro.core.explain import explain as compute
-    from hydro.core.restarts import restarted
+    from hydro.core.diagnosis.explain import best, ending
+    from hydro.core.diagnosis.explain import explain as compute
+    from hydro.core.evaluation.rolling_prediction import restarted
     from hydro.io import vehicle as vehicles
     from hydro.io.study import Study
 
@@ -86,7 +86,7 @@ def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
     Raises:
         DataError: It is the measured one, is too short, or is another vehicle's.
     """
-    from hydro.core.explain import long_enough
+    from hydro.core.diagnosis.explain import long_enough
 
     other = read(name, "raw")
     if other.provenance.content == source.provenance.content:
@@ -108,7 +108,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     """The ladder, what was added, what the last diagnosis says, and where the files are."""
     import polars as pl
 
-    from hydro.core.explain import DATASETS, HORIZON
+    from hydro.core.diagnosis.explain import DATASETS, HORIZON
     from hydro.report import ladder
     from hydro.report.diagnosis import lines
 

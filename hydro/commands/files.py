@@ -50,7 +50,8 @@ def check(files: Files) -> None:
 
 def _check(file: str) -> None:
     """Read one file as what it is: by its suffix a vehicle file or a map, else an artefact."""
-    from hydro.core import effects, segments
+    from hydro.core import effects
+    from hydro.core.recording import segments
     from hydro.io import logmap, vehicle
 
     if Path(file).suffix == ".toml":

@@ -12,7 +12,7 @@ from hydro.commands.shell import STREAM, Measured, Output, about, noise_for, pro
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
-    from hydro.core.fit import Fit
+    from hydro.core.identification.fit import Fit
 
 
 def fit(
@@ -59,8 +59,8 @@ def fit(
     """
     import numpy as np
 
-    from hydro.core.fit import fit as compute
-    from hydro.core.recording import LEAST_NOISE
+    from hydro.core.identification.fit import fit as compute
+    from hydro.core.recording.arrays import LEAST_NOISE
     from hydro.io import vehicle as vehicles
 
     if not effect:

@@ -13,9 +13,9 @@ from hydro.commands.shell import STREAM, Output, about, dataset_name, refuse_ter
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
-    from hydro.core.importing import Imported
-    from hydro.core.kinematics import Verdict
-    from hydro.core.logmap import LogMap
+    from hydro.core.logs.convention_check import Verdict
+    from hydro.core.logs.importing import Imported
+    from hydro.core.logs.logmap import LogMap
     from hydro.io.log import Log
     from hydro.io.table import Artefact
 
@@ -80,7 +80,7 @@ def import_(
 
 def _write_draft(source: Log, log: str, path: str) -> None:
     """Write the map that the columns' names suggest."""
-    from hydro.core.aliases import guess
+    from hydro.core.logs.aliases import guess
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 
@@ -96,7 +96,7 @@ def _meaning(source: Log, file: Path | None, name: str) -> LogMap:
     """The map of `--map`, or the guessed one, told; a session that nobody names is called as the file is."""
     import msgspec
 
-    from hydro.core.aliases import guess
+    from hydro.core.logs.aliases import guess
     from hydro.io import logmap
 
     if file is not None:
@@ -114,7 +114,7 @@ def _meaning(source: Log, file: Path | None, name: str) -> LogMap:
 
 def _told(meaning: LogMap) -> Iterator[str]:
     """What each block of a map says, in a few words."""
-    from hydro.core.logmap import command, measured
+    from hydro.core.logs.logmap import command, measured
 
     yield f"time {meaning.time.column} [{meaning.time.unit}]"
     if meaning.session.column is not None:
@@ -135,7 +135,7 @@ def _told(meaning: LogMap) -> Iterator[str]:
 
 def _resampled(source: Log, meaning: LogMap, rate: float | None) -> Imported:
     """The log on one clock and in the raw table's frames."""
-    from hydro.core.importing import raw_table
+    from hydro.core.logs.importing import raw_table
     from hydro.io.sessions import sessions
 
     logs = sessions(source, meaning)
@@ -149,7 +149,7 @@ def _asked(source: Log, imported: Imported, meaning: LogMap, strict: bool) -> Ve
     Raises:
         DataError: with `strict`, it contradicts it.
     """
-    from hydro.core.kinematics import check
+    from hydro.core.logs.convention_check import check
 
     verdict = check(imported.logs, imported.times, imported.dt, meaning)
     if strict and verdict.contradictions:

@@ -92,7 +92,7 @@ def train(
     source = read(labels, "labels", "split")
     frame = source.frame
     if source.kind == "labels":
-        from hydro.core.split import split
+        from hydro.core.distillation.split import split
 
         frame, _ = split(frame)
     if minutes is not None:

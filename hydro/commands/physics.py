@@ -31,7 +31,7 @@ def simulate(
     starts each session, and goes on after each gap, from its own row. The recording is free of noise and
     carries the vehicle file, so that every later stage knows it.
     """
-    from hydro.core.simulate import simulate as move
+    from hydro.core.simulation.simulate import simulate as move
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 

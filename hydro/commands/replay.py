@@ -28,7 +28,7 @@ from hydro.core.errors import DataError
 if TYPE_CHECKING:
     import polars as pl
 
-    from hydro.core.vehicle import Vehicle
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
 
 Raw = Annotated[
@@ -93,11 +93,11 @@ def replay(
     there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one piece alone. The
     metrics tell how often clipping and dead band acted, as shares of the control steps.
     """
-    from hydro.core.conditioning import preset
     from hydro.io import model as models
     from hydro.io import table
     from hydro.report.tables import conditioning_shares, piece_errors, replay_errors
     from hydro.sim import replay as sim
+    from hydro.sim.residual.conditioning import preset
     from hydro.sim.student import Physics
 
     source = read(raw, "raw")

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.io.table import Artefact
-    from hydro.rl.build import Builder
-    from hydro.rl.policy import Policy
-    from hydro.rl.train import Plan, Training
+    from hydro.rl.environment.build import Builder
+    from hydro.rl.training.policy import Policy
+    from hydro.rl.training.train import Plan, Training
 
 NAME = "rl"
 HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
@@ -82,9 +82,9 @@ def train(
     """
     from hydro.io import table
     from hydro.io.vehicle import read as read_vehicle
-    from hydro.rl.curriculum import Ladder
-    from hydro.rl.runs import Folder, changed, run_artefact
-    from hydro.rl.train import Plan, Training
+    from hydro.rl.training.curriculum import Ladder
+    from hydro.rl.training.runs import Folder, changed, run_artefact
+    from hydro.rl.training.train import Plan, Training
 
     _, text = read_vehicle(vehicle)
     residual = table.read(model, "model") if model is not None else None
@@ -181,7 +181,7 @@ def _builder(plan: Plan, text: str, residual: Artefact | None, folder: Path | No
     from hydro.core import effects
     from hydro.io import vehicle
     from hydro.io.model import from_artefact
-    from hydro.rl.build import Builder
+    from hydro.rl.environment.build import Builder
 
     subject = vehicle.parse(text)
     effects.validate(subject)
@@ -196,7 +196,7 @@ def _stderr() -> Any:
 
 def _opened(run: Path) -> tuple[Policy, Artefact, Builder]:
     """Policy of a run, its table, and what makes its fleets."""
-    from hydro.rl.runs import Folder
+    from hydro.rl.training.runs import Folder
 
     folder = Folder(run)
     policy, artefact = folder.policy()
@@ -233,7 +233,7 @@ def eval_(
     import polars as pl
 
     from hydro.io import table
-    from hydro.rl.evaluate import fly, summary
+    from hydro.rl.training.evaluate import fly, summary
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
@@ -276,7 +276,7 @@ def watch(
     """
     if output.suffix not in (".png", ".mp4"):
         raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
-    from hydro.rl.evaluate import trace
+    from hydro.rl.training.evaluate import trace
 
     policy, _, builder = _opened(run)
     fleet = builder(1, task, simulator)
@@ -313,7 +313,7 @@ def curves(
     together; a training that has passed its curriculum keeps its last value.
     """
     from hydro.report.training import curves_table, draw_curves, save, together
-    from hydro.rl.runs import Folder
+    from hydro.rl.training.runs import Folder
 
     found = together([Folder(run).evaluations().frame for run in runs])
     save(draw_curves(curves_table(found)), output)

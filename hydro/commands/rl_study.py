@@ -102,8 +102,8 @@ def _runs(
     names: Sequence[str], seeds: int, models: dict[str, Path], folder: Path
 ) -> tuple[list[_Run], list[str]]:
     """The trainings, seeds before conditions, and the conditions that lack their model."""
-    from hydro.rl.conditions import CONDITIONS as KNOWN
-    from hydro.rl.conditions import MODELS
+    from hydro.rl.environment.conditions import CONDITIONS as KNOWN
+    from hydro.rl.environment.conditions import MODELS
 
     if unknown := [name for name in names if name not in KNOWN]:
         raise UsageError(f"no condition is called {unknown[0]!r}: choose of {', '.join(KNOWN)}")

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
-    from hydro.core.noise import Noise
-    from hydro.core.vehicle import Vehicle
+    from hydro.core.simulation.sensor_noise import Noise
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
 
 STREAM = "-"
@@ -129,7 +129,7 @@ def _name(source: str) -> str:
 
 def report_gaps(source: str, frame: pl.DataFrame) -> None:
     """Say in one line on stderr that an input has gaps in time; nothing where it has none."""
-    from hydro.core.segments import gaps
+    from hydro.core.recording.segments import gaps
 
     if found := gaps(frame):
         typer.echo(f"hydro: {_name(source)}: {found}", err=True)
@@ -143,7 +143,7 @@ def noise_for(text: str) -> Noise:
     """
     import tomllib
 
-    from hydro.core.noise import PROFILES, Noise
+    from hydro.core.simulation.sensor_noise import PROFILES, Noise
 
     if text in PROFILES:
         return PROFILES[text]

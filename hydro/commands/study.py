@@ -173,7 +173,7 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
     import polars as pl
 
     from hydro.commands.shell import noise_for
-    from hydro.core.noise import disturb
+    from hydro.core.simulation.sensor_noise import disturb
     from hydro.io import table
 
     step = Step(("noise", data.noise), (data.raw,), (folder / "noisy.parquet",))

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from hydro.core.errors import DataError
-from hydro.core.logmap import Attitude, LogMap, Position
+from hydro.core.logs.logmap import Attitude, LogMap, Position
 from hydro.io import toml
 from hydro.io.files import read_bytes, shown
 
@@ -106,7 +106,7 @@ def listed(columns: Sequence[str]) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a map file, made from the structs of `core.logmap`."""
+    """The JSON Schema of a map file, made from the structs of `logs.logmap`."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro map of a log"}
     return schema | msgspec.json.schema(LogMap)
 

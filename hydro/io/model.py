@@ -32,7 +32,7 @@ class Model:
         name: name of the model, such as `physfeat`.
         architecture: description that the layers are built from; JSON values.
         tensors: weights by name in the order of the layers, all float32 or all float64.
-        features: name of the feature set, see `core.features`.
+        features: name of the feature set, see `distillation.features`.
         scalers: `SCALERS` by name, float64, shapes (n_in,) and (n_out,), fitted on the training part.
         inputs: names of the features in order, (n_in,).
         outputs: names of the outputs in order, (n_out,).

@@ -9,9 +9,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.conventions import SessionLog
 from hydro.core.errors import DataError
-from hydro.core.logmap import LogMap, Time, command, measured
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import LogMap, Time, command, measured
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, stripped
 

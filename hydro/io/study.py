@@ -13,8 +13,8 @@ from pathlib import Path
 
 import polars as pl
 
+from hydro.core.diagnosis.explain import Step
 from hydro.core.errors import DataError
-from hydro.core.explain import Step
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import explained

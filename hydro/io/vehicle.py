@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Thruster, Vehicle
+from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
 from hydro.io.files import read_bytes, write_bytes
 
@@ -143,7 +143,7 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of a vehicle file, made from the structs of `core.vehicle`."""
+    """The JSON Schema of a vehicle file, made from the structs of `vehicle.description`."""
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "hydro vehicle file"}
     return schema | msgspec.json.schema(Vehicle)
 

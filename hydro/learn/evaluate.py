@@ -9,9 +9,9 @@ import polars as pl
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.distillation.features import features
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import features
-from hydro.core.metrics import consecutive, measure
+from hydro.core.evaluation.metrics import consecutive, measure
 from hydro.io.model import Model
 from hydro.learn import networks, rows
 from hydro.learn.regimes import regimes, require_ways
@@ -28,7 +28,8 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
     Args:
         model: a trained model.
         states: (nu, nu_dot) in body axes, FRD, shape (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
-        past: past velocities of a model that remembers, see `core.history.past`; by default the vehicle has
+        past: past velocities of a model that remembers, see `distillation.history.past`; by default the
+        vehicle has
             moved at nu for long.
 
     Returns:
@@ -94,8 +95,8 @@ def evaluate(
         by: ways to divide the rows, `speed`, `drift` or `reach`; see `regimes`.
 
     Returns:
-        A metrics table; see `core.metrics.measure`. Column `variant` is empty for all rows together, and
-        names the regime for the rows of one.
+        A metrics table; see `evaluation.metrics.measure`. Column `variant` is empty for all rows together,
+        and names the regime for the rows of one.
 
     Raises:
         DataError: If the rows are not there, a column is missing or not finite, or a model is broken.

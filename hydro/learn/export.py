@@ -1,7 +1,7 @@
 """A trained model as ONNX, for programs without torch: states in, newtons and newton metres out.
 
 Features, scalers and units are within: the graph takes (nu, nu_dot) as a recording has them. A model that
-remembers takes its past as a second input, which the caller keeps (`core.history`).
+remembers takes its past as a second input, which the caller keeps (`distillation.history`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
+from hydro.core.distillation.features import CROSS
+from hydro.core.distillation.history import remembered
 from hydro.core.errors import UsageError
-from hydro.core.features import CROSS
-from hydro.core.history import remembered
 from hydro.io.model import Model
 from hydro.learn.networks import load
 
@@ -44,7 +44,7 @@ class Exported(nn.Module):
 
 
 def physfeat(states: Tensor) -> Tensor:
-    """The 45 features (N, 45) of `core.features` from (nu, nu_dot) (N, 12), in torch."""
+    """The 45 features (N, 45) of `distillation.features` from (nu, nu_dot) (N, 12), in torch."""
     nu = states[:, :6]
     first, second = torch.triu_indices(6, 6, offset=1).unbind()
     even, odd = torch.from_numpy(CROSS.T.copy()).unbind()

@@ -10,10 +10,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core import history
+from hydro.core.distillation import history
+from hydro.core.distillation.features import INPUTS, OUTPUTS, features
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import INPUTS, OUTPUTS, features
-from hydro.core.segments import sample_time, segments
+from hydro.core.recording.segments import sample_time, segments
 
 Array = NDArray[np.float64]
 

@@ -33,10 +33,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from hydro.core.distillation.features import OUTPUTS
+from hydro.core.distillation.labels import filter_design
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import OUTPUTS
-from hydro.core.labels import filter_design
-from hydro.core.smoothing import acceleration_noise
+from hydro.core.recording.smoothing import acceleration_noise
 from hydro.io import schema
 from hydro.io.model import Model
 from hydro.learn import networks, rows
@@ -100,7 +100,7 @@ def train(
     """Train the network `model` on the training part of a split table.
 
     Args:
-        table: labels with `block` and `part`, see `core.split`; guard and test rows are left alone.
+        table: labels with `block` and `part`, see `distillation.split`; guard and test rows are left alone.
         model: name of an architecture, see `learn.networks`.
         seed: of the first weights and of the order of the rows.
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end

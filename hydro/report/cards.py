@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.advice import separating
+from hydro.core.diagnosis.advice import separating
 from hydro.core.effects import CATALOGUE
 from hydro.report import plots, words
 from hydro.report.charts import Charts

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
-from hydro.core.explain import HORIZON
 from hydro.report.tables import VELOCITIES
 
 TITLES = {

@@ -13,9 +13,9 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.core.effects.record import BOOKKEEPING
-from hydro.core.explain import HORIZON, best_step
-from hydro.core.restarts import SECONDS
+from hydro.core.evaluation.rolling_prediction import SECONDS
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, errors, plots, standing, words

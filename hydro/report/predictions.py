@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from hydro.core.metrics import WRENCH_AXES, WRENCH_UNITS
+from hydro.core.evaluation.metrics import WRENCH_AXES, WRENCH_UNITS
 from hydro.report.figures import COLOURS, STYLE
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import polars as pl
 
-from hydro.core.metrics import SCHEMA
-from hydro.core.ranking import agreement, no_better
+from hydro.core.evaluation.metrics import SCHEMA
+from hydro.report.ranking import agreement, no_better
 from hydro.report.tables import VELOCITIES, WRENCH, of_a_piece
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.explain import HORIZON, best_step
+from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece

@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
 from hydro.core.errors import DataError
-from hydro.core.parameters import unit_at
+from hydro.core.identification.parameters import unit_at
 
 VERDICTS = {
     "log_fault": ("Fault of the log", "What the log says of {columns} cannot be."),

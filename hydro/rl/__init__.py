@@ -16,8 +16,8 @@ import gymnasium
 for _name, _stage in (("PointToPoint", 1), ("Slalom", 2), ("Guided", 3)):
     gymnasium.register(
         id=f"hydro/{_name}-v0",
-        entry_point="hydro.rl.environments:Single",
-        vector_entry_point="hydro.rl.environments:Vector",
+        entry_point="hydro.rl.environment.environments:Single",
+        vector_entry_point="hydro.rl.environment.environments:Vector",
         kwargs={"stage": _stage},
         order_enforce=True,
     )

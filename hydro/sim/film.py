@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.errors import UsageError
-from hydro.core.vehicle import Vehicle
-from hydro.sim import scene, states
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim import scene
+from hydro.sim.bridge import states
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
-from hydro.core.frames import quaternion_kernel
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import quaternion_kernel
+from hydro.sim.bridge.water import Water
 from hydro.sim.student import Physics, Student
-from hydro.sim.water import Water
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -150,7 +150,7 @@ def read_kernel(
     specific_force: Array,
     diverged: Mask,
 ) -> None:
-    """Motion of some vehicles in NED and FRD from MuJoCo's coordinates (see `sim.states`).
+    """Motion of some vehicles in NED and FRD from MuJoCo's coordinates (see `sim.bridge.states`).
 
     A row that MuJoCo warned of, or that is not finite, is marked as diverged and keeps what it held.
 

@@ -13,18 +13,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.conditioning import OFF, Conditioning
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import DataError, UsageError
-from hydro.core.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
-from hydro.core.segments import resumes, sample_time, segments
-from hydro.core.smoothing import Design
-from hydro.core.vehicle import Vehicle
-from hydro.sim.control import Control
-from hydro.sim.lowering import TrainedModel
-from hydro.sim.network import Network
+from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.smoothing import Design
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim.bridge.water import Water, dry, residual, wet
+from hydro.sim.residual.conditioning import OFF, Conditioning
+from hydro.sim.residual.control import Control
+from hydro.sim.residual.lowering import TrainedModel
+from hydro.sim.residual.network import Network
 from hydro.sim.student import Physics, Student
-from hydro.sim.water import Water, dry, residual, wet
 
 Array = NDArray[np.float64]
 Bounds = NDArray[np.int64]
@@ -138,7 +138,7 @@ def replay(
         conditioning: Conditioning of a network's wrench (paper III-B); none by default.
         design: Filter for the online acceleration; by default one that trusts every sample.
         control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
-        lead: How far ahead a network is asked, as a share of the control step, see `sim.control`.
+        lead: How far ahead a network is asked, as a share of the control step, see `sim.residual.control`.
         physics: Step and integrator; the paper's 500 Hz by default.
         dataset: Name of the recording in the metrics.
         piece: Also measure every piece of so many seconds of each session, such as the segments of a sequence
@@ -149,7 +149,8 @@ def replay(
 
     Returns:
         Series (the columns of `schemas/replay.json`, the recording as variant `measured`; a diverged flight
-        ends where it does) and metrics (those of `core.metrics.measure`; how often the conditioning acted, in
+        ends where it does) and metrics (those of `evaluation.metrics.measure`; how often the conditioning
+        acted, in
         shares of the control steps: `clipped` by axis, and `held_back` by the dead band; and `diverged`, the
         time in the first segment that did, where one did).
 

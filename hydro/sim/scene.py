@@ -1,7 +1,7 @@
 """A tank around a vehicle to look at and to cast rays in: floor, walls, surface and movable pillars.
 
-Nothing in it touches anything: an episode ends where a hull would (`rl.geometry`), so that vehicles fly in
-the bare model, which is faster, and are shown in this one.
+Nothing in it touches anything: an episode ends where a hull would (`rl.environment.geometry`), so that
+vehicles fly in the bare model, which is faster, and are shown in this one.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.vehicle import Vehicle
-from hydro.sim import mjcf, native
-from hydro.sim.water import Water
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim.bridge import mjcf, native
+from hydro.sim.bridge.water import Water
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,14 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike, NDArray
 
-from hydro.core.allocation import settled_state
-from hydro.core.conditioning import COUNTS, Counts, counts_of
 from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError, UsageError
-from hydro.core.vehicle import Vehicle
-from hydro.sim import control, mjcf, native, states
-from hydro.sim.water import AT_CONTROL, AT_CONTROL_STATES, PREFIX, Water, wet
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import settled_state
+from hydro.sim.bridge import mjcf, native, states
+from hydro.sim.bridge.water import AT_CONTROL, AT_CONTROL_STATES, PREFIX, Water, wet
+from hydro.sim.residual import control
+from hydro.sim.residual.conditioning import COUNTS, Counts, counts_of
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,13 @@
 """The embedded teacher: a reference simulator of a vehicle in water that needs no other program.
 
 Rigid body, weight and buoyancy, and thrusters are those of the vehicle file; the water's forces are not.
-They come from panels on the hull (`core.panels`) and the added mass of the ellipsoid of the hull's size
-(`core.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED`
+They come from panels on the hull (`vehicle.panels`) and the added mass of the ellipsoid of the hull's size
+(`vehicle.ellipsoid`), independent of the catalogue's laws.  The file's own effects of the names in `REPLACED`
 are therefore ignored; its other effects act, and so do hidden ones, which the file knows nothing of.
 
 The motion is integrated by RK4 at 500 Hz, with the panel force evaluated at every stage.  Commands are made
-at 50 Hz from the session's demand and holds (`core.mixing`), in the same compiled loop, from the true state.
+at 50 Hz from the session's demand and holds (`vehicle.control_allocation`), in the same compiled loop, from
+the true state.
 """
 
 from __future__ import annotations
@@ -23,22 +24,22 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from hydro.core.compiled import jit
-from hydro.core.dynamics import observe
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
-from hydro.core.ellipsoid import added_mass_matrix
 from hydro.core.errors import DataError
-from hydro.core.excitation import RATE, Session, demands, holds_heading, plan
-from hydro.core.frames import euler_from_quaternion, quaternion_from_euler
-from hydro.core.handling import wrench_limits
-from hydro.core.integrate import BODY, advance
-from hydro.core.mixing import Mixing, hold_kernel, mixing, mixing_kernel
-from hydro.core.noise import Noise, disturb
-from hydro.core.panels import Panels, loaded_facets, panels, superellipsoid
-from hydro.core.rigid_body import mass_matrix
-from hydro.core.vehicle import Vehicle
+from hydro.core.simulation.dynamics import observe
+from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan
+from hydro.core.simulation.integrate import BODY, advance
+from hydro.core.simulation.sensor_noise import Noise, disturb
+from hydro.core.simulation.steady_motion import wrench_limits
+from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing, mixing_kernel
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.ellipsoid import added_mass_matrix
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.panels import Panels, loaded_facets, panels, superellipsoid
+from hydro.core.vehicle.rigid_body import mass_matrix
 
 SUBSTEPS = 10
 """Integration steps per row: 500 Hz."""
@@ -150,7 +151,7 @@ def collect(
         subject: From `teacher`.
         rows: Rows to record in all, at 50 Hz.
         seed: Seed of the sessions, the demands, the headings and the noise.
-        excitation: Programme, one of `core.excitation.DECKS`.
+        excitation: Programme, one of `simulation.excitation.DECKS`.
         noise: Of the sensors; none by default.
         depth: Depth of the start and of the hold [m].
         threads: Sessions flown at a time, by default one per core; the result does not depend on it.

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.allocation import DELAY, INFLOW, inflow_speed, state_to_thrust
 from hydro.core.compiled import jit
-from hydro.core.dynamics import observe
 from hydro.core.effects.layout import MOTION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
-from hydro.core.excitation import RATE
-from hydro.core.integrate import BODY, advance, rates_kernel
-from hydro.core.vehicle import Vehicle
+from hydro.core.simulation.dynamics import observe
+from hydro.core.simulation.excitation import RATE
+from hydro.core.simulation.integrate import BODY, advance, rates_kernel
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import DELAY, INFLOW, inflow_speed, state_to_thrust
 from hydro.sim.plant import Mask, Snapshot
 from hydro.sim.teacher import SUBSTEPS, teacher
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from hydro.core import compiled
 
 LOADED = """
-import sys, pathlib
-import hydro.core.shooting, hydro.core.labels, hydro.sim.callbacks, hydro.sim.teacher_plant
-import hydro.rl.action, hydro.rl.judge
-for name, module in sorted(sys.modules.items()):
+import sys, pathlib import hydro.core.identification.multiple_shooting, hydro.core.distillation.labels,
+hydro.sim.bridge.callbacks, hydro.sim.teacher_plant import hydro.rl.environment.action,
+hydro.rl.environment.judge for name, module in sorted(sys.modules.items()):
     if name.startswith("hydro.") and getattr(module, "__file__", None):
         print(module.__file__)
 """

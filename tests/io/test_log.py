@@ -11,8 +11,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.aliases import guess
 from hydro.core.errors import DataError
+from hydro.core.logs.aliases import guess
 from hydro.io import log, logmap, mapdraft
 from hydro.io.sessions import sessions
 

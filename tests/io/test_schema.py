@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tables import raw, tables
 
-from hydro.core import features
+from hydro.core.distillation import features
 from hydro.core.errors import DataError
 from hydro.io import schema
 from hydro.io.schema import KINDS, load

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.features import INPUTS, OUTPUTS
+from hydro.core.distillation.features import INPUTS, OUTPUTS
 
 LINEAR = np.array([15.0, 40.0, 60.0, 5.0, 10.0, 8.0])
 QUADRATIC = np.array([95.0, 260.0, 380.0, 10.0, 40.0, 30.0])

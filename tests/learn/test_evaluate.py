@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
+from hydro.core.distillation.features import features
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import features
 from hydro.io import schema
 from hydro.learn import evaluate as evaluation
 from hydro.learn import rows

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from sim.trained import trained
 
+from hydro.core.distillation.features import OUTPUTS
 from hydro.core.errors import UsageError
-from hydro.core.features import OUTPUTS
 from hydro.io.model import Model
 from hydro.learn import export, networks
 from hydro.learn.evaluate import predict

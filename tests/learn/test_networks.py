@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
+from hydro.core.distillation.features import names
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import names
 from hydro.io.model import Model
 from hydro.learn import networks
 from hydro.learn.networks import ARCHITECTURES, architecture, build, load, parameter_count

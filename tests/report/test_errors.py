@@ -5,7 +5,7 @@ from __future__ import annotations
 import polars as pl
 import pytest
 
-from hydro.core.metrics import SCHEMA
+from hydro.core.evaluation.metrics import SCHEMA
 from hydro.io import table
 from hydro.report import seeds
 from hydro.report.charts import Charts

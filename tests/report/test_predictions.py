@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.metrics import measure
+from hydro.core.evaluation.metrics import measure
 from hydro.report import predictions
 from hydro.report.figures import save
 from hydro.report.tables import prediction_errors, regime_errors

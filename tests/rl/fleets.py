@@ -7,12 +7,12 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from hydro.core.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
-from hydro.rl import conditions
-from hydro.rl.config import Noise, Settings
-from hydro.rl.fleet import Fleet
+from hydro.rl.environment import conditions
+from hydro.rl.environment.config import Noise, Settings
+from hydro.rl.environment.fleet import Fleet
 from hydro.sim.teacher_plant import TeacherPlant
 
 SILENT = Noise(velocity=0.0, rate=0.0, depth=0.0, range=0.0)

@@ -10,13 +10,13 @@ import pytest
 from hydro.core.errors import DataError, UsageError
 from hydro.io import table
 from hydro.io import vehicle as vehicles
-from hydro.rl.build import Builder
-from hydro.rl.config import Settings, Task
-from hydro.rl.curriculum import Ladder
-from hydro.rl.evaluate import fly, interval, summary, trace
-from hydro.rl.runs import Folder, changed, plan_of, policy_of, run_artefact
-from hydro.rl.sac import Choices
-from hydro.rl.train import Plan, Training
+from hydro.rl.environment.build import Builder
+from hydro.rl.environment.config import Settings, Task
+from hydro.rl.training.curriculum import Ladder
+from hydro.rl.training.evaluate import fly, interval, summary, trace
+from hydro.rl.training.runs import Folder, changed, plan_of, policy_of, run_artefact
+from hydro.rl.training.sac import Choices
+from hydro.rl.training.train import Plan, Training
 
 SHORT = Settings(task=Task(steps=10))
 QUICK = Plan(

@@ -7,11 +7,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hydro.core.effects import assemble
-from hydro.core.frames import quaternion_from_euler, rotation_from_quaternion
-from hydro.core.rigid_body import coriolis_matrix, mass_matrix
-from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
-from hydro.sim import mjcf, native
-from hydro.sim.water import Water
+from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.frames import quaternion_from_euler, rotation_from_quaternion
+from hydro.core.vehicle.rigid_body import coriolis_matrix, mass_matrix
+from hydro.sim.bridge import mjcf, native
+from hydro.sim.bridge.water import Water
 
 MASS = 40.0
 GRAVITY = 9.81

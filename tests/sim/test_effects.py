@@ -1,4 +1,4 @@
-"""The compiled student against `core.simulate`: every vehicle preset, every effect, every integrator."""
+"""The compiled student against `simulation.simulate`: every preset, every effect, every integrator."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from mujoco import batch, rollout
 
 from hydro.core.effects import CATALOGUE, assemble
-from hydro.core.simulate import trajectory
+from hydro.core.simulation.simulate import trajectory
 from hydro.io import vehicle as vehicle_file
-from hydro.sim import mjcf, native, states
+from hydro.sim.bridge import mjcf, native, states
 from hydro.sim.student import Physics, Student
 
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")

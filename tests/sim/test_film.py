@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.io import vehicle as vehicles
 from hydro.sim.film import bow, film
 

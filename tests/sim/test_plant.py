@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.frames import euler_from_quaternion, quaternion_from_euler, rotation
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, rotation
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
 from hydro.sim.plant import StudentPlant

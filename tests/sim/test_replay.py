@@ -8,15 +8,15 @@ import polars as pl
 import pytest
 from sim.trained import trained
 
-from hydro.core.conditioning import Conditioning
+from hydro.core.distillation.features import names
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import names
-from hydro.core.simulate import simulate
+from hydro.core.simulation.simulate import simulate
 from hydro.io import schema
 from hydro.io import vehicle as vehicle_file
 from hydro.report.tables import piece_errors, replay_errors
 from hydro.sim.replay import BASELINES, EFFECTS, Variant, replay, variants
+from hydro.sim.residual.conditioning import Conditioning
 from hydro.sim.student import Physics
 
 RK4 = Physics(integrator="rk4")
@@ -162,7 +162,7 @@ def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
     first, second = of(series, "MJ1").select("u", "v", "w", "p", "q", "r").to_numpy()[:2]
     # M nu_dot = -g - tau_ML + thrust, and the thrust has only begun to build up.
     from hydro.core.effects import inertia_matrix
-    from hydro.core.rigid_body import mass_matrix, restoring
+    from hydro.core.vehicle.rigid_body import mass_matrix, restoring
 
     balance = restoring(craft, *raw.select("phi", "theta").row(0)) - push
     expected = np.linalg.solve(mass_matrix(craft) + inertia_matrix(craft), balance)

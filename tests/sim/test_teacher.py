@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from hydro.core.allocation import configuration_matrix
-from hydro.core.ellipsoid import added_mass_matrix
+from hydro.core.distillation.labels import labels
 from hydro.core.errors import DataError
-from hydro.core.excitation import DECKS
-from hydro.core.frames import rotation
-from hydro.core.labels import labels
-from hydro.core.noise import PROFILES
-from hydro.core.panels import FORM_DRAG, SKIN_FRICTION, panel_wrench, superellipsoid
-from hydro.core.rigid_body import coriolis_matrix, mass_matrix, potential, restoring
-from hydro.core.vehicle import Buoyancy, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.simulation.excitation import DECKS
+from hydro.core.simulation.sensor_noise import PROFILES
+from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.ellipsoid import added_mass_matrix
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION, panel_wrench, superellipsoid
+from hydro.core.vehicle.rigid_body import coriolis_matrix, mass_matrix, potential, restoring
+from hydro.core.vehicle.thrusters import configuration_matrix
 from hydro.io.vehicle import read
 from hydro.sim.teacher import collect, fly, teacher
 

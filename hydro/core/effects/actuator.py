@@ -1,4 +1,4 @@
-"""Deviations of the thrusters from the vehicle file: changes to the thruster table of `core.allocation`.
+"""Deviations of the thrusters from the vehicle file: changes to the thruster table of `vehicle.thrusters`.
 
 Scalar parameters act on all thrusters alike.  The chain is: clip -> delay -> {dead band, curve, lag} ->
 gain -> asymmetry -> inflow.
@@ -6,8 +6,8 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from hydro.core.allocation import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 from hydro.core.effects.record import Array, Effect, Fill, Parameter
+from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 
 
 def thruster_gain(p: Array, table: Array) -> None:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hydro.core import allocation
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
 from hydro.core.effects.record import Array, Effect
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle import thrusters
+from hydro.core.vehicle.description import Vehicle
 
 FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
@@ -82,13 +82,13 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """The (n, COLUMNS) thruster table of `core.allocation` with the vehicle's `actuator` effects applied.
+    """The (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects applied.
 
     Raises:
         DataError: A thruster is misplaced, or the effects in sum leave a time constant, delay or dead band
             that no thruster can have.
     """
-    table = allocation.thruster_table(vehicle)
+    table = thrusters.thruster_table(vehicle)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.actuator is not None:
             effect.actuator(parameters, table)
@@ -107,15 +107,15 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
 
 def _require_possible(table: Array) -> None:
     """Raise DataError where a thruster table has left the range in which its kernels mean anything."""
-    constant, step = table[:, allocation.TIME_CONSTANT], table[:, allocation.LAG_STEP]
-    band = table[:, allocation.DEADBAND]
+    constant, step = table[:, thrusters.TIME_CONSTANT], table[:, thrusters.LAG_STEP]
+    band = table[:, thrusters.DEADBAND]
     if (constant < 0.0).any() or ((constant > 0.0) & (constant < step)).any():
         raise DataError("effect: the time constant in sum must not be below 0 nor below lag_step")
-    if (table[:, allocation.DELAY] < 0.0).any():
+    if (table[:, thrusters.DELAY] < 0.0).any():
         raise DataError("effect: the delay in sum must not be below 0")
     if (band < 0.0).any() or (band >= 1.0).any():
         raise DataError("effect: the dead band in sum must lie within [0, 1)")
-    if (table[:, allocation.POWER] <= 0.0).any():
+    if (table[:, thrusters.POWER] <= 0.0).any():
         raise DataError("effect: the power of the thrust curve in sum must be above 0")
-    if (table[:, allocation.GAIN] < -1.0).any() or (table[:, allocation.ASYMMETRY] > 1.0).any():
+    if (table[:, thrusters.GAIN] < -1.0).any() or (table[:, thrusters.ASYMMETRY] > 1.0).any():
         raise DataError("effect: the gain in sum must not reverse the thrust")

@@ -9,9 +9,9 @@ from hydro.core.compiled import jit
 from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
 from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
 from hydro.core.effects.record import Array
-from hydro.core.frames import rotation_kernel
-from hydro.core.rigid_body import coriolis_kernel
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation_kernel
+from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 
 def effect_wrenches(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, dt: float) -> Array:

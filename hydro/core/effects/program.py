@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core import rigid_body
-from hydro.core.allocation import COLUMNS
 from hydro.core.compiled import jit
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
@@ -28,7 +26,9 @@ from hydro.core.effects.catalogue import (
 )
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle import rigid_body
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import COLUMNS
 
 # The header.
 EFFECT_COUNT = 0

@@ -66,7 +66,7 @@ class Effect:
         kernel: Scalar compiled wrench, see `core.effects.layout`.
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
         flow: `flow(p, v_c)` adds to the current [m/s], NED.
-        actuator: `actuator(p, table)` changes the thruster table of `core.allocation` in place.
+        actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
         sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
         states: Number of internal states for a packed parameter vector.
         start: `start(p, c, s, x)` sets them for a motion that has been steady until now.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.effects.record import Array, Effect, Parameter
-from hydro.core.frames import rotation
+from hydro.core.vehicle.frames import rotation
 
 # The log as a row of numbers, filled by the effects.
 SCALE = slice(0, 3)

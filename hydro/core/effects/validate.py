@@ -8,8 +8,8 @@ from hydro.core.effects import damping
 from hydro.core.effects.catalogue import added_mass_matrix, entries, inertia_matrix, thruster_table
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
-from hydro.core.rigid_body import mass_matrix
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import mass_matrix
 
 TOLERANCE = 1e-9
 """Relative to the largest entry: asymmetry and negative eigenvalues below it are rounding."""

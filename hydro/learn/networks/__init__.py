@@ -1,9 +1,9 @@
 """Residual networks: features in, the residual wrench tau_res out, both in physical units.
 
-Every network is described by a plain dict, which the model artefact stores, and is made from it by `build`.
-A network carries the means and scales of its inputs and outputs as buffers, so that standardising (paper
-IV-C) is its own affair and nobody else's: callers hand over features as `hydro.core.features` makes them and
-receive newtons and newton metres.
+Every network is described by a plain dict, which the model artefact stores, and is made from it by `build`. A
+network carries the means and scales of its inputs and outputs as buffers, so that standardising (paper IV-C)
+is its own affair and nobody else's: callers hand over features as `hydro.core.distillation.features` makes
+them and receive newtons and newton metres.
 
 The paper gives counts of weights beside its models (Table I), though not all widths; where it gives none,
 those here come as near as their shape allows:
@@ -21,7 +21,7 @@ those here come as near as their shape allows:
 The paper's widths of its baseline do not give the count that it states.
 
 To add a model: write a `Residual` in a file of its own, enter it in `NETWORKS`, describe its default in
-`ARCHITECTURES`, and say in `sim.lowering` how the simulation runs it.
+`ARCHITECTURES`, and say in `sim.residual.lowering` how the simulation runs it.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from typing import Any
 import torch
 from torch import nn
 
-from hydro.core import history
+from hydro.core.distillation import history
+from hydro.core.distillation.features import names
 from hydro.core.errors import DataError, UsageError
-from hydro.core.features import names
 from hydro.io.model import Model
 from hydro.learn.networks.mlp import MLP
 from hydro.learn.networks.moe import MixtureOfExperts

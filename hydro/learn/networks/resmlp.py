@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from torch import Tensor, nn
 
-from hydro.core.features import names
+from hydro.core.distillation.features import names
 from hydro.learn.networks.residual import AXES, Residual, function
 
 

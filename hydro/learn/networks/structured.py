@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from hydro.core.features import names
+from hydro.core.distillation.features import names
 from hydro.learn.networks.residual import AXES, Residual, chain
 
 CONTEXT = 7

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hydro.core.features import names
-from hydro.core.history import remembered
+from hydro.core.distillation.features import names
+from hydro.core.distillation.history import remembered
 from hydro.learn.networks.mlp import MLP
 
 
 class Temporal(MLP):
-    """An MLP on the features followed by past velocities, newest first (`core.history`).
+    """An MLP on the features followed by past velocities, newest first (`distillation.history`).
 
     Attributes:
         window: velocities in all, the present one among them.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from hydro.core.effects import effect_wrenches
-from hydro.core.vehicle import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 
 Array = NDArray[np.float64]
 CENTER_OF_BUOYANCY = np.array([0.03, -0.02, -0.08])

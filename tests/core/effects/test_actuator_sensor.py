@@ -10,10 +10,10 @@ from hypothesis import given
 from scipy.spatial.transform import Rotation
 from strategies import numbers, vectors
 
-from hydro.core import allocation
-from hydro.core.allocation import thrusts
 from hydro.core.effects import thruster_table, velocity_log
 from hydro.core.effects.sensor import corrected, measured
+from hydro.core.vehicle import thrusters
+from hydro.core.vehicle.thrusters import thrusts
 
 ROWS = [[0, 200]]
 T = np.arange(200) * 0.02
@@ -27,7 +27,7 @@ def held(command, *effects, nu_r=None):
 
 
 def test_without_effects_the_table_is_the_files():
-    np.testing.assert_array_equal(thruster_table(BARE), allocation.thruster_table(BARE))
+    np.testing.assert_array_equal(thruster_table(BARE), thrusters.thruster_table(BARE))
 
 
 def test_gain_scales_each_thruster():

@@ -13,8 +13,8 @@ from strategies import numbers, spd_matrices, vectors
 
 from hydro.core.effects import CATALOGUE, added_mass_matrix, current, inertia_matrix, validate
 from hydro.core.errors import DataError
-from hydro.core.frames import skew
-from hydro.core.vehicle import Vehicle
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import skew
 
 PHYSICS = [
     "added_mass",

@@ -9,7 +9,7 @@ import pytest
 from bench import ADDED, BARE, DAMPED, equipped
 
 from hydro.core.effects import CATALOGUE, Parameter, assemble, describe, validate, velocity_log
-from hydro.core.simulate import trajectory
+from hydro.core.simulation.simulate import trajectory
 
 
 def tables(*names: str) -> list[dict]:

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from numba import types
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
-from hydro.core import rigid_body
 from hydro.core.effects import assemble, effect_wrenches, inertia_matrix, layout, validate
 from hydro.core.effects.program import HEADER, start, thrusters_of, wrench
 from hydro.core.errors import DataError
-from hydro.core.simulate import trajectory
+from hydro.core.simulation.simulate import trajectory
+from hydro.core.vehicle import rigid_body
 
 EVERYTHING = (
     ADDED,

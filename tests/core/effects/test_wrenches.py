@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
 from hydro.core.effects import assemble, effect_wrenches
-from hydro.core.rigid_body import coriolis_matrix
-from hydro.core.simulate import trajectory
+from hydro.core.simulation.simulate import trajectory
+from hydro.core.vehicle.rigid_body import coriolis_matrix
 
 LEVEL = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
 HULL_X = (0.1 - 0.8, 0.1 + 0.8)  # of the bench's hull

@@ -1,0 +1,1 @@
+"""Which physical effect a vehicle file lacks, and how sure that is."""

@@ -1,0 +1,92 @@
+"""Noise of velocities that is not white, from kinematics alone.
+
+A Doppler log that averages, or a filter behind it, errs alike for a while: from row to row such an error
+hardly changes, so that `recording.noise` does not see it, and over a second it looks like motion.  But it
+moves nothing.  What the slope of the pose less the integral of the velocities has beyond the white noise of
+both is therefore an error of the velocities, whatever forces act, as long as the pose's own noise is white.
+It is counted as the white noise that would make these slopes scatter as much, so that velocities weigh what
+they are worth over the length of a shot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hydro.core.diagnosis.sensor_tests import ENTRIES, KinematicTest, shown
+from hydro.core.effects import sensor
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.recording.arrays import LEAST_NOISE, Array, Recording, drawn, noise
+from hydro.core.recording.dead_reckoning import gone
+from hydro.core.vehicle.frames import rotation
+
+SECONDS = (0.5, 1.0, 2.0)
+"""Lengths over which slopes are taken: the one that shows most counts."""
+SURE = 4.0
+"""Standard errors by which slopes must scatter more than white noise lets them,"""
+PLAIN = 1.2
+"""times the white noise that it must then be, and that a model must leave in the channel."""
+LEAST = 30  # slopes
+POSE = 6
+
+
+def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
+    """Deviations of the twelve channels, of velocities with the noise that is not white.
+
+    Args:
+        sigma: Those of the white noise, (12,).
+        normal: The problem weighed by them, about the best that the vehicle's own effects can do.
+        record: The recording.
+        tests: What kinematics shows of the velocity log's other errors.
+
+    Returns:
+        (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
+        velocities that weigh little leave little.  `sigma` itself where only white noise shows.
+    """
+    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE:]
+    white = noise(record)
+    grown = velocity_noise(record, tests) / white[POSE:]
+    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
+    there = (left > PLAIN) & (grown > PLAIN) & np.repeat(known, 3)
+    if drawn(record, slice(POSE)) or not there.any():
+        return sigma
+    weighed: Array = sigma * np.concatenate([np.ones(POSE), np.where(there, grown, 1.0)])
+    return weighed * float(np.sqrt(1.0 - there.sum() / len(sigma)))
+
+
+def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
+    """White noise of velocity and rates that errs as much over a second or two as theirs does, (6,).
+
+    Args:
+        record: The recording.
+        tests: What kinematics shows of the velocity log's other errors, which are no noise.
+    """
+    sigma, log = noise(record), np.zeros(sensor.LOG)
+    for name, (_, place) in ENTRIES.items():
+        if shown(tests[name]):
+            log[place] = tests[name].estimate
+    nu = np.vstack([sensor.corrected(log, record.t[a:b], record.nu[a:b]) for a, b in record.segments])
+    found, away = sigma[POSE:], gone(record, nu)
+    for seconds in SECONDS:
+        found = np.maximum(found, _over(record, away, sigma, max(round(seconds / record.dt) + 1, 4)))
+    return found
+
+
+def _over(record: Recording, away: tuple[Array, Array], sigma: Array, length: int) -> Array:
+    """The same by slopes of what has `gone` otherwise over so many rows; 0 where white noise does as much."""
+    starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
+    if len(starts) < LEAST:
+        return np.zeros(len(sigma) - POSE)
+    rows, (position, attitude) = starts[:, None] + np.arange(length), away
+    time = (np.arange(length) - 0.5 * (length - 1)) * record.dt
+    weight = time / (time @ time)
+    body = rotation(*record.eta[starts + length // 2, 3:].T)
+    moved = np.einsum("l,wli,wij->wj", weight, position[rows], body)
+    slopes = np.hstack([moved, np.einsum("l,wli->wi", weight, attitude[rows])])
+    summed = np.cumsum(weight[::-1])[::-1][1:] * record.dt  # how a slope answers to each velocity
+    white = sigma[:POSE] ** 2 * (weight @ weight) + sigma[POSE:] ** 2 * (summed @ summed)
+    square = (slopes**2).mean(axis=0)
+    clear = square - white > SURE * square * np.sqrt(2.0 / len(slopes))
+    size: Array = np.sqrt(np.where(clear, (square - white) / (summed @ summed), 0.0))
+    return size

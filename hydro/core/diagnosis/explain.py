@@ -1,0 +1,234 @@
+"""What is missing, step by step: add the best finding, fit everything anew together, and look again.
+
+Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, refits it
+with all effects that the file has or was given, and is held against the recording and against another one
+that no fit has seen.  The errors of all steps make the ladder.  A step that raises the held-out error is the
+last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from hydro.core.diagnosis import search
+from hydro.core.diagnosis.diagnose import aimed, diagnose
+from hydro.core.diagnosis.extend import extended, tables
+from hydro.core.diagnosis.log_faults import ordered, sound
+from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.errors import DataError
+from hydro.core.evaluation.compare import compare
+from hydro.core.identification.fit import judged
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
+from hydro.core.identification.parameters import free
+from hydro.core.identification.prior import steadied
+from hydro.core.recording.arrays import recording
+from hydro.core.recording.sensor_faults import freed
+from hydro.core.vehicle.description import Vehicle
+
+Report = Callable[[str, float], None]
+Table = Mapping[str, Any]
+
+MOST = 6
+"""Steps at most, the file as given not counted."""
+HORIZON = 5.0
+"""How far ahead the predictions look by whose error a step is judged [s]."""
+RISE = 1.02
+"""Held-out error over that of the step before from which a step counts as a step too far."""
+ADDED = ("missing", "cannot_tell_apart")
+"""Verdicts that make a step; new values of what is there already come along with it."""
+DATASETS = ("fit", "holdout")
+RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step.
+
+    Attributes:
+        number: 0 is the file as given.
+        added: Effects that the step added, or gave new values to where it added none; none of step 0.
+        tables: All effects that were fitted together, with their standard errors; none of step 0.
+        vehicle: The vehicle with them.
+        comparison: It against the recording, see `evaluation.compare`.
+        diagnosis: What is missing in it, see `diagnosis.findings`.
+        chi2: Of the diagnosis.
+        ladder: The errors of this step, the rows of the ladder table.
+    """
+
+    number: int
+    added: tuple[str, ...]
+    tables: tuple[dict[str, Any], ...]
+    vehicle: Vehicle
+    comparison: pl.DataFrame
+    diagnosis: pl.DataFrame
+    chi2: tuple[float, ...]
+    ladder: pl.DataFrame
+
+    def error(self, dataset: str) -> float | None:
+        """Error of all velocities together, predicted HORIZON ahead [m/s]; None without such data."""
+        row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
+        return None if row.is_empty() else float(row["rmse"][0])
+
+
+def explain(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    holdout: pl.DataFrame | None = None,
+    done: Sequence[Step] = (),
+    report: Report | None = None,
+) -> Iterator[Step]:
+    """Add what is missing until nothing more is found.
+
+    Args:
+        vehicle: The model.
+        raw: Raw table of the measured motion and commands.
+        holdout: Another one, which nothing is fitted to.
+        done: First steps of the same study that are known already.
+        report: Called with a few words and the share of the present step that is done.
+
+    Yields:
+        Each step that was not done, once it is; `ending` says why the last is the last.
+
+    Raises:
+        DataError: A recording or the vehicle is at fault, or a recording is too short.
+    """
+    for recorded in (raw, holdout):
+        if recorded is not None:
+            long_enough(vehicle, recorded)
+    steps = list(done)
+    while not (steps and ending(steps)):
+        step = _next(steps, vehicle, raw, holdout, report or (lambda words, share: None))
+        steps.append(step)
+        yield step
+
+
+def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
+    """Hold a recording to what the ladder needs of it.
+
+    Raises:
+        DataError: It does not fit the vehicle, or no session lasts HORIZON.
+    """
+    record = recording(raw, vehicle)
+    rows = round(HORIZON / record.dt) + 1
+    if (record.segments[:, 1] - record.segments[:, 0]).max() < rows:
+        raise DataError(f"no session lasts {HORIZON:g} s without a gap; record longer sessions")
+
+
+def ending(steps: Sequence[Step]) -> str:
+    """Why no step follows the last of these, in words; empty where one does."""
+    last = steps[-1]
+    if best(steps) is not last:
+        return (
+            f"step {last.number} predicts the held-out data worse than step {last.number - 1}, "
+            f"which is the one to use"
+        )
+    if not _finding(last):
+        known = "none_of_the_known" not in last.diagnosis["verdict"].to_list()
+        return "nothing more is found" if known else "what is left no effect of the catalogue explains"
+    return f"{MOST} steps are the most, though more is found" if last.number >= MOST else ""
+
+
+def best(steps: Sequence[Step]) -> Step:
+    """The step to use: the last, or the one before where the last went too far."""
+    return steps[best_step(pl.concat(step.ladder for step in steps))]
+
+
+def best_step(ladder: pl.DataFrame) -> int:
+    """Number of the step to use in a ladder: the last, or the one before it where that predicts better.
+
+    Held-out predictions HORIZON ahead decide; without such data it is the last.
+    """
+    rows = ladder.filter(dataset="holdout", axis="all", horizon=HORIZON).sort("step")
+    last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
+    return last - 1 if len(errors) > 1 and errors[-1] > RISE * errors[-2] else last
+
+
+def _finding(step: Step) -> dict[str, Table]:
+    """What the next step fits anew, by effect: the best that is missing first, then new values.
+
+    New values alone make a step only where the effects have not been fitted in this one.
+    """
+    with_values = step.diagnosis.filter(pl.col("parameters") != "")
+    missing = with_values.filter(pl.col("verdict").is_in(ADDED)).sort("rank")["effect"].to_list()
+    retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
+    if not missing and {table["name"] for table in step.tables}.issuperset(retuned):
+        return {}
+    wanted = [*missing[:1], *retuned]
+    return {table["name"]: table for table in tables(step.diagnosis, wanted)}
+
+
+def _next(
+    steps: Sequence[Step], vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, told: Report
+) -> Step:
+    """The step after these."""
+    log = sound(vehicle, raw)
+    number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
+    if steps:
+        last, found = steps[-1], _finding(steps[-1])
+        is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
+        added = (next(iter(found)),) if is_new else tuple(found)
+        told("all together", 0.0)
+        fitted = _together(last.vehicle, log.raw, _wanted(last, found), vehicle)
+        vehicle = extended(vehicle, fitted)
+    comparison = compare(vehicle, log.raw, progress=_part(told, 0.3, 0.5))
+    compared = [comparison]
+    if holdout is not None:
+        other = ordered(freed(vehicle, holdout)[0], log.wiring)
+        compared.append(compare(vehicle, other, progress=_part(told, 0.5, 0.6)))
+    found_now = diagnose(vehicle, raw, report=_part(told, 0.6, 1.0))
+    return Step(
+        number,
+        added,
+        fitted,
+        vehicle,
+        comparison,
+        found_now.frame(),
+        found_now.chi2,
+        pl.concat(_rungs(number, added, *one) for one in zip(DATASETS, compared, strict=False)),
+    )
+
+
+def _together(
+    vehicle: Vehicle, raw: pl.DataFrame, wanted: Sequence[str | Table], file: Vehicle
+) -> tuple[dict[str, Any], ...]:
+    """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
+
+    What the recording does not show stays as it stands in the file of step 0.
+    """
+    record = recording(raw, vehicle)
+    reach = record.eta[:, :3]
+    unknown = free(vehicle, wanted, reach=reach)
+    problem = aimed(unknown.at(unknown.starts[0]), record)
+    model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS, share=0.0)
+    values = steadied(model.unknown, model.values, model.normal, file)
+    return judged(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
+
+
+def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
+    """What is fitted together: the file's own effects and all added, from their values, and what is new."""
+    known = dict.fromkeys([*search.own_effects(last.vehicle), *(table["name"] for table in last.tables)])
+    return [*(name for name in known if name not in found), *(_bare(table) for table in found.values())]
+
+
+def _bare(table: Table) -> dict[str, Any]:
+    """An effect's values alone."""
+    return {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
+
+
+def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:
+    """Rows of the ladder from one comparison: the errors of predictions over all of the recording."""
+    return comparison.filter(level="replay", by="all").select(
+        pl.lit(number, pl.Int64).alias("step"),
+        pl.lit(", ".join(added)).alias("effect"),
+        *(pl.lit(dataset).alias(name) if name == "dataset" else name for name in RUNG),
+    )
+
+
+def _part(told: Report, begin: float, end: float) -> Report:
+    """A report of one part of the work."""
+    return lambda words, share: told(words, begin + (end - begin) * share)

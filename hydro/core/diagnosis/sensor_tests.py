@@ -1,0 +1,283 @@
+"""Errors of the velocity log, shown by kinematics alone.
+
+Whatever forces act, d(position)/dt = R v (Fossen 2011, sec. 2.2).  Pose and logged velocity therefore show
+each of the log's errors (`core.effects.sensor`) without any model of the dynamics, and no current or missing
+force can be taken for one.  What is compared is the position less the integral of R v, both through the
+high-pass that makes noise of the position and of the velocity white together: the Kalman filter of a position
+that is measured with noise while its dead reckoning wanders.  Nothing noisy is ever differentiated.  What is
+left beyond the noise counts as noise of the position: fixes that come more rarely than rows weigh less.
+
+All thirteen numbers of the log are fitted at once.  So an effect is said to be there, or not to be there,
+beside all others; where a recording does not tell two of them apart, neither shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import eigh
+from scipy.signal import lfilter
+from scipy.stats import f as fisher
+from scipy.stats import norm
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.sensor import ANGLES, BIAS, DELAY, LEVER, LOG, SCALE
+from hydro.core.errors import DataError
+from hydro.core.identification.normal_equations import Normal, block_length, covariance
+from hydro.core.recording.arrays import Array, Recording, noise
+from hydro.core.vehicle.frames import rotation
+
+ENTRIES = {
+    "sensor_scale": ("axes", SCALE),
+    "sensor_misalignment": ("alpha", ANGLES),
+    "sensor_delay": ("d", slice(DELAY, DELAY + 1)),
+    "sensor_lever_arm": ("r", LEVER),
+    "sensor_bias": ("b", BIAS),
+}
+"""Parameter of each effect, and its place in the row that describes a velocity log."""
+
+SHOWN = 1e-3
+"""Probability of chance up to which an effect is shown."""
+VETO = 1e-4
+"""Probability of chance up to which a claim is refuted."""
+SEEN = 0.9
+"""Probability with which an error as large as `KinematicTest.visible` shows."""
+NEGLIGIBLE = {
+    "sensor_scale": 0.005,
+    "sensor_misalignment": 0.005,
+    "sensor_lever_arm": 0.01,
+    "sensor_bias": 0.003,
+}
+"""Sizes [1, rad, m, m/s] that nobody would put right; of a delay, half a sample."""
+
+HORIZON = (0.25, 20.0)  # s, bounds of the time over which dead reckoning is trusted
+PIECE = 2.0  # s, of one piece of the normal equations
+BOX = 0.1  # s, to each side, over which an acceleration is averaged
+PLAIN = 0.5  # of every parameter, in its own unit: what is not determined stays within
+LATEST = 2.0  # s, of a delay
+CAUTION = 0.9  # part of the shared noise that is taken off
+LEAST = 8  # pieces
+ROUNDS = 8
+REWEIGHTED = 4
+RARE = 3.0  # times its noise from row to row: a position that was interpolated or held between fixes
+ROUGH = 10.0  # times as large must an error be to show against such a position
+OTHERWISE = 1.1  # residual over its noise from which the position's noise is made anew
+SETTLED = 0.01  # standard errors
+
+
+@dataclass(frozen=True)
+class KinematicTest:
+    """What kinematics says of one error of the velocity log, beside all others.
+
+    Attributes:
+        effect: Name in the catalogue.
+        estimate: Its parameters, (p,), in packing order.
+        covariance: Theirs, (p, p), robust against correlated residuals.
+        blocks: Independent stretches of data behind it.
+        negligible: Size of an entry that does not matter.
+    """
+
+    effect: str
+    estimate: Array
+    covariance: Array
+    blocks: int
+    negligible: float
+
+    @property
+    def standard_error(self) -> Array:
+        """Of each entry, (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def visible(self) -> Array:
+        """Size from which each entry alone would have shown nine times out of ten, (p,)."""
+        size: Array = (norm.isf(0.5 * SHOWN) + norm.ppf(SEEN)) * self.standard_error
+        return np.maximum(size, self.negligible)
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The estimate as an `[[effect]]` table."""
+        name = ENTRIES[self.effect][0]
+        value = float(self.estimate[0]) if name == "d" else self.estimate.tolist()
+        return {"name": self.effect, name: value}
+
+    @property
+    def p_value(self) -> float:
+        """Probability that chance alone would show as much."""
+        return self.chance(np.zeros_like(self.estimate))
+
+    def distance(self, claimed: Array) -> float:
+        """How far the estimate lies from claimed values, (p,), in squared standard errors (Wald)."""
+        away = self.estimate - claimed
+        return float(away @ np.linalg.solve(self.covariance, away))
+
+    def chance(self, claimed: Array) -> float:
+        """Probability that chance alone would put the estimate as far from claimed values."""
+        entries = len(self.estimate)
+        return float(fisher.sf(self.distance(claimed) / entries, entries, max(self.blocks - entries, 1)))
+
+
+def shown(test: KinematicTest) -> bool:
+    """Whether kinematics shows an effect clearly: by more than chance, and by more than does not matter."""
+    size, error = test.estimate, test.standard_error
+    if test.effect == "sensor_delay" and size[0] < 0.0:  # the pose is late, not the log
+        return False
+    clear = np.abs(size) > test.negligible + norm.isf(0.5 * SHOWN) * error
+    return test.p_value <= SHOWN and bool(clear.any())
+
+
+def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
+    """Whether kinematics contradicts the values that a model of the dynamics asks for.
+
+    Args:
+        test: Of the effect.
+        claimed: Its `[[effect]]` table.
+
+    Returns:
+        True where the claim is refuted, and the estimate agrees better with no error than with this one.
+        False where the recording could not have shown an error of that size.
+
+    Raises:
+        DataError: The table is none of this effect.
+    """
+    given = {key: value for key, value in claimed.items() if key != "standard_error"}
+    values = CATALOGUE[test.effect].pack(given, thrusters=0)
+    values = np.broadcast_to(values, test.estimate.shape)
+    nearer_none = test.distance(np.zeros_like(values)) < test.distance(values)
+    return nearer_none and test.chance(values) <= VETO
+
+
+def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
+    """Hold pose against velocity for all errors of the velocity log.
+
+    Args:
+        record: The recording.
+
+    Returns:
+        One test per sensor effect, by name.
+
+    Raises:
+        DataError: The recording has fewer than eight stretches of two seconds without a gap.
+    """
+    given, log = noise(record), np.zeros(LOG)
+    sigma = given.copy()
+    for _ in range(REWEIGHTED + 1):
+        log, spread, normal = _fitted(record, log, sigma)
+        left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / 3))
+        if (left < OTHERWISE).all():
+            break
+        # A position known at longer intervals than it is logged errs by more than its rows tell.
+        sigma[:3] *= np.maximum(left, 1.0)
+    blocks = len(normal.gram) // block_length(normal.score)
+    rough = ROUGH if (sigma[:3] > RARE * given[:3]).any() else 1.0
+    return {
+        name: KinematicTest(
+            name, log[place], spread[place, place], blocks, rough * NEGLIGIBLE.get(name, 0.5 * record.dt)
+        )
+        for name, (_, place) in ENTRIES.items()
+    }
+
+
+def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, Normal]:
+    """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it."""
+    prior = np.full(LOG, PLAIN**-2)
+    for _ in range(ROUNDS):
+        normal = _problem(record, log, sigma)
+        pull = normal.score.sum(axis=0) - prior * log
+        step = np.linalg.solve(normal.matrix.sum(axis=0) + np.diag(prior), pull)
+        spread = covariance(normal, prior)
+        log = log + step
+        log[SCALE] = np.clip(log[SCALE], -0.9, None)
+        log[DELAY] = np.clip(log[DELAY], -LATEST, LATEST)
+        if (np.abs(step) < SETTLED * np.sqrt(np.diag(spread))).all():
+            break
+    return log, spread, normal
+
+
+def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
+    """The least-squares problem about an estimate of the log.
+
+    Columns and residual share the noise of the velocity.  What that adds to their products is known, and
+    taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5).
+    """
+    pieces = list(_pieces(record, log, sigma))
+    if sum(len(gram) for gram, _, _ in pieces) < LEAST:
+        raise DataError(
+            f"the recording has fewer than {LEAST} stretches of {PIECE:g} s without a gap to hold velocity "
+            f"against pose; record at least {LEAST * PIECE:g} s"
+        )
+    gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    mount = slice(SCALE.start, ANGLES.stop)
+    total, noisy = (part.sum(axis=0)[mount, mount] for part in (gram, shared))
+    gram -= CAUTION * min(1.0, float(eigh(total, noisy, eigvals_only=True)[0])) * shared
+    rows = 3 * round(PIECE / record.dt)
+    return Normal(gram, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
+
+
+def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:
+    """Gram matrices of [columns, residual], what noise adds to them, and squares by axis; per segment."""
+    dt, mount, turned = record.dt, _mount(log), _mount_derivatives(log)
+    wander = np.sqrt((sigma[6:9] ** 2).mean())
+    horizon = np.clip(sigma[:3] / wander, *HORIZON)
+    keep = np.exp(-dt / horizon)
+    # Variance of the filtered noise: of the position, and of the velocity summed up by trapezoids.
+    summed = 0.5 * dt**2 / (1.0 - keep)
+    weight = 1.0 / np.sqrt(sigma[:3] ** 2 * 2.0 / (1.0 + keep) + wander**2 * summed)
+    noisy = np.concatenate([turned, -mount[None]])
+    shared = np.einsum("jab,b,kcb->jkac", noisy, sigma[6:9] ** 2, noisy)
+    shared[-1, -1] = 0.0
+    length, late = max(round(PIECE / dt), 4), round((abs(log[DELAY]) + BOX) / dt)
+    for start, stop in record.segments:
+        count = (stop - start - 2 * late) // length
+        if count < 1:
+            continue
+        eta, nu = record.eta[start:stop], record.nu[start:stop]
+        R = rotation(*eta[:, 3:].T)
+        velocity, columns = _reading(log, mount, turned, nu, record.t[start:stop])
+        moved = np.concatenate([columns, velocity[None]])
+        along = (R @ moved.transpose(1, 2, 0)).transpose(1, 0, 2)  # (3, rows, LOG + 1)
+        both = np.empty_like(along)
+        for i in range(3):
+            both[i] = weight[i] * lfilter([0.5 * dt, 0.5 * dt], [1.0, -keep[i]], along[i], axis=0)
+            placed = lfilter([1.0, -1.0], [1.0, -keep[i]], eta[:, i] - eta[0, i])
+            both[i, :, -1] = weight[i] * placed - both[i, :, -1]
+        cut = both[:, late : late + count * length].reshape(3, count, length, LOG + 1)
+        gram = np.einsum("ipka,ipkb->pab", cut, cut, optimize=True)
+        turns = R[late : late + count * length].reshape(count, length, 3, 3)
+        trace = np.einsum("i,pkia,pkic->pac", weight**2 * summed, turns, turns, optimize=True)
+        yield (
+            gram,
+            np.einsum("pac,jkac->pjk", trace, shared, optimize=True),
+            (cut[..., -1] ** 2).sum(axis=2).T,
+        )
+
+
+def _mount(log: Array) -> Array:
+    """Matrix (3, 3) from the log's reading without its bias to the velocity at the log, body axes."""
+    matrix: Array = rotation(*log[ANGLES]) / (1.0 + log[SCALE])
+    return matrix
+
+
+def _mount_derivatives(log: Array) -> Array:
+    """Derivatives of `_mount` by all entries of the log, (LOG, 3, 3)."""
+    little, out = 1e-5, np.zeros((LOG, 3, 3))
+    for i in [*range(LOG)[SCALE], *range(LOG)[ANGLES]]:
+        shift = little * np.eye(LOG)[i]
+        out[i] = (_mount(log + shift) - _mount(log - shift)) / (2.0 * little)
+    return out
+
+
+def _reading(log: Array, mount: Array, turned: Array, nu: Array, t: Array) -> tuple[Array, Array]:
+    """Velocity of CO behind a reading, (N, 3), and its derivatives by the entries of the log, (LOG, N, 3)."""
+    path = CubicSpline(t, nu[:, :3])
+    now, before, after = (path(np.clip(t + log[DELAY] + shift, t[0], t[-1])) for shift in (0.0, -BOX, BOX))
+    now -= log[BIAS]
+    columns = now @ turned.transpose(0, 2, 1)
+    columns[DELAY] = (after - before) @ mount.T / (2.0 * BOX)
+    columns[LEVER] = -np.cross(nu[:, 3:], np.eye(3)[:, None])
+    columns[BIAS] = -mount.T[:, None]
+    return now @ mount.T - np.cross(nu[:, 3:], log[LEVER]), columns

@@ -1,0 +1,1 @@
+"""From recordings to the tables that residual networks learn from."""

@@ -1,0 +1,261 @@
+"""The residual wrench that a vehicle's known physics leaves unexplained; paper (3), (10), (11).
+
+    tau_res = tau_prop - M nu_dot - g(eta)  ~  C(nu) nu + D(nu) nu,      M = M_RB + M_A
+
+tau_res stands on the left-hand side of the balance and opposes motion: the wrench it exerts ON the vehicle is
+-tau_res.
+
+With `subtract="effects"` all that the vehicle's effects exert is taken away besides: damping and other
+wrenches, the Coriolis terms C_A of the added mass, and the current through nu_r and nu_r_dot.  Of a vehicle
+whose effects are the whole truth C_RB(nu) nu remains: the rigid body is no effect, and a simulation with a
+residual model gives up its own C_RB in either case (paper 5).
+
+Effects of the thrusters always enter tau_prop, and those of the velocity log are always undone first.
+
+All terms of a row belong to its time t_k: pose and velocity as logged, the smoothed acceleration,
+and the thrust that the commands before t_k have built up (a command without lag is felt from the next row).
+A simulator that computes fluid forces at t_k and holds them until t_k+1 lags half a step behind such labels.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
+from hydro.core.effects.catalogue import entries
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.smoothing import Design, estimate, gains, smooth
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
+from hydro.core.vehicle.thrusters import INFLOW, UNIT_WRENCH, thrusts
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+Bounds = NDArray[np.int64]
+
+Subtract = Literal["inertia", "effects"]
+
+POSE = ("x", "y", "z", "phi", "theta", "psi")
+VELOCITIES = ("u", "v", "w", "p", "q", "r")
+WRENCH = ("X", "Y", "Z", "K", "M", "N")
+FOLLOWING = 3.0  # times the likeliest ratio q dt^3 / R: a regression averages noise of labels, but no bias
+BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
+
+
+def labels(
+    raw: pl.DataFrame,
+    vehicle: Vehicle,
+    *,
+    acceleration: str = "rts",
+    noise: Sequence[float] | None = None,
+    design: Design | None = None,
+    subtract: Subtract = "inertia",
+) -> pl.DataFrame:
+    """Smoothed motion, thrusts and residual wrench of every row of a recording.
+
+    Args:
+        raw: Raw table: `session`, `t` [s], pose (NED), velocity of CO in body axes (FRD), `cmd_1` ...
+            `cmd_n`.
+        vehicle: Its rigid body, buoyancy, thrusters and effects.
+        acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
+        noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
+        design: The filter, where it is at hand; by default `filter_design(raw, noise)`.
+        subtract: Which of the effects are taken from tau_res: `inertia`, through M alone, or all `effects`.
+
+    Returns:
+        The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
+        `r_dot`, thrusts `f_1` ... `f_n` [N], tau_prop `X_prop` ... `N_prop` and tau_res `X_res` ... `N_res`
+        about CO in body axes [N, N m].
+
+    Raises:
+        DataError: Time does not rise at one rate or leaves a row alone between gaps, the commands do not fit
+            the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue.
+    """
+    commands = _commands(raw, vehicle)
+    bounds = segments(raw)
+    _require_neighbours(raw, bounds)
+    chosen = design or filter_design(raw, noise)
+    designed = gains(chosen)
+    table, log, known = thruster_table(vehicle), velocity_log(vehicle), _constants(vehicle)
+    configuration = np.ascontiguousarray(table[:, UNIT_WRENCH])
+    water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
+    after_gap, dt = resumes(raw, bounds), sample_time(raw)
+    count = len(commands)
+    out: Float32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
+
+    def work(first: int, last: int) -> None:
+        start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
+        part, within = raw[start:stop], bounds[first:last] - start
+        motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
+        attitude = _columns(part, ("phi", "theta", "psi"))
+        nu_r = None if water is None else _through_water(motion, attitude, water)
+        thrust = thrusts(
+            table, _columns(part, commands), part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
+        )
+        forces = np.empty((0, 6))
+        if subtract == "effects":
+            forces = effect_forces(vehicle, _columns(part, POSE), motion[:, :, 0], within, dt)
+        _label_kernel(motion, attitude, thrust, configuration, *known, forces, out[:, start:stop])
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda batch: work(*batch), _batches(bounds)))
+    _require_finite(raw, out)
+    names = (
+        *(f"{name}_s" for name in VELOCITIES),
+        *(f"{name}_dot" for name in VELOCITIES),
+        *(f"f_{i + 1}" for i in range(count)),
+        *(f"{name}_prop" for name in WRENCH),
+        *(f"{name}_res" for name in WRENCH),
+    )
+    return raw.with_columns(pl.Series(name, column) for name, column in zip(names, out, strict=True))
+
+
+def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
+    """Names of the effects that labels take from tau_res, in the order of the vehicle file."""
+    kinds = ("wrench", "inertia", "flow")
+    return [
+        effect.name
+        for effect, _, _ in entries(vehicle)
+        if effect.inertia is not None or (subtract == "effects" and effect.kind in kinds)
+    ]
+
+
+def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> Design:
+    """The filter that `labels` uses for a raw (or labels) table, found from its velocities alone.
+
+    It follows the log more closely than the likeliest filter, the one that is nearest to the motion row by
+    row: what learns from labels sees thousands of rows, which noise leaves alone on average, but what the
+    smoother takes off the peaks of an acceleration is missing from all of them.
+
+    Args:
+        raw: Table with `session`, `t` and `u` ... `r`.
+        noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; by default estimated.
+
+    Raises:
+        DataError: Time does not rise at one rate, or `noise` is not six numbers of at least 0.
+    """
+    likeliest = estimate(_columns(raw, VELOCITIES), segments(raw), sample_time(raw), noise)
+    return likeliest.following(FOLLOWING)
+
+
+def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> list[str]:
+    """Names of the command columns, one per thruster."""
+    found = sorted(name for name in raw.columns if name.startswith("cmd_"))
+    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
+    if found != sorted(names):
+        raise DataError(
+            f"the log has {len(found)} command columns and vehicle {vehicle.name} {len(names)} thrusters; "
+            "use the vehicle file that the log was recorded with"
+        )
+    return names
+
+
+def _require_neighbours(raw: pl.DataFrame, bounds: Bounds) -> None:
+    """A single row has no acceleration."""
+    alone = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
+    if alone.size:
+        raise DataError(
+            f"{alone.size} rows stand alone between gaps in t and have no acceleration "
+            f"(first: row {alone[0]}, session {raw['session'][int(alone[0])]}); remove them"
+        )
+
+
+def _require_finite(raw: pl.DataFrame, out: Float32) -> None:
+    """A value that is missing or not finite spreads over its whole segment: name the first row it reached."""
+    broken = ~np.isfinite(out[-6:]).all(axis=0)
+    if broken.any():
+        row = int(np.argmax(broken))
+        raise DataError(
+            f"the labels are not finite in {broken.sum()} of {raw.height} rows (first: row {row}, session "
+            f"{raw['session'][row]}): a raw value of that session is missing or not finite; see `hydro check`"
+        )
+
+
+def _batches(bounds: Bounds) -> Iterator[tuple[int, int]]:
+    """Runs of whole segments [first, last) of at least BATCH rows, or what is left."""
+    first = 0
+    for last in range(1, len(bounds) + 1):
+        if last == len(bounds) or bounds[last - 1, 1] - bounds[first, 0] >= BATCH:
+            yield first, last
+            first = last
+
+
+def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
+    """Columns as one C-contiguous float64 array, shape (N, k)."""
+    out = np.empty((frame.height, len(names)))
+    for i, name in enumerate(names):
+        out[:, i] = frame[name].to_numpy()
+    return out
+
+
+def _velocities(frame: pl.DataFrame, bounds: Bounds, log: Array) -> Array:
+    """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
+    nu = _columns(frame, VELOCITIES)
+    if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
+        t = frame["t"].to_numpy()
+        for begin, end in bounds:
+            nu[begin:end] = sensor.corrected(log, t[begin:end], nu[begin:end])
+    return nu
+
+
+def _constants(vehicle: Vehicle) -> tuple[Array, Array]:
+    """M, shape (6, 6), and the four numbers of weight and buoyancy."""
+    return mass_matrix(vehicle) + inertia_matrix(vehicle), balance(vehicle)
+
+
+def _through_water(motion: Array, attitude: Array, water: Array) -> Array:
+    """nu_r = nu - [R^T v_c; 0], shape (N, 6), for the inflow of the thrusters."""
+    nu_r = motion[:, :, 0].copy()
+    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*attitude.T), water)
+    return nu_r
+
+
+@jit
+def _label_kernel(
+    motion: Array,
+    attitude: Array,
+    thrust: Array,
+    configuration: Array,
+    mass: Array,
+    weight: Array,
+    forces: Array,
+    out: Float32,
+) -> None:
+    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res.
+
+    `forces` (N, 6) of the effects are accounted for in tau_res; or (0, 6), none.
+    """
+    count = thrust.shape[1]
+    down, tau, restoring = np.empty(3), np.empty(6), np.empty(6)
+    for k in range(motion.shape[0]):
+        phi, theta = attitude[k, 0], attitude[k, 1]
+        down[0] = -math.sin(theta)
+        down[1] = math.cos(theta) * math.sin(phi)
+        down[2] = math.cos(theta) * math.cos(phi)
+        restoring[:] = 0.0
+        restoring_kernel(weight, down, restoring)
+        tau[:] = 0.0
+        for n in range(count):
+            out[12 + n, k] = thrust[k, n]
+            for i in range(6):
+                tau[i] += configuration[n, i] * thrust[k, n]
+        for i in range(6):
+            inertia = 0.0
+            for j in range(6):
+                inertia += mass[i, j] * motion[k, j, 1]
+            out[i, k] = motion[k, i, 0]
+            out[6 + i, k] = motion[k, i, 1]
+            out[12 + count + i, k] = tau[i]
+            known = forces[k, i] if forces.shape[0] else 0.0
+            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + known

@@ -1,0 +1,176 @@
+"""Training and test blocks by the hash of their content; paper IV-C, without its dependence on order.
+
+Every unbroken segment of a session is cut into contiguous blocks of 150 rows; the last takes the remainder
+(150 to 299 rows) and a shorter segment is one block.  A block's id is
+
+    SHA-256(raw values of its rows, row after row, as little-endian float64; then the salt in UTF-8)
+
+where a row's values are t, x, y, z, phi, theta, psi, u, v, w, p, q, r, cmd_1 ... cmd_n, and -0 counts as 0.
+The name of the session is not in it, so the same data give the same split anywhere.  A block is test data
+where its id, read as a fraction of 2^256, is below the test share.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.distillation.labels import filter_design
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import segments
+from hydro.core.recording.smoothing import reach
+
+Array = NDArray[np.float64]
+Bounds = NDArray[np.int64]
+
+CONTENT = ("t", "x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+CHUNK = 32_768  # rows hashed at once
+TRAIN, TEST, GUARD = 0, 1, 2
+PARTS = pl.Series(["train", "test", "guard"])
+
+
+def split(
+    labels: pl.DataFrame, *, block: int = 150, test: float = 0.2, salt: str = "", guard: int | None = None
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Divide a labels table into training and test blocks.
+
+    Args:
+        labels: Labels table (or raw, or any with the raw columns).
+        block: Rows of a block.
+        test: Share of the blocks that are test data, 0 to 1, on average.
+        salt: Another salt, another split.
+        guard: Rows beside a block of the other side that neither uses; by default the reach of the smoother
+            that `labels` designs for these velocities.
+
+    Returns:
+        The table with `block` (64 hexadecimal digits) and `part` (train, test, guard), and the table of its
+        blocks: `block`, `part` (train, test), sorted, each id once.
+
+    Raises:
+        DataError: An argument is out of range, or time does not rise at one rate.
+    """
+    if not 0.0 <= test <= 1.0:
+        raise DataError(f"the test share must lie within 0 and 1, not {test:g}")
+    bounds, ids = _blocks(labels, block, salt)
+    is_test = np.array([int(digest, 16) / 16**64 < test for digest in ids], dtype=bool)
+    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+
+
+def split_from(
+    labels: pl.DataFrame,
+    blocks: pl.DataFrame,
+    *,
+    block: int = 150,
+    salt: str = "",
+    guard: int | None = None,
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Divide a labels table as a table of blocks says.
+
+    Args:
+        labels: Labels table.
+        blocks: `block` and `part` of (at least) every block of the table.
+        block: Rows of a block, as when the table of blocks was made.
+        salt: Salt, likewise.
+        guard: Guard rows; see `split`.
+
+    Returns:
+        As `split`; the table of blocks has those of these labels only.
+
+    Raises:
+        DataError: A block of the labels is not in the table of blocks.
+    """
+    bounds, ids = _blocks(labels, block, salt)
+    parts = dict(zip(blocks["block"].to_list(), blocks["part"].to_list(), strict=True))
+    unknown = [start for (start, _), digest in zip(bounds, ids, strict=True) if digest not in parts]
+    if unknown:
+        raise DataError(
+            f"{len(unknown)} of {len(ids)} blocks are not in the table of blocks (first: row {unknown[0]}, "
+            f"session {labels['session'][int(unknown[0])]}); it was made from other data, or with another "
+            "block length or salt"
+        )
+    is_test = np.array([parts[digest] == "test" for digest in ids], dtype=bool)
+    return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
+
+
+def block_bounds(bounds: Bounds, block: int) -> Bounds:
+    """Cut segments [start, stop) into blocks, shape (B, 2); the last of each takes the remainder.
+
+    Raises:
+        DataError: `block` is below 1.
+    """
+    if block < 1:
+        raise DataError(f"a block must have at least one row, not {block}")
+    cut: list[tuple[int, int]] = []
+    for start, stop in bounds.tolist():
+        edges = [*range(start, start + max((stop - start) // block, 1) * block, block), stop]
+        cut.extend(pairwise(edges))
+    return np.array(cut, dtype=np.int64).reshape(-1, 2)
+
+
+def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Bounds, list[str]]:
+    """Bounds and ids of all blocks."""
+    bounds = block_bounds(segments(labels), block)
+    suffix = salt.encode()
+
+    def digests(chunk: Bounds) -> list[str]:
+        first = int(chunk[0, 0])
+        content = _content(labels[first : int(chunk[-1, 1])])
+        return [
+            hashlib.sha256(content[start:stop].tobytes() + suffix).hexdigest()
+            for start, stop in chunk - first
+        ]
+
+    chunks = np.array_split(bounds, min(len(bounds), 1 + labels.height // CHUNK))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return bounds, [digest for ids in pool.map(digests, chunks) for digest in ids]
+
+
+def _content(labels: pl.DataFrame) -> Array:
+    """The raw values, row after row, as little-endian float64 with one zero."""
+    commands = sum(name.startswith("cmd_") for name in labels.columns)
+    names = (*CONTENT, *(f"cmd_{i + 1}" for i in range(commands)))
+    content = np.empty((labels.height, len(names)), "<f8")
+    for i, name in enumerate(names):
+        content[:, i] = labels[name].to_numpy()
+    content += 0.0
+    return content
+
+
+def _divided(
+    labels: pl.DataFrame, bounds: Bounds, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
+) -> pl.DataFrame:
+    rows = reach(filter_design(labels)) if guard is None else guard
+    of_row = np.repeat(np.arange(len(bounds)), bounds[:, 1] - bounds[:, 0])
+    part = is_test[of_row].astype(np.uint8)
+    for start, stop in segments(labels):
+        _guard_kernel(part[start:stop], rows)
+    for side in (TRAIN, TEST):
+        if (is_test == side).any() and not (part == side).any():
+            raise DataError(f"a guard of {rows} rows leaves no {PARTS[side]} rows; use longer blocks")
+    return labels.with_columns(pl.Series("block", ids).gather(of_row), PARTS.gather(part).alias("part"))
+
+
+def _table(ids: list[str], is_test: NDArray[np.bool_]) -> pl.DataFrame:
+    table = pl.DataFrame({"block": ids, "part": PARTS.gather(is_test.astype(np.uint8))})
+    return table.unique().sort("block")
+
+
+@jit
+def _guard_kernel(part: NDArray[np.uint8], rows: int) -> None:
+    """Mark as guard what lies within `rows` of a row of the other side, in one segment."""
+    side = part.copy()
+    for step in (1, -1):
+        begin = 0 if step == 1 else side.size - 1
+        last_seen = np.array([-rows - side.size, -rows - side.size])
+        for n in range(side.size):
+            k = begin + step * n
+            last_seen[side[k]] = n
+            if n - last_seen[1 - side[k]] <= rows:
+                part[k] = GUARD

@@ -1,0 +1,254 @@
+"""A model against a recording: how large its errors are, beside noise, and where they lie.
+
+Two levels: the wrench that the model leaves out, and predictions of 1, 5 and 20 s begun again and again along
+the recording and of the whole run (`evaluation.misfit`).  Shares of the unexplained error are of the sum of
+squares above the noise floor.  Axes are weighed against each other by the vehicle's inertia: wrenches by
+r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise. All
+axes together, `all` or `pose`, are the force on the dry mass, or its speed or distance, that measures as
+much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.core.evaluation import failure_regimes
+from hydro.core.evaluation.metrics import INTERVAL, SAMPLES
+from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
+from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
+from hydro.core.identification.candidate import candidate
+from hydro.core.recording.arrays import Array, recording
+from hydro.core.vehicle.description import Vehicle
+
+NOISE_KNOWN = 0.1
+"""Part of its own size to which the noise floor is known, in squares."""
+SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay clear of noise, for six axes
+
+Codes = NDArray[np.int64]
+Line = dict[str, Any]
+Report = Callable[[str, float], None]
+
+KEY = ("level", "horizon", "axis", "by", "place")
+SCHEMA = {
+    "level": pl.String,
+    "horizon": pl.Float64,
+    "axis": pl.String,
+    "by": pl.String,
+    "place": pl.String,
+    "rows": pl.Int64,
+    "rmse": pl.Float64,
+    "low": pl.Float64,
+    "high": pl.Float64,
+    "noise_floor": pl.Float64,
+    "at_horizon": pl.Float64,
+    "share": pl.Float64,
+    "rank": pl.Int64,
+    "unit": pl.String,
+}
+
+
+def compare(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    against: pl.DataFrame | None = None,
+    seed: int = 0,
+    progress: Report | None = None,
+) -> pl.DataFrame:
+    """Hold a vehicle file against a recording.
+
+    Args:
+        vehicle: The model.
+        raw: Raw table of the measured motion and commands.
+        against: An earlier comparison with the same recording: its places are looked at again, and its errors
+            stand beside the new ones.
+        seed: Of the noise that the noise floor is found with, and of the bootstrap.
+        progress: Called with a few words and the share of the work done.
+
+    Returns:
+        The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
+        95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
+        the places that hold most of it; `at_horizon` is the error at the end of the predictions.  With
+        `against` also `before`, the earlier rmse.
+
+    Raises:
+        DataError: The recording or the vehicle is at fault, or `against` is no comparison.
+    """
+    told = progress or (lambda words, share: None)
+    if against is not None and (missing := [name for name in SCHEMA if name not in against.columns]):
+        raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
+    record, model = recording(raw, vehicle), candidate(vehicle)
+    told("smoothing", 0.0)
+    motion, pieces = Motion.of(record), Pieces.of(record)
+    names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]
+    found = families(record, vehicle, pieces, motion.eta, motion.nu, motion.nu_dot, names)
+    sessions = [family for family in found if family.by == "session"]
+    told("forces", 0.1)
+    forces, banded, bands = force(model, record, motion, pieces, seed)
+    lines = [*_Lines(forces, seed).of([*found]), *_Lines(banded, seed).of([bands], whole=False)]
+    for number, horizon in enumerate((*HORIZONS, None)):
+        told("whole run" if horizon is None else f"{horizon:g} s ahead", 0.3 + 0.15 * number)
+        if (both := replay(model, record, motion, pieces, horizon, seed)) is not None:
+            velocity, pose = both
+            lines += _Lines(velocity, seed).of(sessions if horizon is None else found)
+            lines += _Lines(pose, seed).of(sessions)
+    told("places", 0.9)
+    lines += _ranked(_Lines(forces, seed), found, against)
+    table = pl.DataFrame(lines, schema=SCHEMA)
+    told("done", 1.0)
+    return table if against is None else _beside(table, against)
+
+
+@dataclass
+class _Lines:
+    """Rows of the table for one kind of error."""
+
+    misfit: Misfit
+    seed: int
+
+    def __post_init__(self) -> None:
+        misfit = self.misfit
+        excess = misfit.weight * (misfit.squares - misfit.noise)
+        sums = excess.sum(axis=0)
+        self.drawn = _draws(int(misfit.block.max()) + 1, self.seed)
+        clear = misfit.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
+        sure = clear.sum(axis=0) > 0.0
+        if self.drawn is not None:
+            by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
+            sure &= np.percentile(self.drawn @ by_block, SURE, axis=0) > 0.0
+        # Where an axis' errors are no more than noise, none of it is unexplained.
+        self.axis_share = np.where(sure, sums, 0.0) / max(float(sums[sure].sum()), 1e-300)
+        self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)
+
+    def of(self, found: Sequence[Family], *, whole: bool = True) -> Iterator[Line]:
+        """Rows of all data together and of every condition of every family."""
+        misfit = self.misfit
+        if whole:
+            everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
+            ends = [None] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
+            for line, end in zip(self._family(everything), ends, strict=True):
+                yield line | {"at_horizon": end}
+        for family in found:
+            yield from self._family(family)
+
+    def place(self, place: failure_regimes.Place, rank: int | None) -> Line:
+        """The row of one place on one axis."""
+        family = Family("place", (place.words,), np.where(place.met, 0, -1), doing=False)
+        line = next(line for line in self._family(family) if line["axis"] == self.misfit.axes[place.axis])
+        return line | {"share": place.share, "rank": rank}
+
+    def _family(self, family: Family) -> Iterator[Line]:
+        """Every condition, axis by axis and all axes together."""
+        misfit, count = self.misfit, len(family.words)
+        rows = _by_block(misfit.rows[:, None], family.code, count, misfit.block)
+        squares, noise = (
+            _all_too(_by_block(values, family.code, count, misfit.block), misfit.weight)
+            for values in (misfit.squares, misfit.noise)
+        )
+        low, high = self._interval(rows, squares)
+        number = rows.sum(axis=0)
+        rmse, floor = (np.sqrt(sums.sum(axis=0) / np.maximum(number, 1.0)) for sums in (squares, noise))
+        share = self._shares(family)
+        axes = zip(misfit.axes, (*misfit.units, misfit.units[0]), strict=True)
+        for i, (axis, unit) in enumerate(axes):
+            for code in np.flatnonzero(number[:, 0]):
+                yield {
+                    "level": misfit.level,
+                    "horizon": misfit.horizon,
+                    "axis": axis,
+                    "by": family.by,
+                    "place": phrase([(family.words[code], family.doing)]),
+                    "rows": int(number[code, 0]),
+                    "rmse": float(rmse[code, i]),
+                    "low": _number(low[code, i]),
+                    "high": _number(high[code, i]),
+                    "noise_floor": float(floor[code, i]),
+                    "share": float(share[code, i]),
+                    "unit": unit,
+                }
+
+    def _interval(self, rows: Array, squares: Array) -> tuple[Array, Array]:
+        """Bootstrap interval of the rmse of each condition and axis, (K, A) each; NaN where there is none."""
+        blocks, count, axes = squares.shape
+        nothing = np.full((count, axes), np.nan)
+        if self.drawn is None:
+            return nothing, nothing
+        number = self.drawn @ rows[:, :, 0]
+        sums = (self.drawn @ squares.reshape(blocks, -1)).reshape(SAMPLES, count, axes)
+        low, high = nothing, nothing.copy()
+        for code in np.flatnonzero((rows[:, :, 0] > 0.0).sum(axis=0) > 1):
+            there = number[:, code] > 0.0
+            drawn = np.sqrt(sums[there, code] / number[there, code, None])
+            low[code], high[code] = np.percentile(drawn, INTERVAL, axis=0)
+        return low, high
+
+    def _shares(self, family: Family) -> Array:
+        """Share of the unexplained error of every condition on every axis and on all of them, (K, A + 1).
+
+        What noise makes negative counts as nothing, and the rest as parts of the axis' own share.
+        """
+        once = np.zeros(len(family.code), np.int64)
+        positive = np.maximum(_by_block(self.unexplained, family.code, len(family.words), once)[0], 0.0)
+        whole = np.maximum(positive.sum(axis=0), self.axis_share)
+        shares = positive * self.axis_share / np.maximum(whole, 1e-300)
+        with_all: Array = np.minimum(np.hstack([shares, shares.sum(axis=1, keepdims=True)]), 1.0)
+        return with_all
+
+
+def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None) -> Iterator[Line]:
+    """Rows of the places where the model fails, and of the earlier comparison's places where they differ."""
+    listed = failure_regimes.rank(lines.unexplained, lines.misfit.rows, lines.misfit.block, found)
+    for number, place in enumerate(listed):
+        yield lines.place(place, number + 1)
+    if against is None:
+        return
+    there = {(place.axis, place.words) for place in listed}
+    earlier = against.filter(pl.col("rank").is_not_null()).select("axis", "place").rows()
+    wanted = {(lines.misfit.axes.index(axis), words) for axis, words in earlier} - there
+    masks = failure_regimes.find({words for _, words in wanted}, found)
+    for axis, words in sorted(wanted):
+        if (met := masks.get(words)) is not None:
+            share = float(np.clip(lines.unexplained[met, axis].sum(), 0.0, 1.0))
+            yield lines.place(failure_regimes.Place(words, axis, met, share), None)
+
+
+def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
+    """The table with the earlier errors as the column `before`; null where there was none."""
+    same = against.filter(
+        pl.col("place") != failure_regimes.ELSEWHERE
+    )  # which depends on the places beside it
+    earlier = same.select(*KEY, before="rmse").unique(KEY, keep="first")
+    return table.join(earlier, on=KEY, how="left", nulls_equal=True, maintain_order="left")
+
+
+def _draws(blocks: int, seed: int) -> Array | None:
+    """How often each bootstrap sample draws each block, (SAMPLES, blocks); None of fewer than two blocks."""
+    if blocks < 2:
+        return None
+    drawn = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SAMPLES)
+    return drawn.astype(np.float64)
+
+
+def _by_block(values: Array, code: Codes, count: int, block: Codes) -> Array:
+    """Sums of values of pieces (P, A) over each block and code, (B, count, A); code -1 is left out."""
+    blocks, of = int(block.max()) + 1, code >= 0
+    place = block[of] * count + code[of]
+    sums = [np.bincount(place, column[of], blocks * count) for column in values.T]
+    stacked: Array = np.stack(sums, axis=-1, dtype=np.float64)
+    return stacked.reshape(blocks, count, values.shape[1])
+
+
+def _all_too(squares: Array, weight: Array) -> Array:
+    """Squares of the axes (..., A) and of all together, (..., A + 1)."""
+    return np.concatenate([squares, squares @ weight[:, None]], axis=-1)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,177 @@
+"""Where a model fails: axes and conditions that hold much of the unexplained error in little of the time.
+
+All single conditions and all pairs are tried.  The quality of a place weighs its share e of an axis' error
+against its share t of the time by (e - t) / sqrt(t), in proportion to the standard deviations by which it
+would stand out if the error fell anywhere alike (Klösgen 1996).  Every other block of the recording must bear
+it out, and the lesser quality of the two halves counts.  The best place is taken, what it explains is set
+aside, and the search goes on, so that the list does not say one thing in ten ways (sequential covering).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.evaluation.regimes import PIECE, Codes, Condition, Family, conditions, phrase
+from hydro.core.recording.arrays import Array
+
+Mask = NDArray[np.bool_]
+
+LEAST_TIME = 0.01
+"""Share of the time that a place must last, and at least LEAST_SECONDS."""
+LEAST_SECONDS = 4.0
+MATERIAL = 0.02
+"""Share of all unexplained error that a place must add to be told of."""
+STANDS_OUT = 1.5  # error in a place over what its share of the time would hold
+NEW = 0.5  # part of a place's error that no place before it has accounted for
+SIMPLER = 1.2  # quality of a pair over that of either of its conditions alone
+MOST_SESSIONS = 100
+ELSEWHERE = "elsewhere"
+MOST_PLACES = 12
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where and when.
+
+    Attributes:
+        words: What a pilot would call it.
+        axis: Number of the axis.
+        met: Pieces that belong to it, (P,).
+        share: Of the unexplained error, without what places named before it hold.
+    """
+
+    words: str
+    axis: int
+    met: Mask
+    share: float
+
+
+def rank(unexplained: Array, rows: Array, block: Codes, families: Sequence[Family]) -> list[Place]:
+    """The places where a model fails, the greatest share of the error first; what is left elsewhere last.
+
+    Args:
+        unexplained: Share of all unexplained error in each piece and axis, (P, A); noise may make some
+            negative; the sum is at most 1.
+        rows: Rows of each piece, (P,).
+        block: Block of each piece, (P,); odd blocks must bear out what even blocks say.
+        families: Conditions.
+
+    Returns:
+        Places that do not overlap, and for each axis what is left elsewhere; shares sum to 1 at most.
+    """
+    tried = [c for c in conditions(families) if len(c.family.words) <= MOST_SESSIONS]
+    search = _Search(tried, rows, block % 2 == 0, unexplained)
+    found: list[Place] = []
+    left = unexplained.copy()
+    while len(found) < MOST_PLACES and (best := search.best(left)) is not None:
+        axis, several = best
+        met = np.logical_and.reduce([c.met for c in several])
+        share = float(left[met, axis].sum())
+        found.append(Place(named(several), axis, met, share))
+        left[met, axis] = 0.0
+        search.forget(axis)
+    rests = [_rest(axis, left[:, axis], found) for axis in range(unexplained.shape[1])]
+    material = [rest for rest in rests if rest.share >= MATERIAL]
+    listed = [*sorted(found, key=_share, reverse=True), *sorted(material, key=_share, reverse=True)]
+    # Noise makes some of what is left negative: the parts of an axis' error must not exceed the whole.
+    parts = [sum(place.share for place in listed if place.axis == axis) for axis in range(len(rests))]
+    scale = np.minimum(unexplained.sum(axis=0) / np.maximum(parts, 1e-300), 1.0)
+    return [replace(place, share=place.share * float(scale[place.axis])) for place in listed]
+
+
+def _rest(axis: int, left: Array, found: Sequence[Place]) -> Place:
+    """All of the time on one axis but for the places found on it."""
+    taken = [place.met for place in found if place.axis == axis]
+    met = ~np.logical_or.reduce([np.zeros(len(left), bool), *taken])
+    return Place(ELSEWHERE if taken else "throughout", axis, met, float(left.sum()))
+
+
+def _share(place: Place) -> float:
+    return place.share
+
+
+def find(wanted: Set[str], families: Sequence[Family]) -> dict[str, Mask]:
+    """The pieces (P,) of places named before; those that these families have not are left out."""
+    tried, found = list(conditions(families)), dict[str, Mask]()
+    free = [c for c in tried if not c.family.alone]
+    pairs = ((a, b) for a, b in itertools.combinations(free, 2) if a.family is not b.family)
+    for several in itertools.chain(((c,) for c in tried), pairs):
+        if len(found) == len(wanted):
+            break
+        if (words := named(several)) in wanted:
+            found[words] = np.logical_and.reduce([c.met for c in several])
+    return found
+
+
+def named(several: Sequence[Condition]) -> str:
+    """What a pilot would call conditions that are met together."""
+    return phrase([(c.words, c.family.doing) for c in several])
+
+
+class _Search:
+    """All conditions and pairs of conditions, and what each axis' error is in them, half by half."""
+
+    def __init__(self, tried: Sequence[Condition], rows: Array, half: Mask, unexplained: Array) -> None:
+        self.tried = tried
+        self.met = np.array([c.met for c in tried], np.float32).reshape(len(tried), len(rows)).T
+        self.halves = [np.flatnonzero(half), np.flatnonzero(~half)]
+        self.whole = self._halves(unexplained)
+        time = rows / rows.sum()
+        self.time, self.length = self._together(time), np.maximum(self._halves(time), 1e-12)
+        self.own = [self._together(column) for column in unexplained.T]
+        kinds = np.array([c.family.by for c in tried])
+        free = np.array([not c.family.alone for c in tried], bool)
+        least = max(LEAST_TIME, LEAST_SECONDS / (PIECE * len(rows)))
+        pairs = (kinds[:, None] != kinds) & free & free[:, None]
+        self.possible = (pairs | np.eye(len(tried), dtype=bool)) & (self.time.sum(axis=0) >= least)
+        self.possible &= (self.time > 0.0).all(axis=0)
+        self.known: dict[int, tuple[float, int, int] | None] = {}
+
+    def _together(self, values: Array) -> Array:
+        """Sum of values (P,) over the pieces that meet both of two conditions, in each half, (2, K, K)."""
+        weighted = self.met * values[:, None].astype(np.float32)
+        return np.array([self.met[half].T @ weighted[half] for half in self.halves], np.float64)
+
+    def _halves(self, values: Array) -> Array:
+        """Sum of values (P, ...) over each half, (2, ...); at least 0."""
+        return np.array([np.maximum(values[half].sum(axis=0), 0.0) for half in self.halves])
+
+    def forget(self, axis: int) -> None:
+        """What is left on this axis has changed."""
+        self.known.pop(axis, None)
+
+    def best(self, left: Array) -> tuple[int, tuple[Condition, ...]] | None:
+        """Axis and conditions of the best place in what is left, (P, A); None where none stands out."""
+        if not self.tried:
+            return None
+        for axis in range(left.shape[1]):
+            if axis not in self.known:
+                self.known[axis] = self._best_on(axis, left[:, axis])
+        scored = [(found[0], axis, found[1:]) for axis, found in self.known.items() if found is not None]
+        if not scored:
+            return None
+        _, axis, (i, j) = max(scored)
+        several = (self.tried[i],) if i == j else (self.tried[i], self.tried[j])
+        return axis, several
+
+    def _best_on(self, axis: int, left: Array) -> tuple[float, int, int] | None:
+        """Quality and numbers of the two conditions (the same twice for one) of the best place on an axis."""
+        error, own = self._together(left), self.own[axis]
+        part = self.time / self.length[:, None, None]
+        even = part * self._halves(left)[:, None, None]
+        quality = ((error - even) / np.sqrt(np.maximum(part, 1e-12))).min(axis=0)
+        stands_out = (own >= STANDS_OUT * part * self.whole[:, axis, None, None]).all(axis=0)
+        error, own = error.sum(axis=0), own.sum(axis=0)
+        allowed = self.possible & (error >= MATERIAL) & stands_out & (error >= NEW * own)
+        alone = np.maximum(np.diag(quality), 0.0)
+        simple = np.eye(len(alone), dtype=bool)
+        allowed &= simple | (quality >= SIMPLER * np.maximum(alone[:, None], alone))
+        if not allowed.any():
+            return None
+        i, j = np.unravel_index(np.where(allowed, quality, -np.inf).argmax(), quality.shape)
+        return float(quality[i, j]), int(min(i, j)), int(max(i, j))

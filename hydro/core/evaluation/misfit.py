@@ -1,0 +1,371 @@
+"""What a model leaves unexplained of a recording, beside what noise alone would leave.
+
+Force.  The measured velocity less the integral of the model's acceleration along the smoothed motion
+changes only where the model's forces are wrong; its smoothed derivative times M is the wrench that is
+missing.  The smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true
+model noise alone is left.  What changes faster than FASTEST is nearly all noise in any log: it counts among
+the bands of frequency only.
+
+Replay.  Predictions of a few seconds begin again and again along the recording, at the smoothed motion; and
+one prediction runs from the first row of every session to its last.
+
+Noise floor.  The recording is disturbed by noise of the size that it has already, and the beginning of each
+prediction by the uncertainty of the smoothed motion: the change is what noise does to the errors.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, idct
+
+from hydro.core.effects.layout import MASS, MASS_MATRIX
+from hydro.core.effects.program import constants_of
+from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, WRENCH_UNITS
+from hydro.core.evaluation.regimes import Family, Pieces
+from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
+from hydro.core.identification.multiple_shooting import (
+    CHANNELS,
+    Loaded,
+    Shots,
+    corrected_first,
+    displaced,
+    load,
+    residuals,
+)
+from hydro.core.recording import smoothing
+from hydro.core.recording.arrays import POSE, Array, Recording, noise
+from hydro.core.simulation.integrate import BODY
+from hydro.core.vehicle.frames import quaternion_from_euler
+
+Rows = NDArray[np.int64]
+
+HORIZONS = (1.0, 5.0, 20.0)
+"""How far ahead predictions look [s]."""
+FASTEST = 2.0
+"""Frequency of the fastest change of force that counts [Hz]."""
+BANDS = (
+    ("in motions slower than 10 s", 0.0, 0.1),
+    ("in motions of 2 to 10 s", 0.1, 0.5),
+    ("in motions of 0.5 to 2 s", 0.5, FASTEST),
+    ("in motions faster than 0.5 s", FASTEST, np.inf),
+)
+"""Bands of frequency [Hz], by the time that a motion takes."""
+SLOW = ("", 0.0, FASTEST)
+POSE_UNITS = ("m",) * 3 + ("rad",) * 3
+BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
+"""Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
+TOGETHER = 64  # predictions of one piece of work
+LEAST_DRAWS = 16  # of uncertain beginnings, where there are few predictions
+REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Squared errors of one kind, piece by piece.
+
+    Attributes:
+        level: `force` or `replay`.
+        horizon: Of the replay [s]; None for forces and for the whole run.
+        axes: Names of the A axes, and of all of them together.
+        units: Their units.
+        weight: What a square on each axis counts for beside the others, (A,): by the vehicle's inertia, so
+            that the weighted sum is the square of one force, speed or distance of the dry mass.
+        rows: Rows compared in each piece, (P,).
+        squares: Sums of squared errors, (P, A).
+        noise: The same of what noise alone does, (P, A).
+        block: Block of each piece, (P,).
+        end: Root mean square error at the end of the predictions, (A,); None for forces.
+    """
+
+    level: str
+    horizon: float | None
+    axes: tuple[str, ...]
+    units: tuple[str, ...]
+    weight: Array
+    rows: Array
+    squares: Array
+    noise: Array
+    block: Rows
+    end: Array | None = None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The smoothed motion of a recording.
+
+    Attributes:
+        eta: Pose with unwrapped angles, (N, 6).
+        nu: Velocity as logged, (N, 6).
+        nu_dot: Its derivative, (N, 6).
+        sigma: Noise of the twelve channels.
+        uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
+            its ends, (2, 12).
+        pose: Smoother of the pose.
+        velocity: Smoother of the velocity.
+    """
+
+    eta: Array
+    nu: Array
+    nu_dot: Array
+    sigma: Array
+    uncertainty: Array
+    pose: smoothing.Design
+    velocity: smoothing.Design
+
+    @classmethod
+    def of(cls, record: Recording) -> Motion:
+        """Smooth a recording, its noise found from it.
+
+        Raises:
+            DataError: A segment has a single row, or none has eight.
+        """
+        sigma = noise(record)
+        angles = record.eta.copy()
+        for start, stop in record.segments:
+            angles[start:stop, 3:] = np.unwrap(angles[start:stop, 3:], axis=0)
+        pose = smoothing.estimate(angles, record.segments, record.dt, sigma[:6].tolist())
+        velocity = smoothing.estimate(record.nu, record.segments, record.dt, sigma[6:].tolist())
+        eta = smoothing.smooth(angles, record.segments, pose)[:, :, 0]
+        nu, nu_dot = np.moveaxis(smoothing.smooth(record.nu, record.segments, velocity), 2, 0)
+        left = np.hstack([angles - eta, record.nu - nu]).var(axis=0)
+        uncertainty = _uncertainty(np.stack([_weights(pose), _weights(velocity)]), sigma, left)
+        return cls(
+            eta=np.ascontiguousarray(eta),
+            nu=np.ascontiguousarray(nu),
+            nu_dot=np.ascontiguousarray(nu_dot),
+            sigma=sigma,
+            uncertainty=uncertainty,
+            pose=pose,
+            velocity=velocity,
+        )
+
+
+def force(
+    model: Candidate, record: Recording, motion: Motion, pieces: Pieces, seed: int
+) -> tuple[Misfit, Misfit, Family]:
+    """The wrench ON the vehicle that the model leaves out.
+
+    Args:
+        model: The model.
+        record: The recording.
+        motion: Its smoothed motion.
+        pieces: What to sum over.
+        seed: Of the noise.
+
+    Returns:
+        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after
+        the other; and the family that tells the bands apart.
+    """
+    rng = np.random.default_rng(seed)
+    found = _missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+    # The smoothers are linear: what they make of noise is added to what they made of the recording.
+    extra = rng.standard_normal((record.rows, CHANNELS)) * motion.sigma
+    pose = motion.eta + smoothing.smooth(extra[:, :6], record.segments, motion.pose)[:, :, 0]
+    nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
+    noisy = replace(record, nu=record.nu + extra[:, 6:])
+    floor = _missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
+    inertia, mass = _inertia(model)
+    rows = pieces.total(np.ones(record.rows))
+    whole = Misfit(
+        "force",
+        None,
+        (*WRENCH_AXES, "all"),
+        WRENCH_UNITS,
+        mass / inertia,
+        rows,
+        pieces.total(next(_bands(found, record, [SLOW])) ** 2),
+        pieces.total(next(_bands(floor, record, [SLOW])) ** 2),
+        pieces.block,
+    )
+    count = len(BANDS)
+    banded = replace(
+        whole,
+        rows=np.tile(rows, count),
+        squares=np.concatenate([pieces.total(band**2) for band in _bands(found, record, BANDS)]),
+        noise=np.concatenate([pieces.total(band**2) for band in _bands(floor, record, BANDS)]),
+        block=np.tile(pieces.block, count),
+    )
+    code = np.repeat(np.arange(count), len(rows))
+    return whole, banded, Family("frequency", tuple(words for words, _, _ in BANDS), code, doing=False)
+
+
+def replay(
+    model: Candidate, record: Recording, motion: Motion, pieces: Pieces, horizon: float | None, seed: int
+) -> tuple[Misfit, Misfit] | None:
+    """Errors of predictions, root mean square over the horizon: of velocity, and of position and attitude.
+
+    Args:
+        model: The model.
+        record: The recording.
+        motion: Its smoothed motion, at which every prediction begins.
+        pieces: What to sum over.
+        horizon: Length of a prediction [s]; None for whole segments.
+        seed: Of the noise.
+
+    Returns:
+        Squares of the velocity's errors, and of the errors of x, y, z in NED and of the rotation from the
+        predicted to the measured attitude about the body's axes, as `phi`, `theta`, `psi`; None where no
+        segment is as long as the horizon.
+    """
+    starts, segment, lengths = _laid(record, horizon)
+    if not starts.size:
+        return None
+    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
+    calm = np.hstack([motion.eta[:, :3], quaternion_from_euler(*motion.eta[:, 3:].T), motion.nu])
+    nothing = np.empty((len(starts), 0, BODY))
+    unit = np.ones(CHANNELS)
+    every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
+    every = corrected_first(every, model)
+    loaded = load(model, every)
+    squares, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
+    compared, draws = np.zeros(record.rows), -(-LEAST_DRAWS // len(starts))
+
+    def work(part: slice) -> Array:
+        rows = starts[part, None] + np.arange(lengths[part.start])
+        shots = replace(
+            every,
+            starts=starts[part],
+            segment=segment[part],
+            length=rows.shape[1],
+            first=every.first[part],
+            measured=logged[rows],
+        )
+        model_there = Loaded(model, loaded.rotors[part], loaded.memory[part])
+        error = _bounded(residuals(model_there, shots))
+        rng = np.random.default_rng([seed, part.start])
+        for _ in range(draws):
+            change = _bounded(residuals(model_there, _disturbed(shots, motion, rng))) - error
+            floor[rows] += change**2 / draws
+        squares[rows], compared[rows] = error**2, 1.0
+        return error[:, -1]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        ends = list(pool.map(work, _batches(lengths)))
+    end = np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0))
+    inertia, mass = _inertia(model)
+    rows, sums, noise_sums = pieces.total(compared), pieces.total(squares), pieces.total(floor)
+    block = pieces.segment if horizon is None else pieces.block
+
+    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
+        return Misfit(
+            "replay", horizon, axes, units, weight, rows, sums[:, of], noise_sums[:, of], block, end[of]
+        )
+
+    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
+    return (
+        misfit((*VELOCITY_AXES, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
+    )
+
+
+def _missing_wrench(
+    model: Candidate, record: Recording, eta: Array, nu: Array, design: smoothing.Design
+) -> Array:
+    """M times the smoothed derivative of measured less modelled velocity, (N, 6)."""
+    known = accelerations(model, record, eta, true_velocity(model, record, nu))
+    left = true_velocity(model, record, record.nu).copy()
+    for start, stop in record.segments:
+        within = known[start:stop]
+        left[start + 1 : stop] -= np.cumsum(0.5 * record.dt * (within[1:] + within[:-1]), axis=0)
+    missing = smoothing.smooth(left, record.segments, design)[:, :, 1]
+    mass = constants_of(model.program.flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
+    wrench: Array = missing @ mass.T
+    return wrench
+
+
+def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
+    """Parts of a wrench (N, 6) in each band; segment by segment, as if each were followed by its mirror."""
+    spectra = [dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
+    for _, low, high in bands:
+        out = np.empty_like(wrench)
+        for (a, b), spectrum in zip(record.segments, spectra, strict=True):
+            frequency = np.arange(b - a) / (2.0 * (b - a) * record.dt)
+            inside = (frequency >= low) & (frequency < high)
+            out[a:b] = idct(spectrum * inside[:, None], axis=0, norm="ortho")
+        yield out
+
+
+def _laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
+    """First row, segment and rows of predictions: end to end over all segments, or one for each of them."""
+    if horizon is None:
+        begin, end = record.segments.T
+        return begin, np.arange(len(begin)), end - begin
+    length = round(horizon / record.dt) + 1
+    starts = [np.arange(a, b - length + 1, length, dtype=np.int64) for a, b in record.segments]
+    segment = np.repeat(np.arange(len(starts)), [part.size for part in starts])
+    return np.concatenate(starts), segment, np.full(len(segment), length)
+
+
+def _batches(lengths: Rows) -> list[slice]:
+    """Runs of at most TOGETHER predictions of one length."""
+    edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
+    return [
+        slice(at, min(at + TOGETHER, end))
+        for begin, end in itertools.pairwise(edges)
+        for at in range(begin, end, TOGETHER)
+    ]
+
+
+def _disturbed(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
+    """The shots with noise added once more, and beginnings as uncertain as the smoothed motion is."""
+    at_edge = shots.starts == shots.record.segments[shots.segment, 0]
+    shift = rng.standard_normal((len(shots.starts), CHANNELS)) * motion.uncertainty[np.where(at_edge, 0, 1)]
+    logged = shots.measured.reshape(-1, BODY)
+    extra = rng.standard_normal((len(logged), CHANNELS)) * motion.sigma
+    return replace(
+        shots,
+        first=displaced(shots.first, shift),
+        measured=displaced(logged, extra).reshape(shots.measured.shape),
+    )
+
+
+def _bounded(error: Array) -> Array:
+    """Errors within BEYOND, the attitude's as a rotation vector, not twice a quaternion's vector part."""
+    out = np.nan_to_num(error, nan=np.inf)
+    half = np.clip(0.5 * np.linalg.norm(out[..., 3:6], axis=-1, keepdims=True), 0.0, 1.0)
+    out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)
+    bounded: Array = np.clip(out, -BEYOND, BEYOND)
+    return bounded
+
+
+def _inertia(model: Candidate) -> tuple[Array, float]:
+    """Diagonal of M, (6,), and the dry mass [kg]."""
+    c = constants_of(model.program.flat)
+    return np.diag(c[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)).copy(), float(c[MASS])
+
+
+def _weights(design: smoothing.Design) -> Array:
+    """Of a row's smoothed value: weight of its own measurement and sum of the squares of all weights.
+
+    In the first row of a segment, and far from its ends; (2, 2, 6).
+    """
+    impulse = np.zeros((2, 2 * REACH + 1, 6))
+    impulse[0, 0] = impulse[1, REACH] = 1.0
+    bounds = [[0, 2 * REACH + 1]]
+    first, inner = (smoothing.smooth(one, bounds, design)[:, :, 0] for one in impulse)
+    squares = [(one**2).sum(axis=0) for one in (first, inner)]
+    return np.stack([np.stack([first[0], inner[REACH]]), np.stack(squares)])
+
+
+def _uncertainty(weights: Array, sigma: Array, left: Array) -> Array:
+    """Standard deviation of the smoothed channels in the first row and in the middle, (2, 12).
+
+    Noise passes with the sum of squared weights.  What smoothing took away beyond its share of the noise was
+    motion, and is missing from the smoothed value.
+
+    Args:
+        weights: Of pose and velocity as `_weights` gives them, (2, 2, 2, 6).
+        sigma: Noise of the channels, (12,).
+        left: Variance of measured less smoothed, (12,).
+    """
+    own, passed = np.concatenate([weights[0], weights[1]], axis=2)
+    blurred = np.maximum(left - sigma**2 * (1.0 - 2.0 * own[1] + passed[1]), 0.0)
+    spread: Array = np.sqrt(sigma**2 * passed + blurred)
+    return spread

@@ -1,0 +1,311 @@
+"""What a vehicle was doing in every fifth of a second of a recording, in a pilot's words.
+
+Errors are summed over such pieces of time, and pieces are told apart by families of conditions: turning
+left or right, a range of speed, a heading, a level of command.  All of it is read from the recording and from
+where the thrusters sit, never from a model's forces, so that two models are compared in the same places.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.evaluation.metrics import consecutive
+from hydro.core.recording.arrays import Array, Recording
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.thrusters import configuration_matrix
+
+Codes = NDArray[np.int64]
+
+PIECE = 0.2
+"""Length of a piece [s]."""
+BLOCK = 20.0
+"""Length of the blocks that a bootstrap draws [s]; shorter where a recording has fewer than LEAST_BLOCKS."""
+LEAST_BLOCKS = 8
+SLOW = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
+TILTED = math.radians(5.0)
+IDLE = 0.05  # of full command
+NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """A recording cut into pieces of a fifth of a second and blocks of many pieces.
+
+    Attributes:
+        starts: First row of each piece, (P,).
+        block: Block of each piece, (P,); blocks never reach across a gap.
+        segment: Segment of each piece, (P,).
+    """
+
+    starts: Codes
+    block: Codes
+    segment: Codes
+
+    @classmethod
+    def of(cls, record: Recording) -> Pieces:
+        """Cut a recording."""
+        rows = max(round(PIECE / record.dt), 1)
+        length = min(BLOCK, record.rows * record.dt / LEAST_BLOCKS)
+        within = max(round(length / (rows * record.dt)), 1)
+        starts, block, segment = [], [], []
+        blocks = 0
+        for number, (begin, end) in enumerate(record.segments):
+            at = np.arange(begin, end, rows, dtype=np.int64)
+            group = consecutive(len(at), within)
+            starts.append(at)
+            block.append(blocks + group)
+            segment.append(np.full(len(at), number, np.int64))
+            blocks += int(group[-1]) + 1
+        return cls(np.concatenate(starts), np.concatenate(block), np.concatenate(segment))
+
+    def total(self, values: Array) -> Array:
+        """Sums over each piece of values of every row, (N, ...) -> (P, ...)."""
+        sums: Array = np.add.reduceat(values, self.starts, axis=0)
+        return sums
+
+
+@dataclass(frozen=True)
+class Family:
+    """Conditions of one kind, of which a piece meets one at most.
+
+    Attributes:
+        by: Name of the kind.
+        words: What each says.
+        code: Which one each piece meets, (P,); -1 none.
+        doing: The words say what the vehicle does and follow `while`; others qualify it.
+        unions: Words for several conditions together, and which.
+        alone: Not to be met together with another family: there are so many of these conditions that some
+            pair would fit anything.
+    """
+
+    by: str
+    words: tuple[str, ...]
+    code: Codes
+    doing: bool = True
+    unions: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    alone: bool = False
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition or several of a family: its words, and which pieces meet it, (P,)."""
+
+    family: Family
+    words: str
+    met: NDArray[np.bool_]
+
+
+def families(
+    record: Recording,
+    vehicle: Vehicle,
+    pieces: Pieces,
+    eta: Array,
+    nu: Array,
+    nu_dot: Array,
+    names: Sequence[str],
+) -> list[Family]:
+    """All families that tell pieces of a recording apart.
+
+    Args:
+        record: The recording.
+        vehicle: Where its thrusters sit, and their names.
+        pieces: How it is cut.
+        eta: Smoothed pose with unwrapped angles, (N, 6).
+        nu: Smoothed velocity, (N, 6).
+        nu_dot: Its derivative, (N, 6).
+        names: Name of each segment's session.
+
+    Returns:
+        Families with at least two conditions that occur.
+    """
+    rows = pieces.total(np.ones(record.rows))[:, None]
+    motion = pieces.total(np.hstack([eta, nu, nu_dot])) / rows
+    command = pieces.total(record.commands) / rows
+    found = [
+        _sessions(pieces, names),
+        *_manoeuvres(motion),
+        *_surroundings(motion),
+        *_commands(command, vehicle),
+    ]
+    return [family for family in found if len(np.unique(family.code[family.code >= 0])) > 1]
+
+
+def conditions(found: Sequence[Family]) -> Iterator[Condition]:
+    """All conditions of families and their unions; those that no piece meets are left out."""
+    for family in found:
+        single = tuple((words, (code,)) for code, words in enumerate(family.words))
+        for words, codes in single + family.unions:
+            met = np.isin(family.code, codes)
+            if met.any():
+                yield Condition(family, words, met)
+
+
+def phrase(several: Sequence[tuple[str, bool]]) -> str:
+    """One to three conditions' words (and whether each is a doing) as a pilot would say them together."""
+    doing = [words for words, is_doing in several if is_doing]
+    being = [words for words, is_doing in several if not is_doing]
+    return " ".join(["while " + " and ".join(doing)] * bool(doing) + [" and ".join(being)] * bool(being))
+
+
+def _sessions(pieces: Pieces, names: Sequence[str]) -> Family:
+    different = list(dict.fromkeys(names))
+    number = np.array([different.index(name) for name in names], np.int64)
+    words = tuple(f"in session {name}" for name in different)
+    return Family("session", words, number[pieces.segment], doing=False, alone=True)
+
+
+def _manoeuvres(motion: Array) -> Iterator[Family]:
+    """Turn, climb, change of speed, speed and drift angle of pieces' mean motion (P, 18)."""
+    nu, nu_dot = motion[:, 6:12], motion[:, 12:]
+    R = rotation(*motion[:, 3:6].T)
+    sinking = np.einsum("kj,kj->k", R[:, 2], nu[:, :3])
+    speed = np.linalg.norm(nu[:, :3], axis=1)
+    gain = np.einsum("kj,kj->k", nu[:, :3], nu_dot[:, :3]) / np.maximum(speed, 1e-9)
+    yield _signed("turn", nu[:, 5], ("turning left", "going straight", "turning right"), "turning")
+    yield _signed("depth change", sinking, ("climbing", "keeping depth", "diving"), "changing depth")
+    yield _signed("acceleration", gain, ("braking", "keeping speed", "accelerating"), "changing speed")
+    yield _ordered("speed", speed, _edges(speed[speed > SLOW], SLOW), "m/s")
+    yield _drift(nu)
+
+
+def _drift(nu: Array) -> Family:
+    sector = np.round(np.arctan2(nu[:, 1], nu[:, 0]) / (0.25 * np.pi)).astype(np.int64) % 8
+    sideways = ("moving right", "moving left")
+    return Family(
+        "drift",
+        (
+            "moving ahead",
+            "moving ahead and right",
+            sideways[0],
+            "moving astern and right",
+            "moving astern",
+            "moving astern and left",
+            sideways[1],
+            "moving ahead and left",
+        ),
+        np.where(np.hypot(nu[:, 0], nu[:, 1]) > SLOW, sector, -1),
+        unions=(
+            ("drifting to the right", (1, 2, 3)),
+            ("drifting to the left", (5, 6, 7)),
+            ("drifting to either side", (1, 2, 3, 5, 6, 7)),
+            ("moving sideways", (2, 6)),
+        ),
+    )
+
+
+def _surroundings(motion: Array) -> Iterator[Family]:
+    """Depth, heading, pitch and roll of pieces' mean motion (P, 18)."""
+    z, phi, theta, psi = motion[:, 2:6].T
+    yield _ordered(
+        "depth",
+        z,
+        _edges(z[z > 0.0]) if np.ptp(z) > 0.5 else [],
+        "m",
+        above=lambda e: f"deeper than {e:g} m",
+        below=lambda e: f"shallower than {e:g} m",
+    )
+    yield Family(
+        "heading",
+        tuple(f"heading {point}" for point in ("north", "east", "south", "west")),
+        np.round(psi / (0.5 * np.pi)).astype(np.int64) % 4,
+        unions=(("heading north or south", (0, 2)), ("heading east or west", (1, 3))),
+    )
+    for by, angle, words in (
+        ("pitch", theta, ("with the nose down", "with the nose level", "with the nose up")),
+        ("roll", phi, ("rolled to the left", "without roll", "rolled to the right")),
+    ):
+        code = np.digitize(angle, [-TILTED, TILTED])
+        yield Family(by, words, code, doing=False)
+
+
+def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
+    """Level of all commands, wrench that they ask for, and command of each thruster, of pieces (P, n)."""
+    if not command.shape[1]:
+        return
+    yield _ordered_words(
+        "command",
+        np.abs(command).max(axis=1),
+        [IDLE, 0.35, 0.7],
+        ("coasting", "under light thrust", "under medium thrust", "under full thrust"),
+    )
+    strength = np.array([t.max_thrust for t in vehicle.thruster])
+    wrench = command * strength @ configuration_matrix(vehicle).T
+    for axis, by, words in (
+        (0, "surge command", ("powered astern", "using no surge thrust", "powered ahead")),
+        (1, "sway command", ("thrusting left", "using no sideways thrust", "thrusting right")),
+        (2, "heave command", ("thrusting up", "using no vertical thrust", "thrusting down")),
+        (5, "yaw command", ("thrusting to turn left", "using no turning thrust", "thrusting to turn right")),
+    ):
+        least = 0.1 * np.abs(wrench[:, axis]).max()
+        if least > 0.0:
+            yield Family(by, words, np.digitize(wrench[:, axis], [-least, least]))
+    for thruster, own in zip(vehicle.thruster, command.T, strict=True):
+        name = thruster.name
+        yield Family(
+            f"thruster {name}",
+            (
+                f"with {name} below -50 %",
+                f"with {name} between -50 and -5 %",
+                f"with {name} off",
+                f"with {name} between +5 and +50 %",
+                f"with {name} above +50 %",
+            ),
+            np.digitize(own, [-0.5, -IDLE, IDLE, 0.5]),
+            doing=False,
+            unions=(
+                (f"with {name} below -5 %", (0, 1)),
+                (f"with {name} above +5 %", (3, 4)),
+                (f"with {name} working", (0, 1, 3, 4)),
+            ),
+            alone=True,
+        )
+
+
+def _signed(by: str, value: Array, words: tuple[str, str, str], both: str) -> Family:
+    """Below, about and above zero, by half the root mean square of the value but 0.02 to 0.1 [SI units]."""
+    least = float(np.clip(0.5 * np.sqrt(np.mean(value**2)), 0.02, 0.1))
+    return Family(by, words, np.digitize(value, [-least, least]), unions=((both, (0, 2)),))
+
+
+def _ordered(
+    by: str,
+    value: Array,
+    edges: Sequence[float],
+    unit: str,
+    above: Callable[[float], str] | None = None,
+    below: Callable[[float], str] | None = None,
+) -> Family:
+    """Ranges of a quantity, and all that is above or below each of their edges."""
+    over = above or (lambda e: f"above {e:g} {unit}")
+    under = below or (lambda e: f"below {e:g} {unit}")
+    if not edges:
+        return Family(by, (), np.full(len(value), -1, np.int64), doing=False)
+    between = [f"between {a:g} and {b:g} {unit}" for a, b in itertools.pairwise(edges)]
+    last = len(edges)
+    unions = [(over(e), tuple(range(i + 1, last + 1))) for i, e in enumerate(edges[:-1])]
+    unions += [(under(e), tuple(range(i + 2))) for i, e in enumerate(edges[1:])]
+    words = (under(edges[0]), *between, over(edges[-1]))
+    return Family(by, words, np.digitize(value, edges), doing=False, unions=tuple(unions))
+
+
+def _ordered_words(by: str, value: Array, edges: Sequence[float], words: tuple[str, ...]) -> Family:
+    """Ranges of a quantity that have words of their own."""
+    return Family(by, words, np.digitize(value, edges))
+
+
+def _edges(value: Array, first: float | None = None) -> list[float]:
+    """Round numbers near the quartiles of positive values, and `first`."""
+    if not len(value):
+        return []
+    quartiles = np.maximum(np.quantile(value, [0.25, 0.5, 0.75]), 1e-3)
+    decade = 10.0 ** np.floor(np.log10(quartiles))
+    near = np.abs(np.log(NICE[:, None] * decade / quartiles)).argmin(axis=0)
+    round_ones = {round(float(n * d), 9) for n, d in zip(NICE[near], decade, strict=True)}
+    return sorted(round_ones if first is None else round_ones | {first})

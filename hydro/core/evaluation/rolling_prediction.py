@@ -1,0 +1,104 @@
+"""Measured motion beside what vehicle files predict of it, begun anew every so many seconds.
+
+For the eye: over minutes any prediction drifts away from any recording, and from 20 s of it one sees which
+of two models flies like the vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, load, predict
+from hydro.core.recording.arrays import POSE, VELOCITY, Array, Recording, Rows, recording, smoothed
+from hydro.core.simulation.integrate import BODY
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+
+MEASURED = "measured"
+SECONDS = 20.0
+"""From one beginning to the next [s]."""
+LONGEST = 120.0
+"""Shown of a session [s], from its first row."""
+SESSIONS = 12
+"""Sessions shown, the first ones."""
+RATE = 10.0
+"""Least rate of the rows [Hz]: a few rows in a second show all that a vehicle does."""
+
+
+def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFrame:
+    """Predict a recording again and again from its own smoothed motion.
+
+    Args:
+        vehicles: The vehicles by the names of their variants.
+        raw: Raw table of the measured motion and commands.
+
+    Returns:
+        A replay table in float32: `session`, `variant` (`measured` and those of `vehicles`), `t`, pose in NED
+        [m, rad] and velocity in the body frame [m/s, rad/s].  A variant lacks the rows in which its motion
+        knows no bounds.
+
+    Raises:
+        DataError: The recording does not fit a vehicle.
+    """
+    since = pl.col("t") - pl.col("t").first().over("session")
+    first = raw["session"].unique(maintain_order=True).head(SESSIONS).implode()
+    shown = raw.filter(pl.col("session").is_in(first)).filter(since <= LONGEST)
+    record = recording(shown, next(iter(vehicles.values())))
+    motions = {MEASURED: np.hstack([record.eta, record.nu])}
+    motions |= {name: _predicted(vehicle, recording(shown, vehicle)) for name, vehicle in vehicles.items()}
+    kept = _thinned(record)
+    table = pl.concat(
+        pl.DataFrame(motion[kept].astype(np.float32), schema=[*POSE, *VELOCITY]).select(
+            shown["session"].gather(kept),
+            pl.lit(name).alias("variant"),
+            pl.Series("t", record.t[kept]),
+            pl.all(),
+        )
+        for name, motion in motions.items()
+    )
+    return table.filter(pl.all_horizontal(pl.col(*POSE, *VELOCITY).is_finite()))
+
+
+def _thinned(record: Recording) -> Rows:
+    """Every so many rows of each segment, from its first."""
+    every = max(int(1.0 / (RATE * record.dt) + 1e-9), 1)
+    return np.concatenate([np.arange(a, b, every, dtype=np.int64) for a, b in record.segments])
+
+
+def _predicted(vehicle: Vehicle, record: Recording) -> Array:
+    """Pose and velocity as a vehicle would have logged them, (N, 12); NaN where they know no bounds."""
+    model, length = candidate(vehicle), max(round(SECONDS / record.dt), 1)
+    eta, nu = smoothed(record)
+    calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
+    out = np.empty((record.rows, 12))
+    for number, (begin, end) in enumerate(record.segments):
+        for start in range(begin, end, length):
+            rows = slice(start, min(start + length, end))
+            shot = Shots(
+                record=record,
+                starts=np.array([start]),
+                segment=np.array([number]),
+                length=rows.stop - rows.start,
+                lead=0,
+                first=calm[start : start + 1],
+                measured=np.empty((1, 0, BODY)),
+                sigma=np.ones(CHANNELS),
+                eta=eta,
+                nu=nu,
+            )
+            shot = corrected_first(shot, model)
+            out[rows] = _angles(predict(load(model, shot), shot)[0])
+    return out
+
+
+def _angles(motion: Array) -> Array:
+    """Position, quaternion and velocity (K, 13) as pose and velocity (K, 12); NaN where not finite."""
+    out = np.full((len(motion), 12), np.nan)
+    fine = np.isfinite(motion).all(axis=1)
+    pose, quaternion, nu = np.split(motion[fine], [3, 7], axis=1)
+    out[fine] = np.hstack([pose, euler_from_quaternion(quaternion), nu])
+    return out

@@ -1,0 +1,1 @@
+"""Parameters of effects from recordings, with standard errors."""

@@ -1,0 +1,378 @@
+"""Parameters of named effects, and their covariance, from a recording.
+
+Two methods.  Equation error balances accelerations over windows of the smoothed motion
+(`identification.weak_form`): fast, and close, but noise in the measured motion biases it.  Output error
+predicts short shots and compares them with what was logged (`identification.multiple_shooting`): it begins
+where equation error ended and is unbiased where the model is true. Both are weighted least squares, solved by
+a Levenberg-Marquardt iteration within bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.errors import DataError
+from hydro.core.identification import multiple_shooting, sensitivity, weak_form
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.initial_guess import beginnings
+from hydro.core.identification.levenberg_marquardt import (
+    ITERATIONS,
+    PRIOR,
+    Problem,
+    descend,
+    linearised,
+    searched,
+    told_by_errors,
+)
+from hydro.core.identification.normal_equations import Normal, covariance
+from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
+from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.recording.arrays import recording
+from hydro.core.recording.sensor_faults import freed
+from hydro.core.vehicle.description import Vehicle
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]
+Method = Literal["output", "equation"]
+METHODS: tuple[str, ...] = ("output", "equation")
+
+TURNS = 8  # of search and iteration
+MOST = 1000
+"""Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
+UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
+PLAIN = 3.0
+ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
+OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
+LEAST_SIGMA = 1e-6
+GROSS = 100.0  # mean square residual in units of the noise from which the noise has no say in the weights
+OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
+IMPASSIVE = (
+    "the best values would let damping or added mass drive the vehicle; they are the best of what "
+    "a passive hull can have"
+)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fitted effects.
+
+    Attributes:
+        vehicle: The vehicle with the fitted values.
+        free: The entries that were fitted.
+        values: (P,) in the units of the entries.
+        standard_errors: (P,).
+        covariance: (P, P).
+        determined: Which entries the data determine, (P,).
+        chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
+        method: `output` or `equation`.
+        warnings: What the user should know, one line each.
+        share: Share of the recording that was looked at.
+    """
+
+    vehicle: Vehicle
+    free: Free
+    values: Array
+    standard_errors: Array
+    covariance: Array
+    determined: NDArray[np.bool_]
+    chi2: float
+    method: str
+    warnings: tuple[str, ...]
+    share: float = 1.0
+
+    def tables(self) -> tuple[dict[str, Any], ...]:
+        """The `[[effect]]` tables of the fitted effects, with their standard errors.
+
+        Values are rounded to a hundredth of their standard errors, or to as many more digits as a damping at
+        the edge of what a passive hull can have needs to stay within; a form that another one has replaced (a
+        diagonal by a matrix) is there as None.
+        """
+        places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
+        values = self._rounded(places)
+        while not accepted(self.free, values) and not np.array_equal(values, self.values):
+            places += 1
+            values = self._rounded(places)
+        errors = np.array([float(f"{error:.3g}") for error in self.standard_errors])
+        tables = []
+        for name in dict.fromkeys(entry.effect for entry in self.free.entries):
+            table = effect_table(self.free, name, self.free.within(values))
+            replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
+            spread = effect_table(self.free, name, errors)
+            tables.append({"name": name} | replaced | table | {"standard_error": spread})
+        return tuple(tables)
+
+    def _rounded(self, places: NDArray[np.int64]) -> Array:
+        pairs = zip(self.values.tolist(), places.tolist(), strict=True)
+        return np.array([round(value, digits) for value, digits in pairs])
+
+    def frame(self) -> pl.DataFrame:
+        """One row per entry: parameter, value, standard_error, unit, determined."""
+        entries = self.free.entries
+        return pl.DataFrame(
+            {
+                "parameter": [entry.name for entry in entries],
+                "value": self.values,
+                "standard_error": self.standard_errors,
+                "unit": [entry.unit for entry in entries],
+                "determined": self.determined,
+            }
+        )
+
+
+def fit(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    *,
+    method: Method = "output",
+    noise: Array | None = None,
+    most: int | None = MOST,
+    report: Report | None = None,
+) -> Fit:
+    """Fit named effects to a recording.
+
+    Args:
+        vehicle: The vehicle; effects that it has begin at their values, new ones at nothing.
+        raw: Raw table of the measured motion and commands.
+        effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
+            choice), or tables with values to begin from.
+        method: `output` or `equation`.
+        noise: Standard deviation of pose and velocity, (12,); by default found from the data.
+        most: Shots of output error and windows of equation error, spread evenly over a longer recording;
+            None for all there are.
+        report: Called with a few words and the share of the work done.
+
+    Returns:
+        Values with standard errors and warnings.
+
+    Raises:
+        DataError: An effect or the recording is at fault, or the vehicle's motion knows no bounds.
+    """
+    if method not in METHODS:
+        raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
+    told = report or (lambda words, share: None)
+    raw, faults = freed(vehicle, raw)
+    record = recording(raw, vehicle)
+    unknown = free(vehicle, effects, reach=record.eta[:, :3])
+    told("equation error", 0.0)
+    windows = weak_form.Windows.of(record, noise, most)
+    share = windows.share
+    values, problem, chi2 = _begin(unknown, windows, record.eta[:, :3])
+    if method == "output":
+        told("output error", 0.2)
+        late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
+            entry.effect == "sensor_delay" for entry in unknown.entries
+        )
+        shots = multiple_shooting.aim(
+            record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most
+        )
+        share = shots.share
+        values, problem = _aimed(unknown, values, shots)
+    values, normal, problem = _settle(unknown, values, problem, told)
+    kept, normal, problem = _passive(unknown, values, normal, problem)
+    if isinstance(problem, OutputError):
+        chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
+    told("done", 1.0)
+    found = judged(unknown, kept + 0.0, normal, chi2, method)
+    reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
+    told_of = (fault.advice for fault in faults)
+    return replace(found, warnings=(*told_of, *reduced, *found.warnings), share=share)
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """Output error over shots, whose beginnings go along with the parameters."""
+
+    shots: multiple_shooting.Shots
+
+    @classmethod
+    def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
+        """Begin the shots as this vehicle's velocity log says."""
+        return cls(shots).begun(vehicle)
+
+    def begun(self, vehicle: Vehicle) -> OutputError:
+        """The problem with its shots begun as this vehicle's velocity log says."""
+        return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
+
+    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
+        """See `sensitivity.linearise`."""
+        loaded = multiple_shooting.load(candidate(base), self.shots)
+        others = [multiple_shooting.load(candidate(other), self.shots, loaded) for other in moved]
+        return sensitivity.linearise(loaded, others, steps, self.shots)
+
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
+        """Predict anew, from beginnings moved as the linearised problem would have them.
+
+        Where a shot ends far from what that problem expects, less of the way is tried, and none.
+        """
+        shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
+        shift = np.clip(shift, -FARTHEST * multiple_shooting.TRUST, FARTHEST * multiple_shooting.TRUST)
+        first = multiple_shooting.displaced(self.shots.first, shift)
+        loaded, reached = multiple_shooting.load(candidate(vehicle), self.shots), OFF * normal.expected(step)
+        costs = multiple_shooting.costs(loaded, replace(self.shots, first=first))
+        for part in SHORTER:
+            poor = ~(costs <= np.maximum(reached, normal.freedom))
+            if not poor.any():
+                break
+            less = multiple_shooting.displaced(self.shots.first[poor], part * shift[poor])
+            tried = replace(multiple_shooting.some(self.shots, poor), first=less)
+            again = multiple_shooting.costs(loaded.of(poor), tried)
+            better = np.flatnonzero(poor)[again < costs[poor]]
+            first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
+        return float(costs.sum()), OutputError(replace(self.shots, first=first))
+
+    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
+        """Noise of each channel as what is left in it: what the model does not explain weighs less."""
+        rms = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / multiple_shooting.CHANNELS))
+        sigma = np.maximum(self.shots.sigma * rms, LEAST_SIGMA)
+        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE).all():
+            return self, False
+        return self.weighed(sigma), True
+
+    def weighed(self, sigma: Array) -> OutputError:
+        """The problem with other deviations of its channels, (12,)."""
+        return OutputError(replace(self.shots, sigma=sigma))
+
+
+def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
+    """The best of all beginnings after equation error from each, and its chi2."""
+    tried = [descend(unknown, start, windows, ITERATIONS) for start in beginnings(unknown, windows, reach)]
+    values, normal, problem = min(tried, key=lambda result: result[1].cost)
+    problem, _ = problem.reweighted(normal)
+    values, _, problem = descend(unknown, values, problem, ITERATIONS)
+    return values, problem, normal.chi2
+
+
+def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
+    """Where output error begins: as equation error says, unless its motion knows no bounds."""
+    for begin in (values, *unknown.starts):
+        problem = OutputError.of(shots, unknown.at(begin))
+        if np.isfinite(
+            multiple_shooting.cost(multiple_shooting.load(candidate(unknown.at(begin)), shots), problem.shots)
+        ):
+            return begin, problem
+    raise DataError(
+        "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
+        "linear_damping too"
+    )
+
+
+def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, Problem]:
+    """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
+    first = linearised(unknown, values / unknown.scales, problem)
+    if first.chi2 > GROSS:
+        problem, _ = problem.reweighted(first)
+    for attempt in range(4):
+        values, normal, problem = _found(unknown, values, problem)
+        told("weights", 0.5 + 0.1 * attempt)
+        problem, changed = problem.reweighted(normal)
+        if not changed:
+            break
+    return values, told_by_errors(unknown, values, normal, problem), problem
+
+
+def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:
+    """Iterate; where entries act in steps, search for them and iterate over the others in turn."""
+    stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
+    if not stepped.any():
+        return descend(unknown, values, problem, ITERATIONS)
+    for _ in range(TURNS):
+        better = searched(unknown, values, problem)
+        smooth = unknown.holding(better, stepped)
+        rest, _, problem = descend(smooth, smooth.starts[0], problem, ITERATIONS)
+        settled = np.array_equal(better, values)
+        values = better.copy()
+        values[~stepped] = rest
+        if settled:
+            break
+    return values, linearised(unknown, values / unknown.scales, problem), problem
+
+
+def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal, Problem]:
+    """Where the best values would drive the vehicle, the best that a passive hull can have; the rest anew."""
+    kept = possible(unknown, values, _information(normal))
+    if np.array_equal(kept, values):
+        return values, normal, problem
+    held = bounded_in_sum(unknown)
+    rest = unknown.holding(kept, held)
+    _, problem = problem.cost(unknown.at(kept), (kept - values) / unknown.scales, normal)
+    if rest.entries:
+        kept[~held], _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
+    return kept, linearised(unknown, kept / unknown.scales, problem), problem
+
+
+def _information(normal: Normal) -> Array:
+    """X^T X of all pieces and what is known beforehand, (P, P)."""
+    told = normal.matrix.sum(axis=0)
+    total: Array = told + PRIOR**-2 * np.eye(len(told))
+    return total
+
+
+def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
+    """Covariance, warnings and a vehicle that is physically possible."""
+    warnings: list[str] = []
+    within = possible(unknown, values, _information(normal))
+    if not np.array_equal(within, values):
+        warnings.append(IMPASSIVE)
+        values = within
+    scales = unknown.scales
+    spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
+    errors = np.sqrt(np.diag(spread))
+    plain = (np.abs(values) > PLAIN * errors) & (errors < 0.3 * PRIOR * scales)
+    determined = (errors <= UNDETERMINED * scales) | plain
+    if lost := int(normal.lost.sum()):
+        warnings.append(
+            f"{lost} of {len(normal.lost)} predictions grow beyond all bounds with these values and are left "
+            "out; check the vehicle's damping"
+        )
+    warnings += _advice(unknown, determined)
+    warnings += _confusions(unknown, spread, errors, determined)
+    low, high = unknown.bounds
+    at_bound = [
+        e.name for e, stuck in zip(unknown.entries, (values <= low) | (values >= high), strict=True) if stuck
+    ]
+    if at_bound:
+        warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
+    return Fit(
+        vehicle=unknown.at(values),
+        free=unknown,
+        values=values,
+        standard_errors=errors,
+        covariance=spread,
+        determined=determined,
+        chi2=chi2,
+        method=method,
+        warnings=tuple(warnings),
+    )
+
+
+def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
+    """One line for each effect of which the data leave something open."""
+    lines = []
+    for name in dict.fromkeys(entry.effect for entry in unknown.entries):
+        pairs = zip(unknown.entries, determined, strict=True)
+        left = [entry.name for entry, known in pairs if entry.effect == name and not known]
+        if left:
+            need = CATALOGUE[name].excitation
+            lines.append(f"not determined by these data: {', '.join(left)}; it would need {need}")
+    return lines
+
+
+def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
+    """Pairs of entries that the data can hardly tell apart."""
+    correlation = spread / np.outer(errors, errors)
+    return [
+        f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be told apart by these data "
+        f"(correlation {correlation[i, j]:+.3f})"
+        for i in range(len(errors))
+        for j in range(i)
+        if abs(correlation[i, j]) > ALIKE and determined[i] and determined[j]
+    ]

@@ -1,0 +1,83 @@
+"""Where a fit begins with effects that are not linear in all of their parameters.
+
+About an effect's absence most of such parameters mean nothing: a payload of no weight may lie anywhere.  What
+`identification.suspects` lays out as columns is linear, a payload's weight and its three moments; the linear
+problem with all other free entries beside them says how large they are, and thus where the weight lies.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.identification.levenberg_marquardt import Problem, linear_step, moved
+from hydro.core.identification.parameters import Free
+from hydro.core.identification.suspects import CURVED, every_shape
+
+Array = NDArray[np.float64]
+
+KEPT = 4
+"""Shapes of one effect that a fit begins from: those that explain most."""
+
+
+def beginnings(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
+    """Values (P,) to begin from, the most telling first; those that `unknown` has where all is linear.
+
+    Args:
+        unknown: The free entries.
+        problem: What is fitted.
+        reach: Positions of the recording, (N, 3).
+    """
+    names = [name for name in CURVED if _open(unknown, name)]
+    if not names:
+        return unknown.starts
+    begun = [_begun(unknown, name, problem, reach) for name in names]
+    found = []
+    for choice in itertools.product(*begun):
+        values = choice[0][1].copy()
+        for name, (_, other) in zip(names, choice, strict=True):
+            values[_own(unknown, name)] = other[_own(unknown, name)]
+        found.append((sum(gain for gain, _ in choice), unknown.within(values)))
+    return tuple(values for _, values in sorted(found, key=lambda pair: -pair[0])[:KEPT])
+
+
+def _own(unknown: Free, name: str) -> NDArray[np.bool_]:
+    return np.array([entry.effect == name for entry in unknown.entries])
+
+
+def _open(unknown: Free, name: str) -> bool:
+    """Whether a fit may begin with an effect anywhere: it is new, and the caller gave no values."""
+    return bool((np.ptp(np.array(unknown.starts), axis=0) > 0.0)[_own(unknown, name)].any())
+
+
+def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tuple[float, Array]]:
+    """The best shapes of one effect: squared residual that each explains, and values (P,) of all entries."""
+    start, mine = unknown.starts[0], _own(unknown, name)
+    rest = unknown.holding(start, mine)
+    rest = replace(rest, vehicle=rest.vehicle.without(name))
+    changed, steps = moved(rest, rest.starts[0])
+    count, groups = len(changed), []
+    for suspect in every_shape(rest.vehicle, name, reach=reach):
+        groups.append((suspect, [*range(count), *range(len(changed), len(changed) + len(suspect.steps))]))
+        changed += suspect.changed
+        steps += suspect.steps
+    normal = problem.linearise(rest.vehicle, changed, steps)
+    found = []
+    for suspect, columns in groups:
+        gain, step = linear_step(normal, columns)
+        values = start.copy()
+        values[~mine] = rest.within(rest.starts[0] + step[:count] * rest.scales)
+        values[mine] = _values(unknown, mine, suspect.begin(step[count:]))
+        found.append((gain, values))
+    return sorted(found, key=lambda pair: -pair[0])[:KEPT]
+
+
+def _values(unknown: Free, mine: NDArray[np.bool_], table: Mapping[str, Any]) -> Array:
+    """The entries of one effect as its table has them."""
+    own = [entry for entry, chosen in zip(unknown.entries, mine, strict=True) if chosen]
+    return np.array([float(np.asarray(table[entry.parameter])[entry.index]) for entry in own])

@@ -1,0 +1,129 @@
+"""Values near the fitted ones that a passive hull can have.
+
+Added mass, and linear damping's symmetric part, must be positive semi-definite in sum.  Both are linear in
+the entries that are fitted, so that each direction e in which e^T D e would be negative cuts a half-space off
+the possible values.  The best values in what is left minimise the linearised sum of squares: a least-distance
+problem (Lawson and Hanson, Solving Least Squares Problems, 1974, chapter 23).  Worst directions are cut off
+until none is left (Kelley, The cutting-plane method for solving convex programs, 1960).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
+
+from hydro.core.effects import validate
+from hydro.core.effects.catalogue import added_mass_matrix
+from hydro.core.effects.validate import damping_in_sum
+from hydro.core.errors import DataError
+from hydro.core.identification.parameters import Entry, Free
+from hydro.core.vehicle.description import Vehicle
+
+Array = NDArray[np.float64]
+
+CUTS = 100
+INSIDE = 1e-6  # of a matrix' greatest entry, by which a cut goes beyond the edge: so that cuts come to an end
+HALVINGS = 20
+
+
+def possible(unknown: Free, values: Array, information: Array) -> Array:
+    """Values that `validate` accepts: the fitted ones (P,), or the best of those that it does.
+
+    Where no cuts lead there, couplings, or all, are drawn back toward where the fit began.
+
+    Args:
+        unknown: The entries.
+        values: The best ones, (P,).
+        information: X^T X of the problem about them, in the entries' scales, positive definite, (P, P).
+    """
+    if accepted(unknown, values):
+        return values
+    found = _nearest(unknown, values, information)
+    return found if accepted(unknown, found) else _drawn_back(unknown, values)
+
+
+def bounded_in_sum(unknown: Free) -> NDArray[np.bool_]:
+    """Which entries stand in a sum that must be positive semi-definite, (P,)."""
+    return np.asarray(_answers(unknown, unknown.starts[0]).any(axis=(1, 2, 3)))
+
+
+def accepted(unknown: Free, values: Array) -> bool:
+    """Whether `validate` accepts the vehicle with these values (P,)."""
+    try:
+        validate(unknown.at(values))
+    except DataError:
+        return False
+    return True
+
+
+def _sums(vehicle: Vehicle) -> Array:
+    """What must be positive semi-definite: added mass, and linear damping's symmetric part, (2, 6, 6)."""
+    both = np.stack([added_mass_matrix(vehicle), damping_in_sum(vehicle)[0]])
+    return 0.5 * (both + both.transpose(0, 2, 1))
+
+
+def _answers(unknown: Free, values: Array) -> Array:
+    """How the sums answer to each entry, in its scale, (P, 2, 6, 6)."""
+    here = _sums(unknown.at(values))
+    return np.stack([_sums(unknown.at(values + move)) - here for move in np.diag(unknown.scales)])
+
+
+def _nearest(unknown: Free, values: Array, information: Array) -> Array:
+    """The best values (P,) that keep the sums and the bounds."""
+    scales, count = unknown.scales, len(values)
+    here, answers = _sums(unknown.at(values)), _answers(unknown, values)
+    root = cholesky(information)
+    low, high = (bound - values for bound in unknown.bounds)
+    sides, edges = (
+        np.vstack([np.eye(count), -np.eye(count)]),
+        np.concatenate([low, -high]) / np.tile(scales, 2),
+    )
+    sides, edges = sides[np.isfinite(edges)], edges[np.isfinite(edges)]
+    step = np.zeros(count)
+    for _ in range(CUTS):
+        sums = here + np.einsum("p,pmij->mij", step, answers)
+        level, direction = np.linalg.eigh(sums)
+        margin = INSIDE * np.abs(here).max(axis=(1, 2))
+        worst = [(m, direction[m, :, i]) for m in range(2) for i in range(6) if level[m, i] < 0.0]
+        if not worst:
+            break
+        for m, e in worst:
+            sides = np.vstack([sides, answers[:, m] @ e @ e])
+            edges = np.append(edges, margin[m] - here[m] @ e @ e)
+        step = _least_distance(root, sides, edges)
+    return unknown.within(values + step * scales)
+
+
+def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
+    """The step d of least |root d| with `sides` d >= `edges`; root upper triangular."""
+    normal = solve_triangular(root, sides.T, trans="T").T
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    dual = np.vstack([(normal / size[:, None]).T, edges / size])
+    target = np.append(np.zeros(len(root)), 1.0)
+    left = dual @ nnls(dual, target)[0] - target
+    step: Array = solve_triangular(root, -left[:-1] / left[-1]) if left[-1] else np.zeros(len(root))
+    return step
+
+
+def _drawn_back(unknown: Free, values: Array) -> Array:
+    """Couplings, or all values, as far toward the start as they must."""
+    couplings = np.array([_couples(entry) for entry in unknown.entries])
+    for moving in (couplings, np.ones(len(values), bool)):
+        way = np.where(moving, values - unknown.starts[0], 0.0)
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            kept = accepted(unknown, values - (1.0 - middle) * way)
+            low, high = (middle, high) if kept else (low, middle)
+        values = values - (1.0 - low) * way
+        if accepted(unknown, values):
+            break
+    return values
+
+
+def _couples(entry: Entry) -> bool:
+    """Whether an entry stands off the diagonal of a matrix."""
+    off = len(entry.index) == 2 and entry.index[0] != entry.index[1] and entry.parameter == "matrix"
+    return off or entry.effect in ("coupled_damping", "added_mass_coupling")

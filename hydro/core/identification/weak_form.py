@@ -1,0 +1,166 @@
+"""Equation error over windows: the balance of a vehicle, moved off the noise by a smooth test function.
+
+    int phi nu_dot - int phi a(eta, nu, f) = -int phi' nu - int phi a = 0,      phi(s) = (1 - s^2)^3
+
+a is the acceleration that the vehicle's program gives along the smoothed motion, so no measured acceleration
+is needed (weak form, Messenger and Bortz 2021).  The kinematics stand beside it, d(x, y, z)/dt = R v, where
+the errors of a velocity log show and no force can.
+
+Of a long recording, windows spread evenly over it are enough, and forces are worked out on their rows alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.core.identification.candidate import (
+    Candidate,
+    accelerations_at,
+    candidate,
+    rotor_states_around,
+    true_velocity,
+)
+from hydro.core.identification.multiple_shooting import evenly
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.recording.arrays import Array, Recording, noise, smoothed
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+
+Rows = NDArray[np.int64]
+
+SECONDS = 2.0
+"""Length of a window; neighbours overlap by half."""
+EQUATIONS = 9  # of a window
+SHARED = 4  # of them that overlapping neighbours have in common
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Equation error of a recording.
+
+    Attributes:
+        record: The recording.
+        eta: Smoothed pose, (N, 6).
+        nu: Smoothed velocity as logged, (N, 6).
+        rows: The rows that windows cover, rising, (K,).
+        starts: Place in `rows` of the first row of each window, (W,).
+        test: phi at the rows of a window, times dt, (L,).
+        slope: phi' likewise, (L,).
+        whitener: W with W^T W the inverse covariance of a window's residuals, (9, 9).
+        freedom: Independent equations in a window.
+        share: Of all windows that the recording has room for.
+    """
+
+    record: Recording
+    eta: Array
+    nu: Array
+    rows: Rows
+    starts: Rows
+    test: Array
+    slope: Array
+    whitener: Array
+    freedom: int
+    share: float
+
+    @classmethod
+    def of(cls, record: Recording, sigma: Array | None = None, most: int | None = None) -> Windows:
+        """Lay windows over a recording.
+
+        Args:
+            record: The recording.
+            sigma: Noise of the twelve channels; by default found from the recording.
+            most: Windows to keep of a long recording, see `shooting.evenly`; by default all.
+
+        Raises:
+            DataError: No segment is as long as a window.
+        """
+        length = max(round(SECONDS / record.dt), 8) + 1
+        step = length // 2
+        room = np.concatenate(
+            [np.arange(a, b - length + 1, step, dtype=np.int64) for a, b in record.segments]
+        )
+        if not room.size:
+            raise DataError(
+                f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer ones"
+            )
+        s = np.linspace(-1.0, 1.0, length)
+        test = (1.0 - s**2) ** 3 * record.dt
+        slope = -6.0 * s * (1.0 - s**2) ** 2 / (0.5 * (length - 1))
+        known = noise(record) if sigma is None else np.asarray(sigma, float)
+        spread = np.concatenate([known[6:], known[:3]]) * np.linalg.norm(slope)
+        eta, nu = smoothed(record)
+        first = room[evenly(room.size, most)]
+        rows = np.unique(first[:, None] + np.arange(length))
+        overlapping = float(np.mean(np.diff(first) == step)) if first.size > 1 else 0.0
+        return cls(
+            record=record,
+            eta=eta,
+            nu=nu,
+            rows=rows,
+            starts=np.searchsorted(rows, first),
+            test=test,
+            slope=slope,
+            whitener=np.diag(1.0 / np.maximum(spread, 1e-6)),
+            freedom=round(EQUATIONS - SHARED * overlapping),
+            share=first.size / room.size,
+        )
+
+    def residuals(self, vehicle: Vehicle) -> Array:
+        """Whitened residuals of a vehicle, (W, 9)."""
+        model = candidate(vehicle)
+        return self._residuals(model, self._rotors(model))
+
+    def _rotors(self, model: Candidate) -> Array:
+        """Lag states of the thrusters at the rows of the windows, (K, n)."""
+        return rotor_states_around(model, self.record)[self.rows]
+
+    def _residuals(self, model: Candidate, rotors: Array) -> Array:
+        record, rows = self.record, self.rows
+        nu = true_velocity(model, record, self.nu)
+        moving = np.einsum("kij,kj->ki", rotation(*self.eta[rows, 3:].T), nu[rows, :3])
+        rates = np.hstack([accelerations_at(rows, model, record, self.eta, nu, rotors), moving])
+        states = np.hstack([true_velocity(model, record, record.nu)[rows], record.eta[rows, :3]])
+        window = self.starts[:, None] + np.arange(self.test.size)
+        error = -np.einsum("l,wli->wi", self.slope, states[window]) - np.einsum(
+            "l,wli->wi", self.test, rates[window]
+        )
+        whitened: Array = error @ self.whitener.T
+        return whitened
+
+    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
+        """The least-squares problem about a vehicle; the residual counts as measured less predicted."""
+        here = candidate(base)
+        rotors = self._rotors(here)
+
+        def residuals(vehicle: Vehicle) -> Array:
+            model = candidate(vehicle)
+            same = np.array_equal(model.thrusters, here.thrusters)
+            return self._residuals(model, rotors if same else self._rotors(model))
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            error, *others = pool.map(residuals, [base, *moved])
+        columns = np.empty((*error.shape, len(moved) + 1))
+        columns[..., -1] = error
+        for i, (other, step) in enumerate(zip(others, steps, strict=True)):
+            columns[..., i] = (error - other) / step
+        gram = columns.transpose(0, 2, 1) @ columns
+        return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
+
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
+        """Sum of squares."""
+        total = float((self.residuals(vehicle) ** 2).sum())
+        return (total if np.isfinite(total) else np.inf), self
+
+    def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
+        """Weights from what is left."""
+        rms = np.sqrt(normal.channels.mean(axis=0))
+        if (rms < 1.15).all():
+            return self, False
+        return replace(self, whitener=np.diag(1.0 / np.maximum(rms, 1.0)) @ self.whitener), True

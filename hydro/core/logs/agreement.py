@@ -1,0 +1,152 @@
+"""The two kinematic identities of a log, window by window, under any reading of its columns.
+
+Whatever forces act, the body origin moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega)
+(Fossen 2011, sec. 2.2).  Both are integrated over windows of a second, so that noise averages out: the change
+of the position against the mean of R v, the turn of R against the mean of omega.  A wrong frame, unit or sign
+breaks them by as much as the vehicle moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hydro.core.logs import conventions
+from hydro.core.logs.alternatives import BODIES
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import Attitude, LogMap, Position, Rates, Velocity
+from hydro.core.recording.segments import GAP
+
+Array = NDArray[np.float64]
+
+SECONDS = 1.0
+"""Length of a window [s]."""
+MOST = 300
+"""Windows taken, evenly spread over the log."""
+CLEARLY = 0.3
+"""How far above the surface nothing under water is [m]."""
+RESOLUTION: Array = np.array([1e-4, 1e-5])
+"""Differences of velocity [m/s] and rate [rad/s] that do not matter."""
+
+
+def windows(times: Sequence[Array], dt: float) -> list[Array]:
+    """Times of the rows of each window, per session (W, m + 1): end to end, none across a gap."""
+    steps = max(1, round(SECONDS / dt))
+    starts = []
+    for number, t in enumerate(times):
+        edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
+        for start, stop in pairwise(edges):
+            starts += [(number, k) for k in range(start, stop - steps, steps)]
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(MOST, len(starts))).round().astype(int))
+    taken = [starts[i] for i in chosen]
+    return [
+        np.array([t[k : k + steps + 1] for session, k in taken if session == number]).reshape(-1, steps + 1)
+        for number, t in enumerate(times)
+    ]
+
+
+class Evidence:
+    """The windows of a log, and what each reading of a block makes of them, computed once.
+
+    Args:
+        logs: The sessions.
+        windows: Times of their windows, of `windows`.
+    """
+
+    def __init__(self, logs: Sequence[SessionLog], windows: Sequence[Array]) -> None:
+        present = [(log, t) for log, t in zip(logs, windows, strict=True) if len(t)]
+        self.t: Array = np.concatenate([t for _, t in present])
+        self.length = float(np.median(self.t[:, -1] - self.t[:, 0]))
+        count, rows = self.t.shape
+        before, after = np.r_[np.ones(rows - 1), 0.0], np.r_[0.0, np.ones(rows - 1)]
+        self.rules = {"trapezoid": 0.5 * (before + after), "left": before, "right": after}
+
+        def gather(reading: Callable[[SessionLog, Array], Array]) -> Array:
+            parts = [reading(log, t.ravel()) for log, t in present]
+            return np.concatenate(parts).reshape(count, rows, *parts[0].shape[1:])
+
+        @cache
+        def placed(block: Position) -> Array:
+            return gather(lambda log, at: conventions.position(log, block, at))
+
+        @cache
+        def attitude(block: Attitude) -> Array:
+            return gather(lambda log, at: conventions.attitude(log, block, at))
+
+        @cache
+        def turning(block: Attitude) -> Array:
+            R = attitude(block)
+            step = np.swapaxes(R[:, :-1], -1, -2) @ R[:, 1:]
+            turns = Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec().reshape(count, rows - 1, 3)
+            return np.asarray(turns.sum(axis=1) / self.length)
+
+        @cache
+        def velocity(block: Velocity) -> Array:
+            def as_given(log: SessionLog, at: Array) -> Array:  # along world axes where the block says so
+                return conventions.velocity(log, block, at, np.broadcast_to(np.eye(3), (len(at), 3, 3)))
+
+            return gather(as_given)
+
+        @cache
+        def moving(attitude_block: Attitude, block: Velocity, rule: str) -> Array:
+            given = velocity(block)
+            if block.frame in BODIES:
+                given = np.einsum("wkij,wkj->wki", attitude(attitude_block), given)
+            return self.mean(given, rule)
+
+        @cache
+        def spinning(block: Rates) -> Array:
+            return gather(lambda log, at: conventions.rates(log, block, at))
+
+        self.placed, self.attitude, self.turning = placed, attitude, turning
+        self.velocity, self.moving, self.spinning = velocity, moving, spinning
+
+    def travel(self, block: Position) -> Array:
+        """Rate of the position over each window, NED (W, 3) [m/s]."""
+        x = self.placed(block)
+        return np.asarray((x[:, -1] - x[:, 0]) / self.length)
+
+    def mean(self, values: Array, rule: str) -> Array:
+        """Mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
+        weights = self.rules[rule]
+        return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
+
+    def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
+        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s]."""
+        translation = self.travel(given.position) - self.moving(given.attitude, given.velocity, rule)
+        rotation = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
+        return np.hstack([translation, rotation])
+
+    def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
+        """RMS of the residuals, (2,): [m/s] and [rad/s]."""
+        squares = (self.residuals(given, rule) ** 2).reshape(-1, 2, 3).sum(axis=2)
+        return np.asarray(np.sqrt(squares.mean(axis=0)))
+
+    def shares(self, given: LogMap) -> Array:
+        """The errors as shares of what there is to explain, (2,).
+
+        Shares, for a log read in millimetres throughout has small errors too.
+        """
+        return np.asarray(np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION))
+
+    def motion(self, given: LogMap) -> Array:
+        """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
+        seen = np.stack([self.travel(given.position), self.turning(given.attitude)], axis=1)
+        return np.asarray(np.sqrt((seen**2).sum(axis=2).mean(axis=0)))
+
+    def misfit(self, given: LogMap) -> float:
+        """One figure for both identities, the mean logarithm of their shares."""
+        return float(np.log(self.shares(given)).mean())
+
+    def upright(self, block: Attitude) -> bool:
+        """Whether the vehicle's down axis mostly points down."""
+        return bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
+
+    def above_water(self, block: Position) -> float:
+        """Share of the rows in which the body origin is clearly above the surface."""
+        return float((self.placed(block)[..., 2] < -CLEARLY).mean())

@@ -1,0 +1,284 @@
+"""Do the velocities of a log belong to its pose?  The data's own answer to what its frames and signs are.
+
+Whether one reading of a log is better than another is judged by a single number.  With the residuals r of the
+first and r' of the second, c = <r, r - r'> / |r - r'|^2 is 0 where the first reading is right, 1 where the
+second is, and 1/2 where the data cannot tell, as on an axis without motion.
+
+Two things no kinematics shows: a frame that is wrong in all blocks alike, and of a pose that was itself
+integrated from these velocities anything but that both speak the same language.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.logs.agreement import RESOLUTION, SECONDS, Evidence, windows
+from hydro.core.logs.alternatives import Change, cost, difference, flips, frame_changes
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import LogMap, measured
+
+Array = NDArray[np.float64]
+
+LEAST = 6  # windows; fewer show nothing
+TIE = 0.05  # relative difference of misfits that is none
+DOUBT = 0.5  # unexplained share of the motion from which every combination of frames is tried
+UNEXPLAINED = 0.7  # share from which a reading explains nothing, so that it cannot be better than another
+TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard errors it must be off 1/2
+TESTED = 6.0  # standard errors from which a sign counts as tested, for there are many
+UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
+MOSTLY = 0.9
+STARTS = 8  # best combinations of frames from which single signs are tried
+DEAD_RECKONED = 0.4  # share of the error that the velocity's own noise allows
+STRETCHES = 30  # of the log, for standard errors
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the kinematics say of a log and its map.
+
+    Attributes:
+        agreement: RMS difference of position's rate [m/s] and of attitude's rate [rad/s] from the logged
+            velocities, as declared.
+        contradictions: One line for each setting that the data contradict; empty where they agree.
+        notes: Lines on what the test could not show, or what looks odd otherwise.
+        follows: The map that the data follow; the declared one where nothing contradicts it.
+    """
+
+    agreement: tuple[float, float]
+    contradictions: tuple[str, ...]
+    notes: tuple[str, ...]
+    follows: LogMap
+
+
+def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap) -> Verdict:
+    """Test a map, and every other plausible reading of the same columns, by the kinematics of the log.
+
+    Args:
+        logs: The sessions.
+        times: Of each session, the times of its rows [s]; all channels have values there.
+        dt: Sample time [s].
+        declared: What the columns are said to mean.
+    """
+    taken = windows(times, dt)
+    if sum(map(len, taken)) < LEAST:
+        note = f"frames and signs not tested: there are not {LEAST} windows of {SECONDS:g} s without a gap"
+        return Verdict((np.nan, np.nan), (), (note,), declared)
+    evidence = Evidence(logs, taken)
+    found = _best(evidence, declared)
+    changes = difference(declared, found)
+    lines = [_contradiction(evidence, declared, found, change) for change in changes]
+    notes = [*_oddities(evidence, found), *_void(evidence, found)]
+    translation, rotation = (float(error) for error in evidence.errors(declared))
+    return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
+
+
+def _best(evidence: Evidence, declared: LogMap) -> LogMap:
+    """The map that the data follow: the least change of the declared one that explains as much as any."""
+    found = declared
+    if (evidence.shares(declared) > DOUBT).any():
+        found = _among_all(evidence, declared)
+    return _pruned(evidence, declared, _polished(evidence, declared, found))
+
+
+def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
+    """The best of all combinations of frames and units, each with those signs that help it."""
+    ranked = sorted(_combinations(evidence, declared), key=lambda one: one[0])
+    starts = [declared, *(given for _, given in ranked[:STARTS])]
+    signed = {_with_signs(evidence, start) for start in starts}
+    return _least_change(evidence, declared, {*signed, *(given for _, given in ranked[:STARTS])})
+
+
+def _combinations(evidence: Evidence, declared: LogMap) -> Iterable[tuple[float, LogMap]]:
+    """Combinations of frames and units with their misfit, the best rates of each attitude only."""
+    changes = frame_changes(declared)
+    for attitude in _readings(declared, changes["attitude"]):
+        turned = min(_readings(attitude, changes["rates"]), key=evidence.misfit)
+        for velocity in _readings(turned, changes["velocity"]):
+            for given in _readings(velocity, changes["position"]):
+                yield evidence.misfit(given), given
+
+
+def _readings(given: LogMap, changes: Sequence[Change]) -> list[LogMap]:
+    """A map with none, one, and any two of the changes of one block that concern different settings."""
+    singles = [change.apply(given) for change in changes]
+    pairs = [
+        second.apply(first.apply(given))
+        for first, second in combinations(changes, 2)
+        if not dict(first.settings).keys() & dict(second.settings).keys()
+    ]
+    return list(dict.fromkeys([given, *singles, *pairs]))
+
+
+def _with_signs(evidence: Evidence, start: LogMap) -> LogMap:
+    """The map with the columns reversed that lower its misfit, one after another."""
+    given, misfit = start, evidence.misfit(start)
+    while True:
+        options = [change.apply(given) for change in flips(given)]
+        best = min(options, key=evidence.misfit)
+        if evidence.misfit(best) > misfit - TIE:
+            return given
+        given, misfit = best, evidence.misfit(best)
+
+
+def _least_change(evidence: Evidence, declared: LogMap, options: Iterable[LogMap]) -> LogMap:
+    """Of the maps that explain as much as the best, the one nearest to what was declared."""
+    misfits = {given: evidence.misfit(given) for given in options}
+    good = [given for given, misfit in misfits.items() if misfit < min(misfits.values()) + TIE]
+
+    def price(given: LogMap) -> tuple[float, float]:
+        fallen = not evidence.upright(given.attitude)
+        flying = evidence.above_water(given.position) > MOSTLY
+        return cost(declared, given) + UPSIDE_DOWN * fallen + FLYING * flying, misfits[given]
+
+    return min(good, key=price)
+
+
+def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
+    """The map with every single change that the data demand, the surest first."""
+    for _ in range(len(flips(declared))):
+        singles = [change for changes in frame_changes(given).values() for change in changes]
+        options = [change.apply(given) for change in [*singles, *flips(given)]]
+        if evidence.upright(given.attitude):
+            options = [option for option in options if evidence.upright(option.attitude)]
+        demanded = {
+            option: sureness
+            for option in options
+            if (sureness := _speaks_for(evidence, given, option)) is not None
+        }
+        if not demanded:
+            return given
+        surest = max(demanded.values())
+        near = [option for option, sureness in demanded.items() if sureness > (1.0 - TIE) * surest]
+        given = min(near, key=lambda option: (cost(declared, option), -demanded[option]))
+    return given
+
+
+def _pruned(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
+    """The map without those changes that the data do not demand once the others are made."""
+    for change in difference(declared, found):
+        without = _without(declared, found, change)
+        if _speaks_for(evidence, without, found) is None:
+            return _pruned(evidence, declared, without)
+    return found
+
+
+def _without(declared: LogMap, found: LogMap, change: Change) -> LogMap:
+    """The found map but for one of its changes, which stays as declared."""
+    given = declared
+    for other in difference(declared, found):
+        if other != change:
+            given = other.apply(given)
+    return given
+
+
+def _speaks_for(evidence: Evidence, first: LogMap, second: LogMap) -> float | None:
+    """Standard errors by which c is above 1/2 where the data demand the second reading; None otherwise.
+
+    It must also explain the motion on which it is better: a smaller unit makes every error smaller.
+    """
+    before, after = evidence.shares(first), evidence.shares(second)
+    better = int(np.argmax(before / after))
+    if not after[better] < min(before[better], UNEXPLAINED):
+        return None
+    c, error = _contrast(evidence, first, second)
+    sureness = (c - 0.5) / error
+    return sureness if c > TELLING and sureness > SURE else None
+
+
+def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float, float]:
+    """C of two readings, and its standard error by leaving out one stretch of the log after another."""
+    before, after = evidence.residuals(first), evidence.residuals(second)
+    scale = np.repeat(np.hypot(np.minimum(evidence.errors(first), evidence.errors(second)), RESOLUTION), 3)
+    r, moved = before / scale, (before - after) / scale
+    products = np.stack([(r * moved).sum(axis=1), (moved**2).sum(axis=1)])
+    if not products[1].sum() > 1e-6 * products.shape[1]:
+        return 0.5, np.inf
+    groups = np.stack([part.sum(axis=1) for part in np.array_split(products, min(STRETCHES, len(r)), axis=1)])
+    total, count = groups.sum(axis=0), len(groups)
+    left_out = (total - groups)[:, 0] / np.maximum((total - groups)[:, 1], 1e-300)
+    error = np.sqrt((count - 1) / count * ((left_out - left_out.mean()) ** 2).sum())
+    return float(total[0] / total[1]), float(max(error, 1e-9))
+
+
+def _contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
+    """One setting that the data contradict: what they look like, by how much, and what to write."""
+    best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
+    which = int(np.argmax(left / np.hypot(best, RESOLUTION)))
+    quantity, unit = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))[which]
+    return (
+        f"{change.claim(declared)}: {quantity} agrees to {best[which]:.2g} {unit} "
+        f"instead of {left[which]:.2g} {unit}; {change.advice(declared)}"
+    )
+
+
+def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
+    """What the test could not show: signs of axes that hardly moved, and velocities that made the pose."""
+    untested = []
+    for change in flips(found):
+        if change.block in ("velocity", "rates") and change.flip is not None:
+            c, error = _contrast(evidence, found, change.apply(found))
+            if not (c < 1.0 - TELLING and c + TESTED * error < 0.5):
+                untested.append(measured(getattr(found, change.block))[change.flip].column)
+    if untested:
+        yield f"too little motion to test the sign of {', '.join(untested)}"
+    allowed = _least_errors(evidence, found)
+    closest = np.min([evidence.errors(found, rule) for rule in evidence.rules], axis=0)
+    for reached, least, pose, source in zip(
+        closest, allowed, ("position", "attitude"), ("velocity", "rates"), strict=True
+    ):
+        if reached < DEAD_RECKONED * least:
+            yield (
+                f"the {pose} agrees with the {source} better than the noise of the {source} allows, as if it "
+                "was integrated from them: their frames belong together, but a wrong scale, bias or mounting "
+                "of the sensor cannot show here"
+            )
+
+
+def _least_errors(evidence: Evidence, found: LogMap) -> Array:
+    """Errors that noise of the velocities alone leaves, (2,); 0 where they carry hardly any."""
+    steps = evidence.t.shape[1] - 1
+    noise = np.array([_white(evidence.velocity(found.velocity)), _white(evidence.spinning(found.rates))])
+    return np.where(noise > 3.0 * RESOLUTION, noise / np.sqrt(steps), 0.0)
+
+
+def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
+    """Errors that noise of position and attitude alone leaves, (2,): they count at both ends of a window."""
+    turns = _white(evidence.attitude(found.attitude).reshape(*evidence.t.shape, 9)) / np.sqrt(2.0)
+    noise: Array = np.array([_white(evidence.placed(found.position)), turns])
+    return noise * float(np.sqrt(2.0) / evidence.length)
+
+
+def _white(values: Array) -> float:
+    """Standard deviation of a vector's white noise by its fourth differences, over all components."""
+    if values.shape[1] < 5:
+        return 0.0
+    size = np.median(np.abs(np.diff(values, 4, axis=1)), axis=(0, 1)) / (0.6745 * np.sqrt(70.0))
+    return float(np.linalg.norm(size))
+
+
+def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
+    """What looks wrong in a way that no other reading mends."""
+    errors, motion = evidence.errors(found), evidence.motion(found)
+    least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
+    for name, error, whole, floor, unit in zip(
+        ("position", "attitude"), errors, motion, least, ("m/s", "rad/s"), strict=True
+    ):
+        if error > floor and error > UNEXPLAINED * whole:
+            yield (
+                f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged velocity by "
+                f"{error:.2g} {unit}, and no choice of frames, units and signs mends it: look for a wrong "
+                "column, a delay or jumps"
+            )
+    if not evidence.upright(found.attitude):
+        yield "by its attitude the vehicle flies on its back: is attitude.body or attitude.world another?"
+    if (above := evidence.above_water(found.position)) > MOSTLY:
+        yield (
+            f"the depth is negative in {100.0 * above:.0f} % of the log: unless it counts from below the "
+            "surface, up was taken for down, which no kinematics shows where all blocks agree (ROS: worlds "
+            "ENU, bodies FLU)"
+        )

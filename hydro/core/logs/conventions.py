@@ -1,0 +1,183 @@
+"""Frames, units and signs of a log: from its own words into NED, FRD and SI.
+
+Every function reads one block of a `LogMap` and gives that quantity at wanted times, so that another reading
+of the same columns is the same call with another block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hydro.core.errors import DataError
+from hydro.core.logs.logmap import (
+    Attitude,
+    Commands,
+    Number,
+    Position,
+    Rates,
+    Velocity,
+    command,
+    named,
+)
+from hydro.core.logs.resample import Channel, channel, held, interpolated, same_sign, unwrapped
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+HALF_TURN: Array = np.diag([1.0, -1.0, -1.0])
+AXES: dict[str, Array] = {
+    "NED": np.eye(3),
+    "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "NWU": HALF_TURN,
+    "FRD": np.eye(3),
+    "FLU": HALF_TURN,
+}
+"""Matrices that turn a vector of each world into NED, and of each body into FRD."""
+
+BODIES = ("FRD", "FLU")
+UNITS = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "m/s": 1.0,
+    "cm/s": 0.01,
+    "mm/s": 0.001,
+    "kn": 1852.0 / 3600.0,
+    "rad": 1.0,
+    "deg": np.pi / 180.0,
+    "rad/s": 1.0,
+    "deg/s": np.pi / 180.0,
+}
+"""SI units in each unit of a map."""
+
+FAR_OUT = 2.0
+"""A command this far beyond -1 to 1 is of another unit, not a little too high."""
+
+
+@dataclass(frozen=True)
+class SessionLog:
+    """One session of a log.
+
+    Attributes:
+        name: Its name.
+        t: Times since its start [s], shape (n,), not falling.
+        columns: Numbers as logged, (n,) each, NaN where a cell is empty.
+    """
+
+    name: str
+    t: Array
+    columns: Mapping[str, Array]
+
+    def channel(self, source: Number) -> Channel:
+        """The samples of one column, scaled and shifted as the map says."""
+        column = named(source)
+        return channel(self.t, column.scale * self.columns[column.column] + column.offset)
+
+
+def position(log: SessionLog, block: Position, at: Array) -> Array:
+    """Position of the body origin, NED [m], shape (N, 3)."""
+    axes, unit = AXES[block.world], UNITS[block.unit]
+    vertical = block.depth if block.depth is not None else block.height
+    values = np.zeros((len(at), 3))
+    for i, source in enumerate(block.columns):
+        values[:, i] = unit * interpolated(log.channel(source), at)
+    placed: Array = values @ axes.T
+    if vertical is not None:
+        down = 1.0 if block.depth is not None else -1.0
+        placed[:, 2] = down * unit * interpolated(log.channel(vertical), at)
+    return placed
+
+
+def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
+    """Rotation from FRD to NED, shape (N, 3, 3)."""
+    turned = _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
+    return np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
+
+
+def velocity(log: SessionLog, block: Velocity, at: Array, R: Array) -> Array:
+    """Velocity of the body origin over ground, FRD [m/s], shape (N, 3).
+
+    Args:
+        log: The session.
+        block: What its columns mean.
+        at: Times [s], shape (N,).
+        R: Rotation from FRD to NED at these times, (N, 3, 3); what a velocity along world axes is turned by.
+    """
+    moved = _vector(log, block, at)
+    return moved if block.frame in BODIES else np.einsum("nji,nj->ni", R, moved)
+
+
+def rates(log: SessionLog, block: Rates, at: Array) -> Array:
+    """Angular velocity, FRD [rad/s], shape (N, 3)."""
+    return _vector(log, block, at)
+
+
+def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Array, Flags]:
+    """Commands in [-1, 1], held from each to the next.
+
+    Returns:
+        Commands of shape (N, n), and which of them lay beyond [-1, 1] and were clipped.
+
+    Raises:
+        DataError: a command lies so far beyond that its unit must be another.
+    """
+    values = np.empty((len(at), len(block.columns)))
+    for i, source in enumerate(map(command, block.columns)):
+        drive = _normalised(held(log.channel(source), at, dt), block)
+        if np.abs(drive).max(initial=0.0) > FAR_OUT:
+            raise DataError(
+                f"column {source.column}, the command of thruster {i + 1}, reaches "
+                f"{drive[np.abs(drive).argmax()]:g} times full thrust if commands.unit is {block.unit!r}; "
+                "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
+            )
+        values[:, i] = -drive if source.reverse else drive
+    beyond = np.abs(values) > 1.0 + 1e-9
+    return np.clip(values, -1.0, 1.0), beyond
+
+
+def _normalised(values: Array, block: Commands) -> Array:
+    """Commands of the block's unit as shares of full thrust."""
+    if block.unit == "percent":
+        return values / 100.0
+    if block.unit == "pwm":
+        ahead, astern = block.pwm.max - block.pwm.neutral, block.pwm.neutral - block.pwm.min
+        raised = values - block.pwm.neutral
+        return raised / np.where(raised > 0.0, ahead, astern)
+    return values
+
+
+def _vector(log: SessionLog, block: Velocity | Rates, at: Array) -> Array:
+    """Three columns of a block in SI, turned into FRD or NED."""
+    columns = [interpolated(log.channel(source), at) for source in block.columns]
+    values: Array = UNITS[block.unit] * np.stack(columns, axis=1) @ AXES[block.frame].T
+    return values
+
+
+def _euler(log: SessionLog, block: Attitude, at: Array) -> Array:
+    """Rotation from the block's own body to its own world axes, of Euler angles."""
+    unit = UNITS[block.unit]
+    turn = 2.0 * np.pi / unit
+    about = {
+        axis: unit * interpolated(unwrapped(log.channel(source), turn), at)
+        for axis, source in zip("XYZ", block.columns or (), strict=True)
+    }
+    angles = np.stack([about[axis] for axis in block.order], axis=1)
+    return np.asarray(Rotation.from_euler(block.order, angles).as_matrix())
+
+
+def _quaternions(log: SessionLog, block: Attitude, at: Array) -> Array:
+    """Rotation from the block's own body to its own world axes, of quaternions made unit again."""
+    assert block.quaternion is not None
+    channels = same_sign([log.channel(source) for source in block.quaternion])
+    q = np.stack([interpolated(each, at) for each in channels], axis=1)
+    if block.layout == "wxyz":
+        q = q[:, [1, 2, 3, 0]]
+    if len(q) and not np.linalg.norm(q, axis=1).min() > 1e-6:
+        raise DataError("attitude.quaternion: a quaternion of length 0 is no rotation; leave its cells empty")
+    matrices: Array = Rotation.from_quat(q).as_matrix() if len(q) else np.empty((0, 3, 3))
+    return matrices if block.turns == "body to world" else np.swapaxes(matrices, 1, 2)

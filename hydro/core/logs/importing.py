@@ -1,0 +1,139 @@
+"""A log and its map to a raw table: one clock, gaps left open, everything in NED, FRD and SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.core.logs import conventions
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import LogMap, command, measured
+from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
+from hydro.core.recording.segments import GAP
+from hydro.core.vehicle.frames import euler_from_rotation
+
+Array = NDArray[np.float64]
+
+POSE_AND_VELOCITY = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Rows that are not there, between two times [s] of a session."""
+
+    session: str
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A raw table and how it came about.
+
+    Attributes:
+        frame: The raw table.
+        logs: The sessions that gave rows.
+        times: Of each of them, the times of its rows [s].
+        dt: Sample time [s].
+        gaps: Where rows are missing within sessions.
+        left_out: Sessions that have no two rows on which all channels go on.
+        clipped: Number of commands beyond [-1, 1], of each thruster that has some.
+    """
+
+    frame: pl.DataFrame
+    logs: tuple[SessionLog, ...]
+    times: tuple[Array, ...]
+    dt: float
+    gaps: tuple[Gap, ...]
+    left_out: tuple[str, ...]
+    clipped: dict[str, int]
+
+
+def raw_table(logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None) -> Imported:
+    """Resample a log and turn it into the frames and units of a raw table.
+
+    Pose and velocity are interpolated along straight lines, each channel between its own samples; commands
+    are held.  No row stands where a channel is silent for longer than its longest step.
+
+    Args:
+        logs: The sessions of the log.
+        meaning: What its columns mean.
+        rate: Rows per second [Hz]; by default the median of the channels' own rates.
+
+    Raises:
+        DataError: A column has no numbers, no session has all channels at one time, or a command is no share
+            of full thrust.
+    """
+    channels = [_channels(log, meaning) for log in logs]
+    _check_filled(channels, meaning)
+    dt = 1.0 / rate if rate is not None else sample_time([each for given in channels for each in given])
+    shared = [_shared(log, given, meaning) for log, given in zip(logs, channels, strict=True)]
+    times = [rows(stretches, dt) for stretches in shared]
+    full = [(log, t) for log, t in zip(logs, times, strict=True) if len(t)]
+    if not full:
+        raise DataError(
+            "in no session do all columns have values at the same time; compare the times at which each "
+            "column begins and ends, or raise time.longest_step"
+        )
+    parts = [_part(log, t, meaning, dt) for log, t in full]
+    clipped = np.sum([beyond for _, beyond in parts], axis=0)
+    return Imported(
+        frame=pl.concat([part for part, _ in parts]),
+        logs=tuple(log for log, _ in full),
+        times=tuple(t for _, t in full),
+        dt=dt,
+        gaps=tuple(gap for log, t in full for gap in _gaps(log.name, t, dt)),
+        left_out=tuple(log.name for log, t in zip(logs, times, strict=True) if not len(t)),
+        clipped={f"cmd_{i + 1}": int(count) for i, count in enumerate(clipped) if count},
+    )
+
+
+def _channels(log: SessionLog, meaning: LogMap) -> list[Channel]:
+    """Every channel of pose and velocity of a session."""
+    blocks = (meaning.position, meaning.attitude, meaning.velocity, meaning.rates)
+    return [log.channel(source) for block in blocks for source in measured(block)]
+
+
+def _check_filled(channels: Sequence[Sequence[Channel]], meaning: LogMap) -> None:
+    """Refuse a column of pose or velocity that has no numbers at all."""
+    blocks = (meaning.position, meaning.attitude, meaning.velocity, meaning.rates)
+    sources = [source.column for block in blocks for source in measured(block)]
+    for number, name in enumerate(sources):
+        if not any(len(given[number].t) for given in channels):
+            raise DataError(f"column {name} has no number in any row; name another column in the map")
+
+
+def _shared(log: SessionLog, channels: Sequence[Channel], meaning: LogMap) -> Array:
+    """Where all channels go on and every thruster has had a command, (k, 2) [s]."""
+    stretches = [spans(each, meaning.time.longest_step) for each in channels]
+    for source in map(command, meaning.commands.columns):
+        given = log.channel(source).t
+        stretches.append(np.array([[given[0], np.inf]]) if len(given) else np.empty((0, 2)))
+    return common(stretches)
+
+
+def _part(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> tuple[pl.DataFrame, NDArray[np.int64]]:
+    """The rows of one session, and how many commands of each thruster were clipped."""
+    R = conventions.attitude(log, meaning.attitude, t)
+    numbers = np.hstack(
+        [
+            conventions.position(log, meaning.position, t),
+            euler_from_rotation(R),
+            conventions.velocity(log, meaning.velocity, t, R),
+            conventions.rates(log, meaning.rates, t),
+        ]
+    )
+    drive, beyond = conventions.commands(log, meaning.commands, t, dt)
+    head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
+    thrusters = [f"cmd_{i + 1}" for i in range(drive.shape[1])]
+    wide = [pl.DataFrame(numbers, schema=[*POSE_AND_VELOCITY]), pl.DataFrame(drive, schema=thrusters)]
+    return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
+
+
+def _gaps(session: str, t: Array, dt: float) -> list[Gap]:
+    return [Gap(session, float(t[k]), float(t[k + 1])) for k in np.flatnonzero(np.diff(t) > GAP * dt)]

@@ -1,0 +1,1 @@
+"""A recording as arrays, its segments, its smoothed motion and its sensors' faults."""

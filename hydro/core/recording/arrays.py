@@ -1,0 +1,178 @@
+"""A raw table as arrays: what identification reads of a recording, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+POSE = ("x", "y", "z", "phi", "theta", "psi")
+VELOCITY = ("u", "v", "w", "p", "q", "r")
+REACH = 0.24
+"""Half-width of the cubic that `smoothed` lays through each measurement [s]."""
+LEAST_NOISE = 1e-4
+STRAIGHT = 0.02
+"""Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
+DRAWN = 0.4  # share of such rows from which a channel is one that was interpolated
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A raw table in float64.
+
+    Attributes:
+        t: Times as logged [s], (N,); they rise within a segment only.
+        eta: Pose x y z phi theta psi, NED, (N, 6); angles as logged, they may jump by a turn.
+        nu: Velocity as the log gives it, body frame, (N, 6).
+        commands: (N, n); row k is held on [t_k, t_k+1).
+        segments: Unbroken runs of rows [start, stop), (S, 2).
+        after_gap: Which segments go on with a session after a gap, (S,).
+        session: Number of each segment's session, (S,).
+        dt: Sample time [s].
+    """
+
+    t: Array
+    eta: Array
+    nu: Array
+    commands: Array
+    segments: Rows
+    after_gap: NDArray[np.bool_]
+    session: Rows
+    dt: float
+
+    @property
+    def rows(self) -> int:
+        """Number of rows N."""
+        return len(self.t)
+
+
+def recording(raw: pl.DataFrame, vehicle: Vehicle) -> Recording:
+    """Read a raw table for a vehicle.
+
+    Raises:
+        DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
+            rise at one rate.
+    """
+    commands = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
+    found = sum(name.startswith("cmd_") for name in raw.columns)
+    if found != len(commands):
+        raise DataError(
+            f"the log has {found} command columns and vehicle {vehicle.name} {len(commands)} thrusters; "
+            "use the vehicle file that the log was recorded with"
+        )
+    needed = ("session", "t", *POSE, *VELOCITY, *commands)
+    missing = [name for name in needed if name not in raw.columns]
+    if missing:
+        raise DataError(f"the log has no column {missing[0]}; a raw table needs {', '.join(needed)}")
+    numbers = np.ascontiguousarray(raw.select(needed[1:]).to_numpy().astype(np.float64))
+    if not np.isfinite(numbers).all():
+        row, column = np.argwhere(~np.isfinite(numbers))[0]
+        raise DataError(f"{needed[1 + column]} is not finite in row {row}; see `hydro check`")
+    bounds = segments(raw)
+    after_gap = resumes(raw, bounds)
+    return Recording(
+        t=np.ascontiguousarray(numbers[:, 0]),
+        eta=np.ascontiguousarray(numbers[:, 1:7]),
+        nu=np.ascontiguousarray(numbers[:, 7:13]),
+        commands=np.ascontiguousarray(numbers[:, 13:]),
+        segments=bounds,
+        after_gap=after_gap,
+        session=np.cumsum(~after_gap, dtype=np.int64) - 1,
+        dt=sample_time(raw),
+    )
+
+
+def smoothed(record: Recording) -> tuple[Array, Array]:
+    """Pose and velocity through local cubics of half a second: without most of the noise, without delay.
+
+    The attitude goes through its quaternion, so that a vehicle may loop and tumble: roll and heading jump by
+    half a turn where it passes the vertical.
+
+    Returns:
+        eta and nu, (N, 6) each; segments of fewer than five rows as they are.
+    """
+    eta, nu = record.eta.copy(), record.nu.copy()
+    widest = max(2 * round(REACH / record.dt) + 1, 5)
+    for start, stop in record.segments:
+        width = min(widest, (stop - start - 1) // 2 * 2 + 1)
+        if width >= 5:
+            quaternion = _steady(quaternion_from_euler(*eta[start:stop, 3:].T))
+            calm = savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
+            eta[start:stop, :3] = calm[:, :3]
+            eta[start:stop, 3:] = euler_from_quaternion(calm[:, 3:])
+            nu[start:stop] = savgol_filter(nu[start:stop], width, 3, axis=0)
+    return eta, nu
+
+
+def _steady(quaternion: Array) -> Array:
+    """The same rotations (N, 4) without the sign of the quaternion jumping from row to row."""
+    turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
+    steady = quaternion.copy()
+    steady[1:][np.cumsum(turned) % 2 == 1] *= -1.0
+    return steady
+
+
+def noise(record: Recording) -> Array:
+    """Standard deviation of the white noise on each channel, pose then velocity, shape (12,).
+
+    From fourth differences, in which motion all but cancels and white noise of variance s^2 has 70 s^2; by
+    their median size, so that a few jumps of a log do not count.  A channel that was drawn in straight lines
+    between the samples of a slower sensor is judged by rows as far apart as those.  Never below 1e-4 (m, rad,
+    m/s, rad/s), where a simulated log carries no noise at all.
+
+    Raises:
+        DataError: No segment has five rows.
+    """
+    found = np.array([_noise(parts) for parts in channels(record)])
+    sigma: Array = np.maximum(found, LEAST_NOISE)
+    return sigma
+
+
+def drawn(record: Recording, of: slice = slice(None)) -> bool:
+    """Whether any of these channels was drawn in straight lines between the samples of a slower sensor.
+
+    Its noise is not white from row to row, however well its size is known.
+    """
+    return any(_apart(parts) > 1 for parts in list(channels(record))[of])
+
+
+def channels(record: Recording) -> Iterator[list[Array]]:
+    """Each channel segment by segment, pose then velocity, angles without jumps."""
+    channels = np.hstack([record.eta, record.nu])
+    for start, stop in record.segments:
+        channels[start:stop, 3:6] = np.unwrap(channels[start:stop, 3:6], axis=0)
+    for column in channels.T:
+        yield [column[start:stop] for start, stop in record.segments]
+
+
+def _apart(parts: Sequence[Array]) -> int:
+    """Rows from one sample of a channel to the next; 1 where every row is one."""
+    bends = np.concatenate([np.diff(part, 2) for part in parts])
+    bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
+    corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
+    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN
+    return round(len(bent) / corners) if slower else 1
+
+
+def _noise(parts: Sequence[Array]) -> float:
+    """The same of one channel, segment by segment."""
+    apart, sizes = _apart(parts), list[float]()
+    for first in range(apart):  # of the rows that fall on the samples, or nearest to them
+        differences = [np.diff(part[first::apart], 4) for part in parts if len(part) > first]
+        if sum(part.size for part in differences):
+            sizes.append(float(np.median(np.abs(np.concatenate(differences)))))
+    if not sizes:
+        raise DataError("no session has five rows without a gap; record longer sessions")
+    return max(sizes) / (0.6745 * float(np.sqrt(70.0)))

@@ -1,0 +1,57 @@
+"""Pose against the sum of the velocities: what differs is an error of the log, whatever forces act.
+
+A constant difference of turning is a gyro's bias.  The velocities along the axes have more ways to err, see
+`diagnosis.sensor_tests`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+from hydro.core.recording.arrays import Array, Recording
+from hydro.core.vehicle.frames import rotation
+
+SECONDS = 2.0
+"""Length over which turning is compared."""
+LEAST = 16  # of such lengths
+CHANCE = 1e-9
+"""Probability of chance up to which a bias of a gyro is told."""
+PLAIN = 1e-3  # rad/s, that a bias must be
+
+
+def gone(record: Recording, nu: Array) -> tuple[Array, Array]:
+    """How the pose goes otherwise than velocities nu, summed up: position [m] and attitude [rad], (N, 3).
+
+    Velocities are summed by trapezoids; what lies between two segments has no meaning.
+    """
+    R = rotation(*record.eta[:, 3:].T)
+    along = np.einsum("kij,kj->ki", R, nu[:, :3])
+    steps = np.diff(record.eta[:, :3], axis=0) - 0.5 * record.dt * (along[1:] + along[:-1])
+    turned = np.einsum("kji,kjl->kil", R[:-1], R[1:])
+    skew = 0.5 * (turned - turned.transpose(0, 2, 1))
+    turns = skew[:, [2, 0, 1], [1, 2, 0]] - 0.5 * record.dt * (nu[1:, 3:] + nu[:-1, 3:])
+    start = np.zeros((1, 3))
+    return np.concatenate([start, steps.cumsum(axis=0)]), np.concatenate([start, turns.cumsum(axis=0)])
+
+
+def rate_bias(record: Recording) -> Array:
+    """What p, q and r read too much all the time [rad/s], (3,); 0 where they do not plainly.
+
+    A scale that is wrong errs with the rate, and is none of this: both are fitted at once.
+    """
+    _, turned = gone(record, record.nu)
+    length = max(round(SECONDS / record.dt), 2)
+    starts = np.concatenate([np.arange(a, b - length, length) for a, b in record.segments])
+    bias = np.zeros(3)
+    if len(starts) < LEAST:
+        return bias
+    error = (turned[starts] - turned[starts + length]) / (length * record.dt)
+    rate = np.stack([record.nu[a : a + length, 3:].mean(axis=0) for a in starts])
+    for axis in range(3):
+        columns = np.column_stack([np.ones(len(starts)), rate[:, axis]])
+        found, *_ = np.linalg.lstsq(columns, error[:, axis], rcond=None)
+        spread = np.linalg.pinv(columns.T @ columns) * np.var(error[:, axis] - columns @ found)
+        if abs(found[0]) > max(PLAIN, norm.isf(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
+            bias[axis] = found[0]
+    return bias

@@ -1,0 +1,300 @@
+"""Readings that no motion makes: a sensor that jumps for a sample, stands still, or writes a mark of its own.
+
+No force moves a vehicle for one sample and back, and a sensor with noise never reads the same twice, far less
+for a second.  Such readings are found from the log alone, each channel by itself, told, and kept away from
+every fit: short ones are bridged by a straight line in their channel, and rows under long ones are left out.
+A slow sensor whose readings are held, or drawn in straight lines, from sample to sample is judged by its
+samples; so is one that reads in steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
+from hydro.core.recording.dead_reckoning import gone, rate_bias
+from hydro.core.vehicle.description import Vehicle
+
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.int64]
+
+CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
+REACH = 3
+"""Samples to each side that tell what a sample should be, by the cubic through them."""
+JUMP = 8.0
+"""Standard deviations that a sample must lie off that cubic to jump,"""
+ALONE = 10.0
+"""times what the samples around do, which lie as far off it where the motion has a corner,"""
+BACK = 2.0
+"""and times the way from the sample before to the one behind: what stays is no jump but a step."""
+SHARP = 0.8
+"""Part of it that must lie between two samples, on either side."""
+PASSES = 6
+LEAST = 8  # samples
+BURSTS = (1, 2, 4)  # samples that jump together
+STANDS, LONGEST_CHANCE = 10, 5.0
+"""Rows that stand still, and times the length that 99 of 100 such runs keep to, to be a fault."""
+LEAST_STILL = 0.2  # s
+FINE = 0.9  # distinct values among the runs from which a channel does not read in steps
+WHITE = 3.0
+"""Fourth differences over second ones from which a channel has noise: 3.4 of white noise, motion has less."""
+DRAWN, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
+MARKS = 10  # runs of one and the same value, in a fine channel, that make it a mark
+BRIDGED = 0.4  # s, of readings that a straight line replaces
+CONTRADICTED = 2.0  # times what pose and velocity differ by elsewhere
+LEAST_GONE = 0.01  # m, rad
+LEVEL = 0.5  # cosine of the pitch below which roll and heading swing with the noise
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Readings of a recording that are none.
+
+    Attributes:
+        jumps: Which jump away for some samples and back, (N, 12), pose then velocity.
+        marks: Which hold a value that keeps coming back, as 0 for `no reading` does, (N, 12).
+        stills: Which stand still though their sensor has noise, or the pose moves otherwise, (N, 12).
+    """
+
+    jumps: Flags
+    marks: Flags
+    stills: Flags
+
+    @property
+    def all(self) -> Flags:
+        """Every faulty reading, (N, 12)."""
+        return self.jumps | self.marks | self.stills
+
+
+def faults(record: Recording) -> Faults:
+    """Find the readings of a recording that no motion makes."""
+    found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
+    apart = gone(record, record.nu)
+    for i, parts in enumerate(channels(record)):
+        runs = [_runs(part) for part in parts]
+        lengths = np.concatenate([np.diff(edges) for edges in runs])
+        samples = [part[edges[:-1]] for part, edges in zip(parts, runs, strict=True)]
+        least = max(STANDS, LEAST_STILL / record.dt, LONGEST_CHANCE * float(np.quantile(lengths, 0.99)))
+        values, count = np.unique(np.concatenate(samples), return_counts=True)
+        fine = len(values) >= FINE * len(lengths)
+        noisy = fine and _whiteness(samples) > WHITE
+        for (start, stop), part, edges in zip(record.segments, parts, runs, strict=True):
+            long = np.repeat(np.diff(edges) >= least, np.diff(edges))
+            if long.any() and not noisy:
+                long = _contradicted(apart[i // 3 % 2][start:stop], long)
+            found.stills[start:stop, i] = long
+            found.marks[start:stop, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
+        found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
+    found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
+    return found
+
+
+def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Finding, ...]]:
+    """The recording without readings that no motion makes, nor a gyro's bias; and a finding for each kind.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle.
+    """
+    record = recording(raw, vehicle)
+    found = faults(record)
+    lines = told(raw, record, found)
+    findings = [Finding("log_fault", members=columns, advice=words) for columns, words in lines]
+    kept = mended(raw, record, found)
+    if (bias := rate_bias(recording(kept, vehicle))).any():
+        read = {name: float(value) for name, value in zip(RATES, bias, strict=True) if value}
+        words = (
+            f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in read.items())} too much all "
+            "the time, as the attitude tells: a gyro's bias; it is taken off here, take it off the log"
+        )
+        findings.append(Finding("log_fault", members=tuple(read), advice=words))
+        kept = kept.with_columns(pl.col(name) - value for name, value in read.items())
+    return kept, tuple(findings)
+
+
+def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
+    """The table without faulty readings: short ones on a straight line, rows under long ones left out.
+
+    Args:
+        raw: Raw table.
+        record: The same as arrays.
+        found: Its faults.
+    """
+    bad, most = found.all, max(int(BRIDGED / record.dt), 1)
+    if not bad.any():
+        return raw
+    left_out, columns = np.zeros(record.rows, bool), {}
+    parts = list(channels(record))
+    for i in np.flatnonzero(bad.any(axis=0)):
+        column = raw[CHANNELS[i]].to_numpy().copy()
+        for (start, stop), part in zip(record.segments, parts[i], strict=True):
+            lost, rows = bad[start:stop, i], np.arange(stop - start)
+            edges = np.flatnonzero(np.diff(lost, prepend=False, append=False))
+            for begin, end in edges.reshape(-1, 2):
+                inside = begin > 0 and end < stop - start
+                if not inside or end - begin > most:
+                    left_out[start + begin : start + end] = True
+            filled = np.interp(rows[lost], rows[~lost], part[~lost]) if (~lost).any() else part[lost]
+            column[start:stop][lost] = np.angle(np.exp(1j * filled)) if CHANNELS[i] in POSE[3:] else filled
+        columns[CHANNELS[i]] = column
+    table = raw.with_columns(pl.Series(name, values) for name, values in columns.items())
+    return table.filter(pl.Series(~left_out))
+
+
+def told(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Columns and words of each kind of fault: how many readings, and where the first is."""
+    kinds = (
+        (found.jumps, "jump away and back within a few samples, which no force does"),
+        (found.marks, "hold a value that keeps coming back, as a sensor writes where it has no reading"),
+        (found.stills, "stand still, row after row, though the sensor has noise or the vehicle moves"),
+    )
+    for bad, words in kinds:
+        rows = np.flatnonzero(bad.any(axis=1))
+        if not rows.size:
+            continue
+        columns = tuple(CHANNELS[i] for i in np.flatnonzero(bad.any(axis=0)))
+        stretches = 1 + int(np.count_nonzero(np.diff(rows) > 1))
+        session, t = raw["session"][int(rows[0])], float(record.t[rows[0]])
+        yield (
+            columns,
+            f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
+            f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
+            f"{t:.2f} s; they are left out here, clean the log of them",
+        )
+
+
+def _runs(part: Array) -> Rows:
+    """Edges of the runs of equal readings, (runs + 1,)."""
+    changes = np.flatnonzero(np.diff(part) != 0.0) + 1
+    return np.concatenate([[0], changes, [len(part)]])
+
+
+def _whiteness(samples: Sequence[Array]) -> float:
+    """Size of fourth differences over that of second ones; see WHITE."""
+    if max(len(part) for part in samples) < LEAST:
+        return 0.0
+    size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
+    return float(size[0] / max(size[1], 1e-300))
+
+
+def _contradicted(gone: Array, still: Flags) -> Flags:
+    """Those runs of a segment in which pose and velocities differ far more than elsewhere."""
+    edges, out = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2), still.copy()
+    for begin, end in edges:
+        long = min(int(end), len(gone) - 1) - int(begin)
+        away = np.linalg.norm(gone[long:] - gone[: len(gone) - long], axis=1)
+        touched = np.convolve(still, np.ones(long + 1), "valid") > 0.0
+        usual = float(np.quantile(away[~touched], 0.95)) if (~touched).any() else np.inf
+        out[begin:end] = away[begin] > max(CONTRADICTED * usual, LEAST_GONE)
+    return out
+
+
+def _jumps(record: Recording, parts: Sequence[Array], known: Flags) -> Flags:
+    """Which readings of a channel jump away and back, (N,); those that are faulty anyway do not count."""
+    out, apart = np.zeros(record.rows, bool), _apart(parts)
+    series = [
+        (start, *taken)
+        for (start, stop), part in zip(record.segments, parts, strict=True)
+        for taken in _samples(part, known[start:stop], apart)
+    ]
+    found = _odd([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1])
+    for (start, first, last, _), odd in zip(series, found, strict=True):
+        for begin, end in zip(first[odd], last[odd], strict=True):
+            out[start + begin : start + end] = True
+    return out
+
+
+def _apart(parts: Sequence[Array]) -> int:
+    """Rows from sample to sample of a channel drawn in straight lines between them; 1 of any other."""
+    if max(len(part) for part in parts) < LEAST:
+        return 1
+    slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
+    straight = (np.abs(bend) < EXACT * np.abs(slope)) & (slope != 0.0)
+    if straight.sum() <= DRAWN * np.count_nonzero(slope):
+        return 1
+    edges = np.flatnonzero(np.diff(straight, prepend=False, append=False)).reshape(-1, 2)
+    return int(np.median(np.diff(edges))) + 1
+
+
+def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
+    """First and past-the-last row, and value, of each sample of a channel, in one series or several.
+
+    Equal rows are one sample.  Of a channel that was drawn in lines, each row is near a sample of one series
+    of rows that lie as far apart as samples; what jumps there bends the lines to its neighbours as well.
+    """
+    if apart == 1:
+        edges = _runs(part)
+        kept = ~known[edges[:-1]]
+        yield edges[:-1][kept], edges[1:][kept], part[edges[:-1]][kept]
+        return
+    for phase in range(apart):
+        rows = np.arange(phase, len(part), apart)
+        rows = rows[~known[rows]]
+        yield np.maximum(rows - apart + 1, 0), np.minimum(rows + apart, len(part)), part[rows]
+
+
+def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Flags]:
+    """Which samples of each series jump: again without those found, which spoil what is around them."""
+    values, odd = [one.copy() for one in series], [np.zeros(len(one), bool) for one in series]
+    for stride in bursts:
+        for _ in range(PASSES):
+            judged = [_judged(one, stride) for one in values]
+            usual, found = _usual(np.concatenate([off for off, _ in judged])), 0
+            for one, flags, (off, alone) in zip(values, odd, judged, strict=True):
+                new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
+                flags[new + REACH * stride] = True
+                one[new + REACH * stride] -= off[new]
+                found += new.size
+            if not found:
+                break
+    return odd
+
+
+def _usual(off: Array) -> float:
+    """Standard deviation by the median size, at least the least noise."""
+    return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
+
+
+def _judged(y: Array, stride: int) -> tuple[Array, Flags]:
+    """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
+
+    Args:
+        y: Samples, (n,).
+        stride: From one of those around to the next: a burst of as many samples jumps as one.
+
+    Returns:
+        (n - 2 REACH stride,) each: nothing is said of those at both ends.
+    """
+    reach = REACH * stride
+    if len(y) <= 2 * reach:
+        return np.zeros(0), np.zeros(0, bool)
+    around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
+    left = around[:, ::stride] @ OFF.T
+    off, beside = left[:, REACH], np.delete(left, REACH, axis=1)
+    size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
+    edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
+    up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
+    sharp = np.minimum(up, down) > SHARP * size
+    return off, sharp & (size > ALONE * np.sqrt((beside**2).mean(axis=1))) & (size > BACK * way)
+
+
+def _off() -> Array:
+    """What 2 REACH + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    k = np.arange(-REACH, REACH + 1)
+    powers = np.vander(k, 4, increasing=True).astype(float)
+    through = np.zeros((len(k), len(k)))
+    through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])
+    off: Array = np.eye(len(k)) - through
+    return off
+
+
+OFF = _off()

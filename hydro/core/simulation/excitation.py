@@ -1,0 +1,237 @@
+"""What to make a vehicle do so that a recording shows its physics (paper IV-A).
+
+A collection is a list of sessions, each of one kind: single-axis sine sweeps in surge, sway, heave and yaw;
+coupled manoeuvres (circles, corkscrews, drift turns); Ornstein-Uhlenbeck walks on all axes; and the
+nine-segment, 90 s sequence of the paper's replay.  A demand is a share of what the thrusters can give on that
+axis alone, so it fits any vehicle; `vehicle.control_allocation` turns it into commands.
+
+Everything random comes from the seed and the session's number, never from the order of the work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+
+SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
+SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}
+RATE = 50.0
+"""Rows, and thus commands, per second [Hz]."""
+REPLAY = "replay90"
+REPLAY_SECONDS = 90.0
+DECKS: dict[str, tuple[str, ...]] = {
+    "hybrid": (*SWEEPS, "coupled", "coupled", "coupled", "walk", "walk", "walk"),
+    "sweeps": tuple(SWEEPS),
+    "coupled": ("coupled",),
+    "walks": ("walk",),
+    REPLAY: (REPLAY,),
+}
+"""Kinds of session that each excitation deals from, a deck shuffled anew whenever it is used up."""
+
+SHORTEST, LONGEST = 6_000, 29_000
+"""Rows of a session in a large collection."""
+LEAST = 250
+"""Rows of the shortest session of a small collection, which deals its deck about once."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """One recording: name, kind of excitation, rows, and the number that with the seed makes it."""
+
+    name: str
+    kind: str
+    rows: int
+    number: int
+
+
+def plan(
+    rows: int, seed: int, axes: Sequence[int] = range(6), *, excitation: str = "hybrid"
+) -> tuple[Session, ...]:
+    """Sessions of an excitation whose lengths add up to exactly `rows`.
+
+    Args:
+        rows: Total number of rows.
+        seed: Seed of the order of kinds and of the lengths.
+        axes: Axes that the vehicle's thrusters can produce; sweeps of others are left out.
+        excitation: One of `DECKS`.
+
+    Returns:
+        Sessions of 6,000 to 29,000 rows where there are rows enough for a full deck of them, else in
+        proportion.
+
+    Raises:
+        DataError: An unknown excitation, fewer than one row, or no axis to excite.
+    """
+    if excitation not in DECKS:
+        raise DataError(f"excitation {excitation!r} is not known; there are {', '.join(DECKS)}")
+    if rows < 1:
+        raise DataError(f"a collection needs at least one row, not {rows}")
+    deck = [kind for kind in DECKS[excitation] if SWEEPS.get(kind, axes[0] if axes else -1) in axes]
+    if not deck:
+        raise DataError(
+            "the vehicle's thrusters produce no axis that this excitation uses: give it thrusters"
+        )
+    if excitation == REPLAY:
+        return (Session(REPLAY, REPLAY, rows, 0),)
+    rng = np.random.default_rng(seed)
+    lengths = _lengths(rows, len(deck), rng)
+    kinds: list[str] = []
+    while len(kinds) < len(lengths):
+        kinds += [deck[i] for i in rng.permutation(len(deck))]
+    return tuple(
+        Session(f"{number:03d}_{kind}", kind, length, number)
+        for number, (kind, length) in enumerate(zip(kinds, lengths, strict=False))
+    )
+
+
+def demands(session: Session, seed: int, dt: float) -> Array:
+    """Demanded wrench of a session, row by row, as shares of the authority of each axis.
+
+    Args:
+        session: From `plan`.
+        seed: Seed of the collection.
+        dt: Time between rows [s].
+
+    Returns:
+        (rows, 6) in [-1, 1]; row k is held on [t_k, t_k+1).
+    """
+    # From 1 on: a trailing 0 would repeat the stream that `plan` draws from.
+    rng = np.random.default_rng([seed, session.number + 1])
+    if session.kind in SWEEPS:
+        out = np.zeros((session.rows, 6))
+        out[:, SWEEPS[session.kind]] = _sweep(session.rows, dt, rng)
+        return out
+    if session.kind == "walk":
+        return _walk(session.rows, dt, rng)
+    segments = _replay_segments() if session.kind == REPLAY else _coupled_segments(session.rows * dt, rng)
+    return _smooth(np.clip(_drawn(segments, session.rows, dt), -1.0, 1.0), dt)
+
+
+def holds_heading(kind: str) -> bool:
+    """Whether a kind of session holds its heading: the single-axis sweeps of anything but yaw."""
+    return kind in SWEEPS and kind != "sweep_yaw"
+
+
+def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
+    """Random lengths that add up to `rows`, within the bounds wherever a sum within them exists."""
+    shrink = min(1.0, rows / (deck * 0.5 * (SHORTEST + LONGEST)))
+    low, high = max(LEAST, int(SHORTEST * shrink)), max(4 * LEAST, int(LONGEST * shrink))
+    lengths: list[int] = []
+    left = rows
+    while left > high:
+        # Never leave a rest shorter than the shortest session.
+        lengths.append(int(rng.integers(low, min(high, left - low) + 1)))
+        left -= lengths[-1]
+    return [*lengths, left]
+
+
+def _sweep(rows: int, dt: float, rng: np.random.Generator) -> Array:
+    """Logarithmic sine sweeps end to end, 40 to 80 s each, from about 0.03 to 0.5 Hz, of random amplitude."""
+    parts: list[Array] = []
+    count = 0
+    while count < rows:
+        seconds = rng.uniform(40.0, 80.0)
+        amplitude, low, high = rng.uniform(0.25, 1.0), rng.uniform(0.02, 0.05), rng.uniform(0.3, 0.8)
+        time = np.arange(round(seconds / dt)) * dt
+        growth = math.log(high / low) / seconds
+        phase = 2.0 * np.pi * low * np.expm1(growth * time) / growth
+        parts.append(rng.choice([-1.0, 1.0]) * amplitude * np.sin(phase))
+        count += time.size
+    return _smooth(np.concatenate(parts)[:rows, None], dt)[:, 0]
+
+
+def _walk(rows: int, dt: float, rng: np.random.Generator) -> Array:
+    """Ornstein-Uhlenbeck walks, dx = -x/T dt + sigma sqrt(2/T) dW, from their stationary distribution."""
+    constant = rng.uniform(1.0, 6.0, size=6)
+    sigma = rng.uniform([0.3, 0.3, 0.3, 0.1, 0.1, 0.15], [0.7, 0.7, 0.7, 0.3, 0.3, 0.4])
+    keep = np.exp(-dt / constant)
+    kicks = rng.standard_normal((rows, 6)) * np.sqrt(1.0 - keep**2)
+    start = rng.standard_normal(6)
+    walk = np.column_stack(
+        [lfilter([1.0], [1.0, -keep[i]], kicks[:, i], zi=[keep[i] * start[i]])[0] for i in range(6)]
+    )
+    clipped: Array = np.clip(sigma * walk, -1.0, 1.0)
+    return clipped
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """Some seconds of steady demand plus a sine: (6,) each, and the sine's frequency [Hz]."""
+
+    seconds: float
+    steady: Array
+    swing: Array
+    frequency: float
+
+
+def _demand(**axes: float) -> Array:
+    """Six shares by name: `_demand(surge=0.5, yaw=0.2)`."""
+    names = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+    return np.array([axes.get(name, 0.0) for name in names])
+
+
+def _coupled_segments(seconds: float, rng: np.random.Generator) -> list[_Segment]:
+    """Circles, corkscrews and drift turns in random order, 15 to 45 s each."""
+    segments: list[_Segment] = []
+    while seconds > 0.0:
+        length = rng.uniform(15.0, 45.0)
+        ahead = rng.uniform(0.3, 0.9) * rng.choice([1.0, 1.0, 1.0, -1.0])
+        turn = rng.uniform(0.1, 0.5) * rng.choice([-1.0, 1.0])
+        size, frequency = rng.uniform(0.2, 0.7), rng.uniform(0.04, 0.2)
+        steady, swing = {
+            "circle": (_demand(surge=ahead, yaw=turn), _demand(surge=0.3 * size)),
+            "corkscrew": (_demand(surge=ahead, yaw=turn), _demand(heave=size, roll=0.2 * size)),
+            "drift turn": (
+                _demand(surge=0.6 * ahead, sway=-math.copysign(size, turn), yaw=turn),
+                _demand(yaw=0.3 * size),
+            ),
+        }[str(rng.choice(["circle", "corkscrew", "drift turn"]))]
+        segments.append(_Segment(length, steady, swing, frequency))
+        seconds -= length
+    return segments
+
+
+def _replay_segments() -> list[_Segment]:
+    """Nine segments of 10 s: sines in surge, heave and yaw, then circles and drift turns (paper V-B)."""
+    rest = np.zeros(6)
+    each = REPLAY_SECONDS / 9.0
+    return [
+        _Segment(each, rest, _demand(surge=0.8), 0.2),
+        _Segment(each, rest, _demand(heave=0.6), 0.2),
+        _Segment(each, rest, _demand(yaw=0.4), 0.3),
+        _Segment(each, rest, _demand(surge=0.6, heave=0.4, yaw=0.3), 0.25),
+        _Segment(each, _demand(surge=0.7, yaw=0.25), rest, 0.0),
+        _Segment(each, _demand(surge=0.6, yaw=-0.3), _demand(heave=0.4), 0.2),
+        _Segment(each, _demand(surge=0.4, sway=-0.5, yaw=0.3), rest, 0.0),
+        _Segment(each, _demand(surge=0.4, sway=0.5, yaw=-0.3), rest, 0.0),
+        _Segment(each, _demand(surge=-0.4, sway=0.3), _demand(heave=0.3, yaw=0.3), 0.2),
+    ]
+
+
+def _drawn(segments: Sequence[_Segment], rows: int, dt: float) -> Array:
+    """Demands (rows, 6) of segments end to end, the list repeated where it is too short."""
+    out = np.zeros((rows, 6))
+    start, index = 0.0, 0
+    while round(start / dt) < rows:
+        segment = segments[index % len(segments)]
+        first, last = round(start / dt), min(round((start + segment.seconds) / dt), rows)
+        time = (np.arange(first, last) * dt - start)[:, None]
+        out[first:last] = segment.steady + segment.swing * np.sin(2.0 * np.pi * segment.frequency * time)
+        start, index = start + segment.seconds, index + 1
+    return out
+
+
+def _smooth(demand: Array, dt: float, constant: float = 0.25) -> Array:
+    """First-order low-pass from rest, so that no demand jumps."""
+    keep = math.exp(-dt / constant)
+    smooth: Array = lfilter([1.0 - keep], [1.0, -keep], demand, axis=0)
+    return smooth

@@ -1,0 +1,192 @@
+"""Forward simulation: commands and a vehicle in, its motion out, by the classical Runge-Kutta method.
+
+The state is position, unit quaternion, nu and the effects' internal states.  The thrusters' lags depend on
+the commands alone and are advanced exactly.  A step ends wherever a command takes effect, so that delays of
+any length keep the order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import polars as pl
+from numpy.typing import ArrayLike
+
+from hydro.core.compiled import jit
+from hydro.core.effects import Program, assemble, sensor, velocity_log
+from hydro.core.effects.layout import MOTION
+from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
+from hydro.core.effects.record import Array
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.simulation.dynamics import observe
+from hydro.core.simulation.integrate import BODY, NO_HULL, advance
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.thrusters import settled_state
+
+RATE = 500.0
+"""Integration steps per second, at least [Hz]."""
+POSE = ("x", "y", "z", "phi", "theta", "psi")
+VELOCITY = ("u", "v", "w", "p", "q", "r")
+
+
+def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+    """Move a vehicle by recorded or designed commands.
+
+    Args:
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`; the command of a row is held until the next.
+            Where all columns of pose and velocity are there too (a raw table), the first row of every
+            session, and the first after a gap, gives the initial state; else every session starts at rest
+            at the origin.
+        vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
+
+    Returns:
+        The raw table of what would have been logged, without noise, row for row.
+
+    Raises:
+        DataError: Missing columns, a gap in time without a state after it, or a motion without bounds.
+    """
+    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
+    extra = [name for name in commands.columns if name.startswith("cmd_") and name not in names]
+    if extra:
+        raise DataError(
+            f"commands: column {extra[0]} is one too many: {vehicle.name} has {len(names)} thrusters; "
+            "use the vehicle file that the commands are for"
+        )
+    missing = [name for name in ("session", "t", *names) if name not in commands.columns]
+    if missing:
+        raise DataError(
+            f"commands: column {missing[0]} is missing; this vehicle needs session, t, {', '.join(names)}"
+        )
+    known = [name for name in (*POSE, *VELOCITY) if name in commands.columns]
+    if known and len(known) < len(POSE) + len(VELOCITY):
+        raise DataError(
+            f"commands: has {', '.join(known)} but not all of pose and velocity; give all of them or none"
+        )
+    bounds, dt = segments(commands), sample_time(commands)
+    after_gap = resumes(commands, bounds)
+    if after_gap.any() and not known:
+        at = int(bounds[int(after_gap.argmax()), 0])
+        raise DataError(
+            f"commands: a gap in t before row {at}, and no pose and velocity to go on from; fill the gap"
+        )
+    program, log = assemble(vehicle), velocity_log(vehicle)
+    t = commands["t"].to_numpy().astype(np.float64)
+    demand = np.ascontiguousarray(commands.select(names).to_numpy().astype(np.float64))
+    given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
+    motion = np.empty((len(t), 12))
+    for (begin, end), resumed in zip(bounds, after_gap, strict=True):
+        rows = slice(begin, end)
+        velocity = given[begin : begin + 1, 6:]
+        if known:
+            velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
+        motion[rows] = trajectory(
+            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], dt=dt, settled=bool(resumed)
+        )
+        motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
+    logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
+    return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
+
+
+def trajectory(
+    program: Program,
+    commands: ArrayLike,
+    t: ArrayLike,
+    *,
+    eta: ArrayLike = (0.0,) * 6,
+    nu: ArrayLike = (0.0,) * 6,
+    dt: float | None = None,
+    settled: bool = False,
+    rate: float = RATE,
+) -> Array:
+    """True motion of one unbroken segment.
+
+    Args:
+        program: The compiled vehicle.
+        commands: Shape (N, n); row k is held on [t_k, t_k+1).
+        t: Times [s], shape (N,), rising.
+        eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
+        nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
+        dt: Sample time [s] that the number of steps per row follows from; by default the mean step of `t`.
+        settled: Thrusters start settled on the first command; by default at rest.
+        rate: Least number of integration steps per second [Hz].
+
+    Returns:
+        Pose and velocity (x ... psi, u ... r), shape (N, 12).
+
+    Raises:
+        DataError: The commands do not fit the thrusters or the times, or the motion has grown beyond all
+        bounds.
+    """
+    clock, demand = np.ascontiguousarray(t, np.float64), np.ascontiguousarray(commands, np.float64)
+    if not clock.size or demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
+        raise DataError(
+            f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, "
+            f"got shape {demand.shape}"
+        )
+    pose = np.asarray(eta, np.float64)
+    first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
+    interval = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
+    substeps = max(1, math.ceil(interval * rate * (1.0 - 1e-9)))
+    out = np.empty((clock.size, BODY))
+    reached = _march(program.flat, NO_HULL, demand, clock, substeps, settled, first, out)
+    if reached < clock.size:
+        raise DataError(
+            f"the motion grows beyond all bounds by t = {clock[reached]:g} s; check the vehicle's damping"
+        )
+    return np.hstack([out[:, :3], euler_from_quaternion(out[:, 3:7]), out[:, 7:]])
+
+
+@jit
+def _march(
+    flat: Array,
+    facets: Array,
+    commands: Array,
+    t: Array,
+    substeps: int,
+    settled: bool,
+    first: Array,
+    out: Array,
+) -> int:
+    """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
+    table = thrusters_of(flat)
+    count = table.shape[0]
+    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
+    y[:BODY] = first
+    observe(flat, y[:3], y[3:7], y[7:BODY], s)
+    start(flat, s, y[BODY:])
+    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
+    rotors, work = np.zeros((3, count)), np.zeros((4, y.size))
+    if settled and t.size:
+        for i in range(count):
+            rotors[2, i] = target[i] = settled_state(table[i], commands[0, i])
+    due = (t[0] if t.size else 0.0, 0.0)
+    for k in range(t.size):
+        out[k] = y[:BODY]
+        if not np.isfinite(y.sum()):
+            return k
+        if k + 1 == t.size:
+            break
+        h = (t[k + 1] - t[k]) / substeps
+        for j in range(substeps):
+            now, end = t[k] + j * h, t[k] + (j + 1) * h
+            due = advance(
+                flat,
+                facets,
+                table,
+                commands,
+                t,
+                now,
+                end,
+                due,
+                target,
+                upcoming,
+                decay,
+                rotors,
+                y,
+                s,
+                work,
+            )
+    return int(t.size)

@@ -1,0 +1,143 @@
+"""From a demanded wrench to thruster commands, with light holds of depth and attitude.
+
+The loop closes once per row of the log: demand plus holds, through the pseudo-inverse of the thruster
+configuration and the inverted thrust curve, to commands in [-1, 1].  Axes that the thrusters cannot produce
+have no authority and no hold.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import balance
+from hydro.core.vehicle.thrusters import (
+    DELAY,
+    MAX_REVERSE,
+    MAX_THRUST,
+    POWER,
+    TIME_CONSTANT,
+    allocate,
+    configuration_matrix,
+    thruster_table,
+)
+
+Array = NDArray[np.float64]
+
+HELD = (2, 3, 4, 5)
+"""Axes of the holds: heave, roll, pitch, yaw."""
+FREQUENCY = np.array([0.15, 4.0, 4.0, 4.0])
+"""Natural frequency [rad/s] that each hold alone would give: slow in depth, firmer in attitude."""
+LAG_MARGIN = 0.6
+"""Greatest frequency times thruster time constant: a hold much faster than its thrusters would oscillate."""
+DAMPING_RATIO = np.array([0.7, 0.5, 0.5, 0.7])
+"""Of critical, for the stiffness of the hold and of weight and buoyancy together."""
+
+
+@dataclass(frozen=True)
+class Mixing:
+    """How demands become commands on one vehicle.
+
+    Attributes:
+        authority: Greatest wrench on each axis alone (6,) [N, N m]; 0 where the thrusters cannot produce it.
+        allocation: Pseudo-inverse of B (n, 6).
+        table: Thruster table (n, columns) of `vehicle.thrusters`.
+        gains: Stiffness and damping (4, 2) of the holds of depth, roll, pitch and heading
+            [N/m, N s/m; N m/rad, N m s/rad].
+        righting: Stiffness (2,) in roll and pitch of the holds, weight and buoyancy together [N m/rad].
+    """
+
+    authority: Array
+    allocation: Array
+    table: Array
+    gains: Array
+    righting: Array
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """The axes that the thrusters can produce."""
+        return tuple(int(axis) for axis in np.flatnonzero(self.authority))
+
+
+def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
+    """Authority, allocation and hold gains of a vehicle.
+
+    Args:
+        vehicle: The vehicle; its file's thrusters, without actuator effects.
+        mass_matrix: M (6, 6) about CO, water included.
+
+    Raises:
+        DataError: A thruster's placement is missing or doubled.
+    """
+    table, B = thruster_table(vehicle), configuration_matrix(vehicle)
+    limit = np.minimum(table[:, MAX_THRUST], table[:, MAX_REVERSE])
+    authority = np.zeros(6)
+    for axis, unit in enumerate(np.eye(6)):
+        thrusts = allocate(B, unit)
+        if np.abs(B @ thrusts - unit).max() < 1e-6:
+            authority[axis] = (limit / np.maximum(np.abs(thrusts), 1e-12)).min()
+    possible = authority[list(HELD)] > 0.0
+    slowest = float((table[:, TIME_CONSTANT] + table[:, DELAY]).max(initial=1e-9))
+    frequency = np.minimum(FREQUENCY, LAG_MARGIN / slowest) * possible
+    restoring = float(balance(vehicle)[3]) * np.array([0.0, 1.0, 1.0, 0.0])
+    inertia = np.diag(mass_matrix)[list(HELD)]
+    stiffness = inertia * frequency**2
+    critical = 2.0 * np.sqrt(inertia * np.maximum(stiffness + restoring, 0.0))
+    gains = np.column_stack([stiffness, DAMPING_RATIO * critical * possible])
+    pseudo_inverse = np.asarray(np.linalg.pinv(B), dtype=np.float64)
+    return Mixing(authority, pseudo_inverse, table, gains, (stiffness + restoring)[1:3])
+
+
+@jit
+def hold_kernel(
+    gains: Array, R: Array, depth: float, nu: Array, target_depth: float, heading: Array, tau: Array
+) -> None:
+    """Add the wrench of the holds: proportional and derivative action on depth, roll, pitch and heading.
+
+    Args:
+        gains: (4, 2), as in `Mixing`.
+        R: (9,) rotation from body to NED, row by row.
+        depth: z of CO [m].
+        nu: (6,) velocity of CO, body axes.
+        target_depth: Depth to hold [m].
+        heading: (cos, sin) of the heading to hold; (0, 0) holds none and leaves yaw undamped.
+        tau: (6,) wrench about CO [N, N m], added to.
+    """
+    sink = R[6] * nu[0] + R[7] * nu[1] + R[8] * nu[2]
+    down = gains[0, 0] * (target_depth - depth) - gains[0, 1] * sink
+    for i in range(3):
+        tau[i] += R[6 + i] * down
+    # The world's down direction in body axes is (-sin theta, cos theta sin phi, …).
+    tau[3] -= gains[1, 0] * R[7] + gains[1, 1] * nu[3]
+    tau[4] -= -gains[2, 0] * R[6] + gains[2, 1] * nu[4]
+    held = heading[0] * heading[0] + heading[1] * heading[1]
+    tau[5] += gains[3, 0] * (R[0] * heading[1] - R[3] * heading[0]) - held * gains[3, 1] * nu[5]
+
+
+@jit
+def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) -> None:
+    """Commands for a wrench: thrusts by the pseudo-inverse, the curve inverted, clipped to [-1, 1].
+
+    The dead band is not compensated: a demand too small for it is lost, as it is to a pilot.  Commands are
+    rounded to float32, the precision that they are logged in, so that the log holds what was applied.
+
+    Args:
+        allocation: (n, 6).
+        table: (n, columns) thruster table.
+        tau: (6,) wrench about CO [N, N m].
+        commands: (n,) written.
+    """
+    for i in range(table.shape[0]):
+        thrust = 0.0
+        for j in range(6):
+            thrust += allocation[i, j] * tau[j]
+        limit = table[i, MAX_THRUST] if thrust > 0.0 else table[i, MAX_REVERSE]
+        size = min(abs(thrust) / limit, 1.0)
+        if table[i, POWER] != 1.0:
+            size = math.sqrt(size) if table[i, POWER] == 2.0 else size ** (1.0 / table[i, POWER])
+        commands[i] = np.float64(np.float32(math.copysign(size, thrust)))

@@ -1,0 +1,319 @@
+"""Thrusters: commands in [-1, 1] through delay, dead band, curve and lag to thrusts f, and tau_prop = B f.
+
+One set of scalar kernels serves the columns of a log, the forward simulation and MuJoCo.  They see a
+thruster as one row of `thruster_table`.  Each thruster has one lag state: its thrust [N] before losses
+(`lag = "thrust"`) or its normalised rotor speed (`lag = "speed"`).  The state depends on the commands alone,
+never on the motion; what depends on the motion (inflow) comes after it, in `state_to_thrust`.
+
+A command logged in row k acts on [t_k, t_k+1).  A value at t_k is the limit from the left: the state at the
+first row is the initial one, and the first command is first felt at the second row.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Thruster, Vehicle
+
+Array = NDArray[np.float64]
+
+# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
+UNIT_WRENCH = slice(0, 6)
+MAX_THRUST = 6  # N at +1
+MAX_REVERSE = 7  # N at -1, as a positive number
+POWER = 8  # of n that thrust goes with: 1 linear, 2 quadratic
+SPEED_LAG = 9  # 1: the state is the rotor speed; 0: the thrust
+TIME_CONSTANT = 10  # s
+LAG_STEP = 11  # s, of the source's Euler integration; 0: exact
+DEADBAND = 12  # in n
+SHIFT = 13  # 1: continuous beyond the dead band; 0: cut
+DELAY = 14  # s
+GAIN = 15  # relative gain, thrust times 1 + g
+ASYMMETRY = 16  # a, reverse thrust times 1 - a
+INFLOW = 17  # c, thrust lost to the water's speed along the axis [s/m]
+COLUMNS = 18
+
+
+def same_states(table: Array, other: Array) -> bool:
+    """Whether two thruster tables lead the same commands to the same lag states, whatever their thrusts."""
+    before = [c for c in range(COLUMNS) if c not in (GAIN, ASYMMETRY, INFLOW)]
+    return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
+
+
+def configuration_matrix(vehicle: Vehicle) -> Array:
+    """Thruster configuration B, shape (6, n): the wrench about CO of one newton of each thrust; paper (10).
+
+    Raises:
+        DataError: A thruster gives neither a position with a direction nor a wrench, or gives both.
+    """
+    return np.array([_unit_wrench(thruster) for thruster in vehicle.thruster]).reshape(-1, 6).T
+
+
+def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
+    """Thrusts with the least sum of squares among those that come closest to a demanded wrench: pinv(B) tau.
+
+    Args:
+        B: Configuration matrix, shape (6, n).
+        tau: Demanded wrench in body axes, shape (..., 6) [N, N m].
+
+    Returns:
+        Thrusts, shape (..., n) [N], not limited; B f = tau wherever the thrusters can produce tau.
+    """
+    return np.asarray(np.asarray(tau, float) @ np.linalg.pinv(np.asarray(B, float)).T)
+
+
+def thruster_table(vehicle: Vehicle) -> Array:
+    """The vehicle's thrusters as rows of numbers for the kernels, shape (n, COLUMNS).
+
+    Gain, asymmetry and inflow are 0 here; effects of kind `actuator` change these and other columns.
+
+    Raises:
+        DataError: A thruster's placement is missing or doubled, or its `lag_step` exceeds its time constant.
+    """
+    table = np.zeros((len(vehicle.thruster), COLUMNS))
+    for row, thruster in zip(table, vehicle.thruster, strict=True):
+        step = thruster.lag_step or 0.0
+        if 0.0 < thruster.time_constant < step:
+            raise DataError(
+                f"thruster {thruster.name}: lag_step {step:g} s exceeds time_constant "
+                f"{thruster.time_constant:g} s, where Euler steps overshoot; give the source's step"
+            )
+        row[UNIT_WRENCH] = _unit_wrench(thruster)
+        row[MAX_THRUST] = thruster.max_thrust
+        row[MAX_REVERSE] = thruster.max_reverse_thrust
+        row[POWER] = 2.0 if thruster.curve == "quadratic" else 1.0
+        row[SPEED_LAG] = thruster.lag == "speed"
+        row[TIME_CONSTANT] = thruster.time_constant
+        row[LAG_STEP] = step
+        row[DEADBAND] = thruster.deadband
+        row[SHIFT] = thruster.deadband_style == "shift"
+        row[DELAY] = thruster.delay
+    return table
+
+
+@jit
+def raised(size: float, power: float) -> float:
+    """Size to a power, by one product where that is 2."""
+    return size * size if power == 2.0 else size**power
+
+
+@jit
+def static_thrust(row: Array, n: float) -> float:
+    """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
+    size: float = abs(n)
+    band: float = row[DEADBAND]
+    if size <= band:
+        return 0.0
+    if row[POWER] != 1.0:
+        size, band = raised(size, row[POWER]), raised(band, row[POWER])
+    if row[SHIFT]:
+        size = (size - band) / (1.0 - band)
+    limit: float = row[MAX_THRUST] if n > 0.0 else -row[MAX_REVERSE]
+    return size * limit
+
+
+@jit
+def settled_state(row: Array, command: float) -> float:
+    """Lag state that a held command (delayed already) leads to; the command is clipped to [-1, 1]."""
+    n = min(max(command, -1.0), 1.0)
+    return n if row[SPEED_LAG] else static_thrust(row, n)
+
+
+@jit
+def lag_decay(row: Array, dt: float) -> float:
+    """Share of a distance from the settled state left after dt [s]: exp(-dt/T), or Euler's (1 - h/T)^(dt/h).
+
+    The power of Euler's step is taken for any dt, so the lag over two parts is the lag over their sum.
+    """
+    constant, step = row[TIME_CONSTANT], row[LAG_STEP]
+    if constant <= step:  # no lag, or all of it within one Euler step
+        return 0.0
+    if step > 0.0:
+        return math.exp(math.log1p(-step / constant) * dt / step)
+    return math.exp(-dt / constant)
+
+
+@jit
+def advance_state(row: Array, state: float, command: float, dt: float) -> float:
+    """Lag state after holding a command (delayed already) for dt [s]: exact, in one step of any length.
+
+    Without lag the state follows at once, even for dt = 0.
+    """
+    settled = settled_state(row, command)
+    return settled + (state - settled) * lag_decay(row, dt)
+
+
+@jit
+def state_derivative(row: Array, state: float, command: float) -> float:
+    """Rate of the lag state [1/s of it] whose solution is `advance_state`.
+
+    0 without lag: there the state is no unknown, and `advance_state(row, state, command, 0.0)` sets it.
+    """
+    constant, step = row[TIME_CONSTANT], row[LAG_STEP]
+    if constant <= step:
+        return 0.0
+    rate: float = -math.log1p(-step / constant) / step if step > 0.0 else 1.0 / constant
+    return rate * (settled_state(row, command) - state)
+
+
+@jit
+def inflow_speed(row: Array, nu_r: Array) -> float:
+    """Speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r."""
+    speed = 0.0
+    for i in range(6):
+        speed += row[i] * nu_r[i]
+    return speed
+
+
+@jit
+def state_to_thrust(row: Array, state: float, inflow: float) -> float:
+    """Thrust [N] of a lag state, with gain, asymmetry and the loss to `inflow` [m/s] along the axis."""
+    thrust: float = static_thrust(row, state) if row[SPEED_LAG] else state
+    thrust *= 1.0 + row[GAIN]
+    if thrust < 0.0:
+        thrust *= 1.0 - row[ASYMMETRY]
+    if row[INFLOW] != 0.0:  # spares most vehicles the square root
+        thrust -= row[INFLOW] * math.sqrt(abs(thrust) * row[MAX_THRUST]) * inflow
+    return thrust
+
+
+@jit
+def _states_kernel(
+    table: Array, commands: Array, t: Array, times: Array, settled: bool, close: float, out: Array
+) -> None:
+    """Lag states at rising `times` >= t[0]; command k is felt from t[k] + delay, `close` [s] is no time."""
+    count, rows = table.shape[0], t.size
+    state, target, now = np.zeros(count), np.zeros(count), np.full(count, t[0])
+    upcoming = np.zeros(count, np.int64)
+    step_before, decay = np.zeros(count), np.zeros(count)
+    if settled:
+        for i in range(count):
+            state[i] = target[i] = settled_state(table[i], commands[0, i])
+    for m in range(times.size):
+        for i in range(count):
+            row = table[i]
+            while upcoming[i] < rows:
+                switch = t[upcoming[i]] + row[DELAY]
+                if switch >= times[m] - close:
+                    break
+                if switch > now[i] + close:  # a fractional delay: the old command acts on the first part
+                    state[i] = target[i] + (state[i] - target[i]) * lag_decay(row, switch - now[i])
+                    now[i] = switch
+                target[i] = settled_state(row, commands[upcoming[i], i])
+                upcoming[i] += 1
+            step = times[m] - now[i]
+            if step > 0.0:
+                if abs(step - step_before[i]) > 1e-9 * step:
+                    step_before[i], decay[i] = step, lag_decay(row, step)
+                state[i] = target[i] + (state[i] - target[i]) * decay[i]
+                now[i] = times[m]
+            out[m, i] = state[i]
+
+
+@jit
+def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None:
+    """Thrusts of lag states; `nu_r` has as many rows, or none for still water around a vehicle at rest."""
+    for k in range(states.shape[0]):
+        for i in range(table.shape[0]):
+            inflow = inflow_speed(table[i], nu_r[k]) if nu_r.shape[0] else 0.0
+            out[k, i] = state_to_thrust(table[i], states[k, i], inflow)
+
+
+def lag_states(
+    table: Array, commands: ArrayLike, t: ArrayLike, times: ArrayLike, *, settled: bool = False
+) -> Array:
+    """Lag states at any times of one unbroken segment.
+
+    Args:
+        table: Thruster table, shape (n, COLUMNS).
+        commands: Commands, shape (N, n); row k is held on [t_k, t_k+1), the last one on.
+        t: Times of the commands [s], shape (N,), rising.
+        times: Times to give the states at [s], shape (M,), rising, from t[0] on.
+        settled: Start settled on the first command, as after a gap; otherwise at rest, with a command of
+            0 before the first.
+
+    Returns:
+        States, shape (M, n): limits from the left where a command changes.
+
+    Raises:
+        DataError: The commands' shape does not fit the thrusters or the times.
+    """
+    held, clock = _commands(table, commands, t)
+    moments = np.ascontiguousarray(times, dtype=np.float64)
+    out = np.empty((moments.size, table.shape[0]))
+    if clock.size and moments.size:
+        _states_kernel(table, held, clock, moments, settled, _close(clock), out)
+    return out
+
+
+def thrusts(
+    table: Array,
+    commands: ArrayLike,
+    t: ArrayLike,
+    segments: ArrayLike,
+    *,
+    after_gap: ArrayLike | None = None,
+    nu_r: ArrayLike | None = None,
+) -> Array:
+    """Thrusts f(t_k) at every row of a log; paper (10).
+
+    Args:
+        table: Thruster table, shape (n, COLUMNS): that of `effects.thruster_table`, which holds the vehicle's
+            actuator effects, or of `thruster_table` without them.
+        commands: Commands, shape (N, n).
+        t: Times [s], shape (N,), rising within each segment.
+        segments: Unbroken runs of rows [start, stop), shape (S, 2).
+        after_gap: Which segments follow a gap within a session, shape (S,): they start settled on their first
+            command.  The others, and all of them by default, start a session at rest.
+        nu_r: Velocity of CO relative to the water, body axes, shape (N, 6); by default there is no inflow.
+
+    Returns:
+        Thrusts, shape (N, n) [N]; rows outside all segments are 0.
+
+    Raises:
+        DataError: The commands' shape does not fit the thrusters or the times.
+    """
+    held, clock = _commands(table, commands, t)
+    bounds = np.asarray(segments, np.int64).reshape(-1, 2)
+    settled = np.zeros(len(bounds), bool) if after_gap is None else np.asarray(after_gap, bool)
+    out = np.zeros(held.shape)
+    for (start, stop), resumed in zip(bounds, settled, strict=True):
+        if stop > start:
+            part = clock[start:stop]
+            _states_kernel(table, held[start:stop], part, part, resumed, _close(part), out[start:stop])
+    water = np.empty((0, 6)) if nu_r is None else np.ascontiguousarray(nu_r, dtype=np.float64)
+    _thrust_kernel(table, out, water, out)
+    return out
+
+
+def _unit_wrench(thruster: Thruster) -> Array:
+    """Wrench about CO of one newton of thrust, shape (6,)."""
+    position, direction, wrench = thruster.position, thruster.direction, thruster.wrench
+    if wrench is not None and position is None and direction is None:
+        return np.array(wrench)
+    if wrench is not None or position is None or direction is None:
+        raise DataError(f"thruster {thruster.name}: give either position and direction, or wrench")
+    return np.array([*direction, *np.cross(position, direction)])
+
+
+def _commands(table: Array, commands: ArrayLike, t: ArrayLike) -> tuple[Array, Array]:
+    """Commands and times as C-contiguous float64 that fit the thrusters and each other."""
+    held = np.ascontiguousarray(commands, dtype=np.float64)
+    clock = np.ascontiguousarray(t, dtype=np.float64)
+    if held.ndim != 2 or held.shape != (clock.size, len(table)):
+        raise DataError(
+            f"commands: expected {clock.size} rows of {len(table)} thrusters, got shape {held.shape}; "
+            "use the vehicle file that the log was recorded with"
+        )
+    return held, clock
+
+
+def _close(t: Array) -> float:
+    """Times nearer than this are one time: rounding of the clock must not move a command by a whole row."""
+    step = (t[-1] - t[0]) / max(t.size - 1, 1)
+    return float(1e-9 * step + 1e-15 * abs(t[-1]))

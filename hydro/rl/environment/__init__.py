@@ -1,0 +1,1 @@
+"""Tasks, observations, rewards and the fleet of vehicles that flies them."""

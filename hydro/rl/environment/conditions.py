@@ -1,0 +1,93 @@
+"""The physics that policies are trained under: the paper's three conditions (V-C) and two more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hydro.core.errors import UsageError
+from hydro.core.vehicle.description import Vehicle
+from hydro.rl.environment.config import Settings
+from hydro.sim.bridge.water import Water, dry, residual, wet
+from hydro.sim.plant import StudentPlant
+from hydro.sim.residual.conditioning import preset
+from hydro.sim.residual.control import Control
+from hydro.sim.residual.lowering import TrainedModel
+from hydro.sim.residual.network import Network
+
+NO_WATER, EFFECTS = "R_0", "R_effects"
+MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
+"""Kind of residual model that a condition flies with."""
+CONDITIONS = (NO_WATER, *MODELS, EFFECTS)
+
+
+def water(
+    condition: str,
+    vehicle: Vehicle,
+    model: TrainedModel | None = None,
+    *,
+    conditioning: str = "paper",
+    period: float = 0.04,
+) -> Water:
+    """What of the water a vehicle feels under a condition.
+
+    Args:
+        condition: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
+            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; or `R_effects`, all effects of the
+            vehicle file.
+        vehicle: The vehicle file.
+        model: The residual model, for the conditions that fly with one.
+        conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
+        period: Control step [s].
+
+    Raises:
+        UsageError: There is no such condition, or its model is missing, of another kind, or not asked for.
+    """
+    if condition not in CONDITIONS:
+        raise UsageError(f"there is no condition {condition!r}; choose one of {', '.join(CONDITIONS)}")
+    wanted = MODELS.get(condition)
+    if wanted is None:
+        if model is not None:
+            raise UsageError(
+                f"{condition} flies without a residual model, and {model.name} is given; leave it out"
+            )
+        return wet(vehicle) if condition == EFFECTS else dry(vehicle)
+    if model is None or model.architecture.get("model") != wanted:
+        given = "none is given" if model is None else f"{model.name} is given"
+        raise UsageError(f"{condition} flies with a residual model of kind {wanted}, and {given}; train one")
+    control = Control(Network.of(model), period, conditioning=preset(conditioning, vehicle))
+    return residual(vehicle, control, effects=model.subtract == "effects")
+
+
+def plant(
+    condition: str,
+    vehicle: Vehicle,
+    settings: Settings,
+    count: int,
+    model: TrainedModel | None = None,
+    *,
+    conditioning: str = "paper",
+    threads: int = 1,
+    folder: Path | None = None,
+) -> StudentPlant:
+    """Students under a condition; see `water`.
+
+    Args:
+        condition: Name.
+        vehicle: The vehicle file.
+        settings: Physics and control step.
+        count: Number of vehicles.
+        model: Residual model.
+        conditioning: Preset for its wrench.
+        threads: Threads that share the vehicles.
+        folder: Folder of the vehicle file.
+    """
+    felt = water(condition, vehicle, model, conditioning=conditioning, period=settings.period)
+    return StudentPlant(
+        vehicle,
+        felt,
+        count=count,
+        physics=settings.physics,
+        period=settings.period,
+        threads=threads,
+        folder=folder,
+    )

@@ -1,0 +1,179 @@
+"""The fleet as Gymnasium knows environments: one vehicle alone, and many as a vector environment.
+
+Episodes are ended by the fleet itself, after `Task.steps` control steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.errors import UsageError
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as vehicles
+from hydro.io.files import bundled
+from hydro.rl.environment import conditions, tasks
+from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.config import Settings
+from hydro.rl.environment.fleet import Fleet, Guidance, Info
+from hydro.rl.environment.observation import bounds
+from hydro.sim.residual.lowering import TrainedModel
+
+Array32 = NDArray[np.float32]
+
+VEHICLE = "auv151"
+"""The vehicle of the reference paper."""
+
+
+def make_fleet(
+    stage: int = tasks.POINT_TO_POINT,
+    *,
+    level: int | None = None,
+    vehicle: Vehicle | str | Path = VEHICLE,
+    condition: str = conditions.EFFECTS,
+    model: TrainedModel | None = None,
+    conditioning: str = "paper",
+    settings: Settings | None = None,
+    count: int = 1,
+    threads: int = 1,
+    seed: int = 0,
+) -> Fleet:
+    """A fleet of students at a stage of the curriculum.
+
+    Args:
+        stage: 1 point to point, 2 pillars, 3 guided.
+        level: Number of pillars in stages 2 and 3; all by default.
+        vehicle: A vehicle, its file, or the name of a bundled one.
+        condition: One of `conditions.CONDITIONS`.
+        model: Residual model, for the conditions that fly with one.
+        conditioning: Preset for its wrench.
+        settings: All other choices.
+        count: Number of vehicles.
+        threads: Threads that share them.
+        seed: Of tasks and noise.
+
+    Raises:
+        DataError: The vehicle cannot be read or flown.
+        UsageError: There is no such stage, level or condition.
+    """
+    settings = settings or Settings()
+    known = vehicle if isinstance(vehicle, Vehicle) else vehicles.read(_file(vehicle))[0]
+    plant = conditions.plant(
+        condition, known, settings, count, model, conditioning=conditioning, threads=threads
+    )
+    fleet = Fleet(settings, plant, seed, _guidance(settings, count) if stage == tasks.GUIDED else None)
+    most = 0 if stage == tasks.POINT_TO_POINT else settings.world.pillars
+    fleet.set_level(stage, most if level is None else level)
+    return fleet
+
+
+def _file(vehicle: str | Path) -> Path:
+    """A vehicle file by path, or by the name of a bundled one."""
+    known = bundled("vehicles") / f"{vehicle}.toml"
+    return known if known.is_file() else Path(vehicle)
+
+
+def _guidance(settings: Settings, count: int) -> Guidance:
+    """Guidance along planned paths."""
+    from hydro.rl.environment.guidance import Guidance
+
+    return Guidance(settings, count)
+
+
+def _spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
+    """Observations and actions of one vehicle."""
+    low, high = bounds(settings)
+    return spaces.Box(low, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
+
+
+class Single(gymnasium.Env):  # type: ignore[misc]
+    """One vehicle.
+
+    `info` holds the entries of `fleet.Info`; observations are described in `rl.environment.observation`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+
+    def __init__(self, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
+        """Take the arguments of `make_fleet`, but for count and seed: `reset` seeds."""
+        self.fleet = make_fleet(stage, **choices)
+        self.observation_space, self.action_space = _spaces(self.fleet.settings)
+        self._begun = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array32, dict[str, Any]]:
+        """Begin the next episode, or with a seed, that seed's first."""
+        super().reset(seed=seed)
+        anew = seed is not None or not self._begun
+        self._begun = True
+        return self.fleet.reset(seed=_draw(self.np_random) if anew else None)[0], {}
+
+    def step(self, action: ArrayLike) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
+        """Fly one control step."""
+        done = self.fleet.step(np.asarray(action)[None], renew=False)
+        info = {name: values[0].item() for name, values in zip(Info._fields, done.info, strict=True)}
+        return (
+            done.obs[0],
+            float(done.reward[0]),
+            bool(done.terminated[0]),
+            bool(done.truncated[0]),
+            info,
+        )
+
+
+class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
+    """Many vehicles; those whose episode ends begin their next one in the same step."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(self, num_envs: int = 8, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
+        """Take the arguments of `make_fleet`, but for count and seed: `reset` seeds."""
+        self.fleet = make_fleet(stage, count=num_envs, **choices)
+        self.num_envs = num_envs
+        self.single_observation_space, self.single_action_space = _spaces(self.fleet.settings)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._begun = False
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array32, dict[str, Any]]:
+        """Begin the next episodes, or with a seed, that seed's first; `options["reset_mask"]` says whose.
+
+        Raises:
+            UsageError: There is a seed for each vehicle, or for some alone.
+        """
+        mask = None if options is None else options.get("reset_mask")
+        if seed is not None and (not isinstance(seed, int | np.integer) or mask is not None):
+            raise UsageError("one seed serves all vehicles of a fleet together; give one number and no mask")
+        super().reset(seed=None if seed is None else int(seed))
+        anew = seed is not None or not self._begun
+        self._begun = True
+        fresh = _draw(self.np_random) if anew else None
+        return self.fleet.reset(None if mask is None else np.asarray(mask, dtype=np.bool_), fresh), {}
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[Array32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Fly one control step; where episodes end, `info` has their `final_obs` and `final_info`."""
+        step = self.fleet.step(actions)
+        info: dict[str, Any] = dict(step.info._asdict())
+        ended = step.terminated | step.truncated
+        if ended.any():
+            info |= {"final_obs": step.final_obs, "_final_obs": ended}
+            info |= {"final_info": dict(step.info._asdict()), "_final_info": ended}
+        return step.obs, step.reward.astype(np.float64), step.terminated, step.truncated, info
+
+
+def _draw(rng: np.random.Generator) -> int:
+    """A seed for a fleet."""
+    return int(rng.integers(2**31))

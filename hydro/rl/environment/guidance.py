@@ -1,0 +1,134 @@
+"""What leads vehicles along a planned way (stage 3): a point ahead, and the cost of being off the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.rl.environment.config import Settings
+from hydro.rl.environment.planner import Grid, plan
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+State = dict[str, NDArray[np.generic]]
+
+AHEAD = 3.5
+"""How far along the way the point ahead lies [m]."""
+ALPHA = 0.15
+"""Weight of the new point in the exponential moving average."""
+BACK, ON = 1.0, 5.0
+"""How far behind and ahead of where a vehicle was on its way it is looked for [m]: a way may cross itself."""
+
+
+class Guidance:
+    """Ways of many vehicles, and how far each has come on its own.
+
+    Attributes:
+        ways: Corners of every vehicle's way (N, K, 3), NED; the last is repeated.
+    """
+
+    def __init__(self, settings: Settings, count: int) -> None:
+        """Make room for the ways of `count` vehicles in the world of the settings."""
+        self._world, self._weight = settings.world, settings.reward.path
+        self._grid = Grid(settings.world.length, settings.world.width)
+        self.ways = np.zeros((count, 2, 3))
+        self._along = np.zeros(count)
+        self._ahead = np.full((count, 3), np.nan)
+
+    def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
+        """Plan anew for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
+        for k in np.flatnonzero(mask):
+            way = plan(self._grid, starts[k], goals[k], pillars[k], self._world.pillar_radius)
+            if (more := len(way) - self.ways.shape[1]) > 0:
+                self.ways = np.pad(self.ways, ((0, 0), (0, more), (0, 0)), mode="edge")
+            self.ways[k, : len(way)], self.ways[k, len(way) :] = way, way[-1]
+        self._along[mask], self._ahead[mask] = 0.0, np.nan
+
+    def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
+        """Go on by one control step.
+
+        Args:
+            mask: Which vehicles do, (N,).
+            positions: (N, 3), NED.
+
+        Returns:
+            Smoothed points ahead (N, 3) and weighted costs of being off the way (N,), eq. 9; rows of the
+            others are as good as any.
+        """
+        cost = np.zeros(len(positions))
+        follow_kernel(mask, positions, self.ways, self._along, self._ahead, cost)
+        return self._ahead.copy(), self._weight * cost
+
+    def state(self) -> State:
+        """Everything that the future depends on."""
+        return {"ways": self.ways.copy(), "along": self._along.copy(), "ahead": self._ahead.copy()}
+
+    def restore(self, state: State) -> None:
+        """Go back to a state, bit for bit."""
+        kept = (np.array(state[name], dtype=np.float64) for name in ("ways", "along", "ahead"))
+        self.ways, self._along, self._ahead = kept
+
+
+@jit
+def cross_track_cost(error: float) -> float:
+    """e^2 below 1 m, and 2 |e| - 1 beyond: Huber-like, once differentiable (eq. 9)."""
+    size = abs(error)
+    return size * size if size < 1.0 else 2.0 * size - 1.0
+
+
+@jit
+def follow_kernel(mask: Mask, positions: Array, ways: Array, along: Array, ahead: Array, cost: Array) -> None:
+    """Move every vehicle's place on its way and the smoothed point ahead of it.
+
+    Args:
+        mask: Which vehicles, (N,).
+        positions: (N, 3).
+        ways: Corners (N, K, 3).
+        along: Where on its way each was (N,) [m]; rewritten.
+        ahead: Smoothed points ahead (N, 3), NaN at the beginning; rewritten.
+        cost: (N,) written, without weight.
+    """
+    point = np.empty(3)
+    for k in range(len(mask)):
+        if not mask[k]:
+            continue
+        off, along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
+        cost[k] = cross_track_cost(off)
+        at(ways[k], along[k] + AHEAD, point)
+        for i in range(3):
+            if math.isnan(ahead[k, i]):
+                ahead[k, i] = point[i]
+            ahead[k, i] += ALPHA * (point[i] - ahead[k, i])
+
+
+@jit
+def nearest(way: Array, position: Array, low: float, high: float) -> tuple[float, float]:
+    """Distance to a way (K, 3), and where on it [m], of the nearest point between two places on it."""
+    best, where, begun = np.inf, 0.0, 0.0
+    for k in range(len(way) - 1):
+        step = way[k + 1] - way[k]
+        length = math.sqrt((step**2).sum())
+        first, last = max(low - begun, 0.0), min(high - begun, length)
+        if length > 0.0 and first <= last:
+            s = min(max(((position - way[k]) * step).sum() / length, first), last)
+            off = math.sqrt(((way[k] + s / length * step - position) ** 2).sum())
+            if off < best:
+                best, where = off, begun + s
+        begun += length
+    return (best, where) if best < np.inf else (math.sqrt(((way[0] - position) ** 2).sum()), 0.0)
+
+
+@jit
+def at(way: Array, place: float, out: Array) -> None:
+    """The point of a way (K, 3) at a place [m]; its last beyond the end."""
+    out[:] = way[-1]
+    for k in range(len(way) - 1):
+        step = way[k + 1] - way[k]
+        length = math.sqrt((step**2).sum())
+        if place < length:
+            out[:] = way[k] + max(place, 0.0) / length * step
+            return
+        place -= length

@@ -1,0 +1,129 @@
+"""The 36 numbers that a policy sees (paper eq. 7), in SI units and body axes FRD unless said otherwise.
+
+0-2    R^T (p_g - p), the way to the target [m]
+3-5    velocity of CO over ground, as a velocity log gives it [m/s]
+6-8    angular velocity, as a gyroscope gives it [rad/s]
+9-12   quaternion (w, x, y, z) from FRD to NED, w >= 0
+13-15  gravity R^T (0, 0, g) [m/s^2]
+16     depth of CO below the surface [m]
+17-31  15 ranges of the sonar, from port to starboard [m]
+32     altitude of CO above the floor, straight down in the world [m]
+33-35  specific force at CO, as an accelerometer gives it [m/s^2]
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.rl.environment.config import Noise, Settings
+from hydro.rl.environment.encoding import Encoding
+from hydro.rl.environment.geometry import FLOOR
+from hydro.rl.environment.sonar import BEAMS, sonar_kernel
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 17
+ALTITUDE = SONAR + BEAMS
+SPECIFIC_FORCE = ALTITUDE + 1
+OBSERVATIONS = SPECIFIC_FORCE + 3
+
+NAMES = (
+    *("target_x", "target_y", "target_z", "u", "v", "w", "p", "q", "r", "q_w", "q_x", "q_y", "q_z"),
+    *("g_x", "g_y", "g_z", "depth", *(f"sonar_{beam + 1}" for beam in range(BEAMS)), "altitude"),
+    *("a_x", "a_y", "a_z"),
+)
+"""Of the observations, in order."""
+
+ENCODING = Encoding(
+    scale=np.array(
+        [5.0] * 3 + [1.0] * 10 + [10.0] * 3 + [5.0] + [2.0] * BEAMS + [5.0] + [10.0] * 3,
+        dtype=np.float32,
+    ),
+    fades=np.array([name.startswith("sonar_") for name in NAMES]),
+)
+"""How a policy is given them."""
+
+
+def sigmas(noise: Noise) -> Array:
+    """Standard deviation of each observation's noise, (36,)."""
+    sigma = np.zeros(OBSERVATIONS)
+    sigma[VELOCITY : VELOCITY + 3] = noise.velocity
+    sigma[RATE : RATE + 3] = noise.rate
+    sigma[DEPTH] = noise.depth
+    sigma[SONAR : SONAR + BEAMS] = noise.range
+    return sigma
+
+
+def bounds(settings: Settings) -> tuple[Array32, Array32]:
+    """Least and greatest values (36,) that a sensor gives; what lies beyond is clipped."""
+    high = np.full(OBSERVATIONS, 100.0)
+    world = settings.world
+    high[TARGET : TARGET + 3] = np.linalg.norm([world.length, world.width, world.depth])
+    high[QUATERNION : QUATERNION + 4] = 1.0
+    high[GRAVITY : GRAVITY + 3] = 12.0
+    high[DEPTH] = high[ALTITUDE] = 2.0 * world.depth
+    high[SONAR : SONAR + BEAMS] = settings.sonar.reach
+    low = -high
+    low[QUATERNION] = 0.0
+    low[SONAR : SONAR + BEAMS] = 0.0
+    return low.astype(np.float32), high.astype(np.float32)
+
+
+@jit
+def observe_kernel(
+    limits: Array32,
+    fan: Array,
+    reach: float,
+    tank: Array,
+    gravity: float,
+    pose: Array,
+    velocity: Array,
+    specific_force: Array,
+    R: Array,
+    target: Array,
+    pillars: Array,
+    noise: Array,
+    out: Array32,
+) -> float:
+    """What one vehicle senses.
+
+    Args:
+        limits: Least and greatest values (2, 36).
+        fan: Places and directions of the sonar's beams in the body (15, 6) [m].
+        reach: Its reach [m].
+        tank: Numbers of `rl.environment.geometry`.
+        gravity: [m/s^2].
+        pose: (7,).
+        velocity: (6,).
+        specific_force: (3,).
+        R: Body to NED (9,), of the pose.
+        target: (3,), NED.
+        pillars: (P, 2).
+        noise: What is added to each observation (36,).
+        out: (36,) written.
+
+    Returns:
+        The least range of the sonar without noise [m].
+    """
+    o = noise.copy()
+    for i in range(3):
+        for j in range(3):
+            o[TARGET + i] += R[3 * j + i] * (target[j] - pose[j])
+        o[VELOCITY + i] += velocity[i]
+        o[RATE + i] += velocity[3 + i]
+        o[GRAVITY + i] += gravity * R[6 + i]
+        o[SPECIFIC_FORCE + i] += specific_force[i]
+    for i in range(4):
+        o[QUATERNION + i] += pose[3 + i]
+    o[DEPTH] += pose[2]
+    o[ALTITUDE] += tank[FLOOR] - pose[2]
+    ranges = np.empty(BEAMS)
+    least = sonar_kernel(fan, reach, tank, pose[:3], R, pillars, ranges)
+    for beam in range(BEAMS):
+        o[SONAR + beam] += ranges[beam]
+    for i in range(OBSERVATIONS):
+        out[i] = min(max(np.float32(o[i]), limits[0, i]), limits[1, i])
+    return least

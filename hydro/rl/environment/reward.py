@@ -1,0 +1,72 @@
+"""The reward of one control step (paper eq. 8): potential, heading, upright, success, and what they cost."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.rl.environment.config import Reward
+
+Array = NDArray[np.float64]
+
+SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(8)
+NEAR, FAR, COLLISION, ENERGY, ACTION, SMOOTHNESS, PATH = range(8, 15)
+FALL_OFF = 1.5  # 1/m, of the obstacle cost
+NEAR_SHARE = 0.01  # of the cost of a collision, for every step within `near`
+
+
+def weights(reward: Reward) -> Array:
+    """The weights as numbers, in the order of their names above."""
+    return np.array(dataclasses.astuple(reward), dtype=np.float64)
+
+
+@jit
+def shaping(w: Array, before: float, after: float) -> float:
+    """Gamma phi(s_t) - phi(s_{t-1}) with phi = -(distance / d_max) phi_s, of distances to the goal [m]."""
+    return float(w[SHAPING] / w[DISTANCE] * (before - w[DISCOUNT] * after))
+
+
+@jit
+def posture(w: Array, R: Array, x: float, y: float) -> float:
+    """Heading and upright terms, w (cos + 1) / 2 each.
+
+    The heading's angle is that between the horizontal parts of the bow's direction and of the way to the
+    target (x, y), NED; the upright's that between the body's z axis and down.
+    """
+    earned = w[UPRIGHT] * 0.5 * (R[8] + 1.0)
+    away, ahead = math.hypot(x, y), math.hypot(R[0], R[3])
+    if away > w[BLIND] and ahead > 0.0:
+        earned += w[HEADING] * 0.5 * ((R[0] * x + R[3] * y) / (away * ahead) + 1.0)
+    return float(earned)
+
+
+@jit
+def obstacle_cost(w: Array, least: float) -> float:
+    """Cost of the nearest echo at `least` [m]: exponential between `near` and `far`, hard within `near`."""
+    if least < w[NEAR]:
+        return float(NEAR_SHARE * w[COLLISION])
+    if least > w[FAR]:
+        return 0.0
+    return float(w[OBSTACLE] * math.exp(-FALL_OFF * (least - w[NEAR])))
+
+
+@jit
+def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
+    """Cost of energy, action size and unsteadiness.
+
+    Args:
+        w: Weights.
+        power: Share of the power of all thrusters at full thrust.
+        action: Demands (6,) in [-1, 1].
+        before: Those of the step before.
+    """
+    size = change = 0.0
+    for j in range(action.size):
+        size += action[j] * action[j]
+        change += (action[j] - before[j]) * (action[j] - before[j])
+    mean = 1.0 / action.size
+    return float(w[ENERGY] * power + w[ACTION] * mean * size + w[SMOOTHNESS] * mean * change)

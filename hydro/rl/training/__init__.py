@@ -1,0 +1,1 @@
+"""The learner, its curriculum, and the folder of a training."""

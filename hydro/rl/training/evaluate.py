@@ -1,0 +1,139 @@
+"""Flying a policy without exploration: whether it arrives, how soon, at what cost, and where it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from hydro.rl.environment.fleet import Fleet, Step
+from hydro.rl.environment.guidance import Guidance
+from hydro.rl.environment.tasks import GUIDED
+
+Array = NDArray[np.float64]
+
+Actor = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""Observations (N, 36) to actions (N, 6)."""
+
+OUTCOMES = ("success", "collision", "diverged", "time")
+CONFIDENCE = 0.95
+POSITION = ("x", "y", "z")
+
+
+def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
+    """Fly one episode with every vehicle of a fleet that has not flown yet.
+
+    Args:
+        actor: The policy.
+        fleet: As many vehicles as episodes are wanted, its stage and level set.
+
+    Returns:
+        The episodes, a table of kind `episodes`.
+    """
+    observations = fleet.reset()
+    starts, goals = fleet.starts.copy(), fleet.goals.copy()
+    rows: dict[int, dict[str, Any]] = {}
+    while len(rows) < fleet.count:
+        step = fleet.step(actor(observations))
+        observations = step.obs
+        for k in np.flatnonzero(step.terminated | step.truncated):
+            if k not in rows:
+                rows[int(k)] = _ended(step, int(k), fleet.settings.period)
+    level = {"stage": fleet.stage, "pillars": fleet.level}
+    frame = pl.DataFrame([level | rows[k] for k in range(fleet.count)])
+    places = {f"start_{axis}": starts[:, i] for i, axis in enumerate(POSITION)}
+    places |= {f"goal_{axis}": goals[:, i] for i, axis in enumerate(POSITION)}
+    return frame.with_columns(**{name: pl.Series(values) for name, values in places.items()})
+
+
+class Flight(NamedTuple):
+    """One episode as it was flown.
+
+    Attributes:
+        t: Times [s], (K,).
+        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (K, 7).
+        targets: What it swam to (K, 3), NED [m].
+        goal: (3,), NED [m].
+        pillars: Axes of the pillars (P, 2), NED [m].
+        way: Corners of the planned way (W, 3), NED [m]; none without a plan.
+        outcome: How it ended.
+    """
+
+    t: Array
+    pose: Array
+    targets: Array
+    goal: Array
+    pillars: Array
+    way: Array
+    outcome: str
+
+
+def trace(actor: Actor, fleet: Fleet) -> Flight:
+    """Fly one episode of a fleet of one vehicle that has not flown yet, and keep where it went."""
+    observations = fleet.reset()
+    goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
+    standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
+    way = np.empty((0, 3))
+    if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED:
+        way = fleet.guidance.ways[0].copy()
+    poses, targets = [fleet.plant.pose[0].copy()], [fleet.targets[0].copy()]
+    while True:
+        step = fleet.step(actor(observations))
+        observations = step.obs
+        if (step.terminated | step.truncated)[0]:
+            break
+        poses.append(fleet.plant.pose[0].copy())
+        targets.append(fleet.targets[0].copy())
+    t: Array = fleet.settings.period * np.arange(len(poses), dtype=np.float64)
+    outcome = _ended(step, 0, fleet.settings.period)["outcome"]
+    return Flight(t, np.array(poses), np.array(targets), goal, standing, way, outcome)
+
+
+def _ended(step: Step, k: int, period: float) -> dict[str, Any]:
+    """One episode, at its last step."""
+    info = step.info
+    outcome = next((name for name in OUTCOMES[:-1] if getattr(info, name)[k]), OUTCOMES[-1])
+    return {
+        "episode": k,
+        "outcome": outcome,
+        "duration": float(info.episode_length[k]) * period,
+        "distance": float(info.distance[k]),
+        "reward": float(info.episode_return[k]),
+        "energy": float(info.episode_energy[k]),
+        "overspeed": float(info.episode_overspeed[k]) * period,
+    }
+
+
+def summary(episodes: pl.DataFrame) -> dict[str, Any]:
+    """What a set of episodes comes to.
+
+    Args:
+        episodes: What `fly` returns.
+
+    Returns:
+        `episodes`; `success` with `success_low`, `success_high` (Wilson, 95 %); shares of `collision` and
+        `diverged`; means of `reward`, `energy` and `overspeed`; `time_to_goal`, median of those that arrived,
+        None where none did.
+    """
+    count = episodes.height
+    arrived = episodes.filter(pl.col("outcome") == "success")
+    low, high = interval(arrived.height, count)
+    return {
+        "episodes": count,
+        "success": arrived.height / count,
+        "success_low": low,
+        "success_high": high,
+        **{name: episodes["outcome"].eq(name).mean() for name in ("collision", "diverged")},
+        "time_to_goal": arrived["duration"].median(),
+        **{name: episodes[name].mean() for name in ("reward", "energy", "overspeed")},
+    }
+
+
+def interval(successes: int, trials: int) -> tuple[float, float]:
+    """Wilson's interval of a share, 95 %."""
+    found = binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
+    return float(found.low), float(found.high)

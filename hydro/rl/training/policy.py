@@ -1,0 +1,76 @@
+"""A policy by itself: what a training leaves behind, and what flies in evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from tensordict.nn import NormalParamExtractor
+from torch import nn
+from torchrl.modules import MLP
+
+from hydro.core.errors import DataError
+from hydro.rl.environment.encoding import Encoding
+
+Array32 = NDArray[np.float32]
+
+
+def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Module:
+    """Linear layers with ReLU between them."""
+    made: nn.Module = MLP(
+        in_features=inputs, out_features=outputs, num_cells=list(widths), activation_class=nn.ReLU
+    )
+    return made
+
+
+def network(observations: int, actions: int, widths: tuple[int, ...]) -> nn.Sequential:
+    """Encoded observations (..., O) to mean and scale (..., A) of the normal under the tanh."""
+    return nn.Sequential(layers(observations, 2 * actions, widths), NormalParamExtractor())
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A trained policy; called with observations it gives actions without exploration.
+
+    Attributes:
+        widths: Of the hidden layers.
+        encoding: Of observations (O,) for the network.
+        weights: Tensors of `network` by name.
+        training: How it came about; JSON values.
+    """
+
+    widths: tuple[int, ...]
+    encoding: Encoding
+    weights: Mapping[str, Array32]
+    training: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Build the network.
+
+        Raises:
+            DataError: The tensors are not those of such a network.
+        """
+        tensors = {name: torch.from_numpy(np.array(each)) for name, each in self.weights.items()}
+        actions = len(next(reversed(tensors.values()))) // 2 if tensors else 0
+        built = network(len(self.encoding), actions, self.widths)
+        try:
+            built.load_state_dict(tensors)
+        except RuntimeError as error:
+            raise DataError(f"policy: its tensors are not those of layers {list(self.widths)}") from error
+        object.__setattr__(self, "_network", built)
+
+    @torch.no_grad()
+    def __call__(self, observations: Array32) -> Array32:
+        """Actions (N, A) at observations (N, O) in SI units: the median of what it would draw."""
+        return median(self._network, self.encoding(observations))  # type: ignore[attr-defined]
+
+
+@torch.no_grad()
+def median(network: nn.Module, encoded: Array32) -> Array32:
+    """The policy's most likely actions (N, A) at encoded observations (N, O)."""
+    actions: Array32 = network(torch.from_numpy(encoded))[0].tanh().numpy()
+    return actions

@@ -1,0 +1,291 @@
+"""The folder of a training: its tables, and the state from which it goes on after a kill.
+
+    run.parquet          every choice, with the vehicle file in its footer
+    model.parquet        the residual model, where its condition flies with one
+    curves.parquet       how learning went
+    evaluations.parquet  how the policy did without exploration
+    policy.parquet       what it has learnt so far
+    checkpoint.pt        everything that its future depends on
+
+The tables are written before the checkpoint, each whole or not at all; going on rewrites them, so that a kill
+between them leaves nothing wrong. No file holds a clock: the same plan gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+import torch
+
+from hydro.core.errors import DataError, UsageError
+from hydro.io import model as models
+from hydro.io import table
+from hydro.io.files import explained, whole_file
+from hydro.io.table import Artefact
+from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.policy import Policy
+from hydro.rl.training.train import Plan, Training
+
+RUN, MODEL, POLICY, CHECKPOINT = "run.parquet", "model.parquet", "policy.parquet", "checkpoint.pt"
+CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
+STAGE = "rl train"
+
+
+def run_artefact(
+    plan: Plan, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
+) -> Artefact:
+    """The table of a plan's choices, made from vehicle, residual model and the policy to start from."""
+    choices = _choices(plan)
+    frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
+    inputs = [one for one in (model, start) if one is not None]
+    return table.make(
+        "run", frame, stage=STAGE, seed=plan.seed, inputs=inputs, vehicle_text=vehicle_text,
+        parameters={"condition": plan.condition},
+    )  # fmt: skip
+
+
+def plan_of(run: Artefact) -> Plan:
+    """The plan in a run's table.
+
+    Raises:
+        DataError: it is not one of this version, whose choices are others.
+    """
+    choices = dict(run.frame.select("name", "value").iter_rows())
+    if strange := sorted(choices.keys() ^ _choices(Plan()).keys()):
+        # A choice that is left out is not its default: there was none, and something else was done.
+        raise DataError(f"run: not a plan of this version, for its {strange[0]}: train anew")
+    try:
+        return _plan(choices)
+    except msgspec.MsgspecError as error:
+        raise DataError(f"run: not a plan of this version ({error}): train anew") from error
+
+
+def changed(plan: Plan, choices: Mapping[str, str]) -> Plan:
+    """A plan with some choices made otherwise.
+
+    Args:
+        plan: The plan.
+        choices: Values in JSON by name with dots, such as `{"sac.batch": "256"}`.
+
+    Raises:
+        UsageError: There is no such choice, or not of such a value.
+    """
+    known = _choices(plan)
+    if unknown := [name for name in choices if name not in known]:
+        near = [name for name in known if name.endswith(unknown[0])]
+        meant = near or get_close_matches(unknown[0], known) or list(known)
+        raise UsageError(f"no choice is called {unknown[0]!r}: choose of {', '.join(meant)}")
+    try:
+        return _plan(known | dict(choices))
+    except msgspec.MsgspecError as error:
+        names = ", ".join(f"{name}={value}" for name, value in choices.items())
+        raise UsageError(f"{names}: not a value for this choice ({error})") from error
+
+
+def _choices(plan: Plan) -> dict[str, str]:
+    """A plan's choices in JSON, by name with dots."""
+    return dict(_flat(msgspec.to_builtins(plan)))
+
+
+def _plan(flat: Mapping[str, str]) -> Plan:
+    """The plan of choices by name with dots."""
+    nested: dict[str, Any] = {}
+    for name, value in flat.items():
+        *groups, last = name.split(".")
+        place = nested
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[last] = msgspec.json.decode(value)
+    return msgspec.convert(nested, Plan)
+
+
+def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Names with dots, and values in JSON, of nested choices."""
+    flat: list[tuple[str, str]] = []
+    for name, value in nested.items():
+        if isinstance(value, Mapping):
+            flat += _flat(value, f"{prefix}{name}.")
+        else:
+            flat.append((f"{prefix}{name}", msgspec.json.encode(value).decode()))
+    return flat
+
+
+class Folder:
+    """A training's folder.
+
+    Attributes:
+        path: Where it is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Name the folder; nothing is read or written."""
+        self.path = path
+
+    def open(self, run: Artefact, model: Artefact | None) -> dict[str, Any] | None:
+        """Begin a training here, or go on with the one that is here.
+
+        Args:
+            run: What is to be trained; it may have had other steps and another ladder before.
+            model: The residual model, which is copied here.
+
+        Returns:
+            The state to go on from, None where there is none.
+
+        Raises:
+            DataError: The folder belongs to another training, or the operating system refuses.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise explained(str(self.path), error) from error
+        if (self.path / RUN).exists():
+            self._require_same(run)
+        table.write(run, self.path / RUN)
+        if model is not None:
+            table.write(model, self.path / MODEL)
+        if not (self.path / CHECKPOINT).exists():
+            return None
+        return _read_state(self.path / CHECKPOINT)
+
+    def _require_same(self, run: Artefact) -> None:
+        before = self.run()
+        old, new = plan_of(before), plan_of(run)
+        longer = replace(old, steps=new.steps, ladder=new.ladder)
+        if longer != new or before.provenance.inputs != run.provenance.inputs:
+            changed = before.frame.join(run.frame, on="name").filter(pl.col("value") != pl.col("value_right"))
+            names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("ladder."))
+            raise DataError(
+                f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "
+                "same choices to go on"
+            )
+
+    def save(self, training: Training, run: Artefact) -> None:
+        """Keep what a training has come to: its tables, then its state."""
+        plan, tables = training.plan, training.tables()
+        for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
+            made = table.make(kind, tables[kind], stage=STAGE, seed=plan.seed, inputs=[run])
+            table.write(made, self.path / name)
+        table.write(policy_artefact(training.policy(), run, plan.seed), self.path / POLICY)
+        _write_state(training.state(), self.path / CHECKPOINT)
+
+    def plan(self) -> Plan:
+        """Its plan."""
+        return plan_of(self.run())
+
+    def evaluations(self) -> Artefact:
+        """How the policy did without exploration.
+
+        Raises:
+            DataError: There is no such table, or it is broken.
+        """
+        return table.read(self.path / EVALUATIONS, "evaluations")
+
+    def run(self) -> Artefact:
+        """The table of its choices.
+
+        Raises:
+            DataError: There is none, or it is broken.
+        """
+        return table.read(self.path / RUN, "run")
+
+    def model(self) -> Artefact | None:
+        """The residual model that its condition flies with, if it does."""
+        return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
+
+    def learnt(self) -> dict[str, Any]:
+        """The state of its learner, for another training to begin with.
+
+        Raises:
+            DataError: There is no checkpoint, or it is broken.
+        """
+        if not (self.path / CHECKPOINT).exists():
+            raise DataError(f"{self.path}: no {CHECKPOINT} to start from: give the folder of a training")
+        learner: dict[str, Any] = _read_state(self.path / CHECKPOINT)["learner"]
+        return learner
+
+    def policy(self) -> tuple[Policy, Artefact]:
+        """What it has learnt.
+
+        Raises:
+            DataError: There is no policy yet, or it is broken.
+        """
+        found = table.read(self.path / POLICY, "policy")
+        return policy_of(found), found
+
+
+def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
+    """A policy as a table of tensors."""
+    tensors = policy.weights
+    frame = pl.DataFrame(
+        {
+            "tensor": list(tensors),
+            "shape": [list(each.shape) for each in tensors.values()],
+            "data": [each.ravel() for each in tensors.values()],
+        },
+        schema={"tensor": pl.String, "shape": pl.List(pl.Int64), "data": pl.List(pl.Float32)},
+    )
+    described = {
+        "widths": list(policy.widths),
+        "scale": policy.encoding.scale.tolist(),
+        "fades": policy.encoding.fades.tolist(),
+        "training": dict(policy.training),
+    }
+    return table.make("policy", frame, stage=STAGE, seed=seed, inputs=[run], model=described)
+
+
+def policy_of(artefact: Artefact) -> Policy:
+    """The policy in an artefact of kind `policy`.
+
+    Raises:
+        DataError: The footer does not describe one.
+    """
+    described = artefact.provenance.model or {}
+    if not described.keys() >= {"widths", "scale", "fades", "training"}:
+        raise DataError(
+            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train anew "
+            "with `hydro rl train`"
+        )
+    return Policy(
+        tuple(described["widths"]),
+        Encoding(np.array(described["scale"], np.float32), np.array(described["fades"], np.bool_)),
+        models.tensors(artefact),
+        described["training"],
+    )
+
+
+def _write_state(state: dict[str, Any], path: Path) -> None:
+    """Keep a state, whole or not at all."""
+    with whole_file(path) as stream:
+        torch.save(_each(state, np.ndarray, torch.from_numpy), stream)
+
+
+def _read_state(path: Path) -> dict[str, Any]:
+    """A state that was kept; the learner's tensors as they were, all else in arrays.
+
+    Raises:
+        DataError: The file is broken.
+    """
+    try:
+        state = torch.load(path, weights_only=True)
+    except Exception as error:  # whatever torch's unpickler comes across
+        raise DataError(
+            f"{path}: cannot be read: remove it to train anew ({type(error).__name__})"
+        ) from error
+    learner = state.pop("learner")
+    return {**_each(state, torch.Tensor, torch.Tensor.numpy), "learner": learner}
+
+
+def _each(nested: Any, kind: type, convert: Any) -> Any:
+    """Nested dicts and lists with every value of a kind converted."""
+    if isinstance(nested, kind):
+        return convert(nested)
+    if isinstance(nested, dict):
+        return {name: _each(value, kind, convert) for name, value in nested.items()}
+    return [_each(value, kind, convert) for value in nested] if isinstance(nested, list) else nested

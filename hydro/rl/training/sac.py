@@ -1,0 +1,365 @@
+"""Soft actor-critic (Haarnoja et al. 2018) on TorchRL, with the loss evaluated where its time goes.
+
+TorchRL holds the networks' functional parameters, the temperature, the target and the replay buffer.  Its
+`SACLoss` spends half of an update on two cores around the matrix products: a vmap over critics, and tables of
+tensors made and unmade.  `TwinLoss` is the same loss of the same parameters (a test holds one to the other):
+both critics in one pass, and no gradient that nobody asks for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from tensordict import TensorDict
+from tensordict.nn import TensorDictModule
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torchrl import torchrl_logger
+from torchrl.data import LazyTensorStorage, ReplayBuffer
+from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
+from torchrl.objectives import SACLoss, SoftUpdate
+
+from hydro.core.errors import DataError, UsageError
+from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.policy import Array32, Policy, layers, median, network
+from hydro.rl.training.returns import Horizon, Mask, Transition
+
+torchrl_logger.setLevel("WARNING")
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What SAC is run with; the paper's where it says (IV-C).
+
+    Attributes:
+        layers: Widths of the hidden layers of actor and critics.
+        discount: gamma.
+        horizon: Steps n whose rewards are summed before the critics are asked what follows.  A constant
+            error of the values dies out at (1 - gamma^n) tau per update: with n = 1 in 20,000 of them.
+        tau: Share of the critics that their targets take on in an update.
+        average: Share of the policy that its average takes on in an update.  The average is what is evaluated
+            and kept: a policy that succeeds over many episodes of training may, as it is after any single
+            update, fail one in five.
+        target_entropy: Of the policy, in nats.
+        temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
+            reward weighs as much as its entropy.
+        batch: Transitions of an update.
+        capacity: Transitions that are kept.
+        rate: Learning rate of actor, critics and temperature.
+        random: Steps of all vehicles together that are flown at random before the policy flies.
+        updates: Updates per step of all vehicles together.
+    """
+
+    layers: tuple[int, ...] = (256, 256)
+    discount: float = 0.99
+    horizon: int = 10
+    tau: float = 0.005
+    average: float = 0.001
+    target_entropy: float = -6.0
+    temperature: float = 0.05
+    batch: int = 512
+    capacity: int = 1_000_000
+    rate: float = 3e-4
+    random: int = 5_000
+    updates: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what no learning can be run with.
+
+        Raises:
+            UsageError: The horizon is not of one step at least, or the average takes no share.
+        """
+        if not 0.0 < self.average <= 1.0:
+            raise UsageError(f"sac.average is {self.average:g}; give a share above 0, at most 1")
+        if self.horizon < 1:
+            raise UsageError(f"sac.horizon is {self.horizon}; give 1 step or more")
+
+
+class Losses(NamedTuple):
+    """What an update minimises, and what tells of its state; scalars.
+
+    Attributes:
+        critic: Mean square error of both critics, summed.
+        actor: alpha log pi - Q.
+        temperature: Its sign says whether alpha falls.
+        alpha: Temperature.
+        entropy: Of the policy on the batch [nats].
+        value: Mean of the lesser critic of the policy's actions.
+    """
+
+    critic: Tensor
+    actor: Tensor
+    temperature: Tensor
+    alpha: Tensor
+    entropy: Tensor
+    value: Tensor
+
+
+class TwinLoss(SACLoss):  # type: ignore[misc]
+    """TorchRL's SAC loss, evaluated on tensors: both critics at once, the policy's noise from a generator.
+
+    Attributes:
+        target: Moves the critics' targets after them.
+    """
+
+    def __init__(
+        self,
+        policy: nn.Module,
+        observations: int,
+        actions: int,
+        choices: Choices,
+        generator: torch.Generator | None = None,
+    ) -> None:
+        """Make the loss and its parameters.
+
+        Args:
+            policy: Observations to mean and scale of the normal under the tanh.
+            observations: How many numbers they are.
+            actions: How many an action has.
+            choices: What SAC is run with.
+            generator: Of the actions' noise; the global one by default.
+        """
+        actor = ProbabilisticActor(
+            TensorDictModule(policy, ["observation"], ["loc", "scale"]),
+            in_keys=["loc", "scale"],
+            distribution_class=TanhNormal,
+            return_log_prob=True,
+        )
+        critic = ValueOperator(
+            layers(observations + actions, 1, choices.layers), in_keys=["observation", "action"]
+        )
+        super().__init__(
+            actor,
+            critic,
+            loss_function="l2",
+            alpha_init=choices.temperature,
+            target_entropy=choices.target_entropy,
+        )
+        self.make_value_estimator(gamma=choices.discount)
+        self._discount, self._generator = choices.discount, generator
+        # Beside the parameters, not among them: these are the same tensors.
+        self.__dict__["target"] = SoftUpdate(self, tau=choices.tau)
+        self.__dict__["_policy"] = policy
+        self.__dict__["_critics"] = _leaves(self.qvalue_network_params)
+        self.__dict__["_targets"] = _leaves(self.target_qvalue_network_params)
+
+    def sample(self, observations: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (B, A) of the policy, and their log density (B,), reparameterised."""
+        mean, scale = self._policy(observations)
+        noise = torch.randn(mean.shape, generator=self._generator)
+        latent = mean + scale * noise
+        log_density = -0.5 * (noise.square() + math.log(2.0 * math.pi)) - scale.log()
+        log_slope = 2.0 * (math.log(2.0) - latent - functional.softplus(-2.0 * latent))
+        return latent.tanh(), (log_density - log_slope).sum(-1)
+
+    def forward(self, batch: TensorDict) -> Losses:
+        """The losses of a batch of transitions.
+
+        Args:
+            batch: `observation` (B, O), `action` (B, A), and over `steps_to_next_obs` (B, 1) steps, under
+                `next`, the `observation`, `reward` (B, 1) and `terminated` (B, 1).  An episode that time
+                alone ended goes on in its value.
+        """
+        observations, following = batch["observation"], batch["next"]
+        alpha = self.log_alpha.detach().exp()
+        with torch.no_grad():
+            ahead = following["observation"]
+            actions, log_density = self.sample(ahead)
+            value = twin(self._targets, ahead, actions).min(0).values - alpha * log_density
+            discount = self._discount ** batch["steps_to_next_obs"] * ~following["terminated"]
+            target = following["reward"].squeeze(-1) + discount.squeeze(-1) * value
+        predicted = twin(self._critics, observations, batch["action"])
+        critic = (predicted - target).square().mean(1).sum()
+
+        actions, log_density = self.sample(observations)
+        value = twin([weight.detach() for weight in self._critics], observations, actions).min(0).values
+        actor = (alpha * log_density - value).mean()
+        entropy = -log_density.detach().mean()
+        temperature = self.log_alpha * (entropy - self.target_entropy)
+        return Losses(critic, actor, temperature, alpha, entropy, value.detach().mean())
+
+
+def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Tensor:
+    """Both critics' values (2, B).
+
+    Args:
+        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last.
+        observations: (B, O).
+        actions: (B, A).
+    """
+    first, bias, *deeper = weights
+    both = functional.linear(torch.cat([observations, actions], -1), first.flatten(0, 1), bias.flatten())
+    layers = list(both.chunk(2, -1))
+    for weight, offset in zip(deeper[::2], deeper[1::2], strict=True):
+        parts = zip(layers, weight.unbind(0), offset.unbind(0), strict=True)
+        layers = [functional.linear(layer.relu(), *part) for layer, *part in parts]
+    return torch.stack([layer.squeeze(-1) for layer in layers])
+
+
+class Learner:
+    """A policy that learns from what it is told.
+
+    Attributes:
+        network: Of the policy: encoded observations to mean and scale of the normal under the tanh.
+        loss: Its loss, with critics and temperature.
+        updates: Updates so far.
+    """
+
+    def __init__(self, encoding: Encoding, actions: int, choices: Choices, seed: int) -> None:
+        """Make the networks; the global random state is left as it was.
+
+        Args:
+            encoding: Of observations (O,); networks and memory have them encoded.
+            actions: Numbers of an action.
+            choices: What SAC is run with.
+            seed: Of first weights, of the actions' noise and of the batches.
+        """
+        self.choices, self.updates, self._encoding, self._actions = choices, 0, encoding, actions
+        self._generators = {name: _generator(seed, name) for name in ("actions", "loss", "batches")}
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.network = network(len(encoding), actions, choices.layers)
+            self.loss = TwinLoss(self.network, len(encoding), actions, choices, self._generators["loss"])
+            follow = get_ema_multi_avg_fn(1.0 - choices.average)  # type: ignore[no-untyped-call]
+            self._average = AveragedModel(self.network, multi_avg_fn=follow)
+        self._optimiser = torch.optim.Adam(self.loss.parameters(), choices.rate, fused=True)
+        self._replay = ReplayBuffer(
+            storage=LazyTensorStorage(choices.capacity),
+            batch_size=choices.batch,
+            generator=self._generators["batches"],
+        )
+        self._horizon = Horizon(choices.horizon, choices.discount)
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is something to learn from."""
+        return len(self._replay) > 0
+
+    @torch.no_grad()
+    def act(self, observations: Array32) -> Array32:
+        """Actions (N, A) at observations (N, O): drawn from the policy."""
+        mean, scale = self.network(torch.from_numpy(self._encoding(observations)))
+        noise = torch.randn(mean.shape, generator=self._generators["actions"])
+        actions: Array32 = (mean + scale * noise).tanh().numpy()
+        return actions
+
+    def explore(self, count: int) -> Array32:
+        """Actions (count, A) drawn evenly from the whole range."""
+        drawn = torch.rand((count, self._actions), generator=self._generators["actions"])
+        actions: Array32 = (2.0 * drawn - 1.0).numpy()
+        return actions
+
+    def best(self, observations: Array32) -> Array32:
+        """Actions (N, A) at observations (N, O) of the average policy, without exploration."""
+        return median(self._average.module, self._encoding(observations))
+
+    def policy(self, training: Mapping[str, Any]) -> Policy:
+        """What has been learnt, the average by itself, with a word on how."""
+        weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
+        return Policy(self.choices.layers, self._encoding, weights, training)
+
+    def remember(
+        self,
+        observations: Array32,
+        actions: Array32,
+        rewards: Array32,
+        terminated: Mask,
+        truncated: Mask,
+        following: Array32,
+    ) -> None:
+        """Keep a step of N vehicles: (N, O), (N, A), (N,), (N,), (N,), (N, O); the oldest go when full.
+
+        Kept are transitions over `horizon` steps, the last of them that many steps back.
+        """
+        once, ended = np.ones(len(rewards), dtype=np.int64), terminated | truncated
+        step = Transition(observations, actions, rewards, terminated, ended, following, once)
+        if (made := self._horizon.add(step)) is not None:
+            self._keep(made)
+
+    def _keep(self, made: Transition) -> None:
+        """Put transitions into the memory, under TorchRL's names."""
+        rows = len(made.rewards)
+        after = {
+            "observation": torch.from_numpy(self._encoding(made.following)),
+            "reward": torch.from_numpy(made.rewards)[:, None],
+            "terminated": torch.from_numpy(made.terminated)[:, None],
+        }
+        now = {
+            "steps_to_next_obs": torch.from_numpy(made.steps)[:, None],
+            "observation": torch.from_numpy(self._encoding(made.observations)),
+            "action": torch.from_numpy(made.actions),
+        }
+        self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
+
+    def update(self) -> Losses:
+        """Learn from one batch; the losses before."""
+        losses = self.loss(self._replay.sample())
+        self._optimiser.zero_grad()
+        (losses.critic + losses.actor + losses.temperature).backward()
+        self._optimiser.step()
+        self.loss.target.step()
+        self._average.update_parameters(self.network)
+        self.updates += 1
+        return Losses(*(loss.detach() for loss in losses))
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the future depends on, for `torch.save`; not a copy."""
+        return {
+            "loss": self.loss.state_dict(),
+            "average": self._average.state_dict(),
+            "optimiser": self._optimiser.state_dict(),
+            "generators": {name: each.get_state() for name, each in self._generators.items()},
+            "transitions": self._replay[:].flatten_keys(".").to_dict() if len(self._replay) else {},
+            "writer": self._replay.writer.state_dict(),
+            "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
+            "updates": self.updates,
+        }
+
+    def begin_with(self, learnt: Mapping[str, Any]) -> None:
+        """Take over what another learner has learnt, of its `state`: policy, critics, temperature.
+
+        Raises:
+            DataError: Its networks have other layers.
+        """
+        try:
+            self.loss.load_state_dict(learnt["loss"])
+            self._average.load_state_dict(learnt["average"])
+        except (KeyError, RuntimeError, ValueError) as error:
+            raise DataError("the training to start from has other layers: give its sac.layers") from error
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from the `state` of a learner of the same choices, bit for bit as that one did."""
+        self.begin_with(state)
+        self._optimiser.load_state_dict(state["optimiser"])
+        for name, each in self._generators.items():
+            each.set_state(state["generators"][name])
+        self._replay.empty()
+        if transitions := state["transitions"]:
+            rows = len(transitions["action"])
+            self._replay.extend(TensorDict(transitions, rows).unflatten_keys("."))
+        self._replay.writer.load_state_dict(state["writer"])
+        self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
+        self.updates = state["updates"]
+
+
+def _leaves(parameters: Any) -> list[Tensor]:
+    """Weights and biases of a network's functional parameters, first layer to last."""
+    return [tensor for _, tensor in sorted(parameters.items(True, True), key=_place)]
+
+
+def _place(item: tuple[tuple[str, ...], Tensor]) -> tuple[int, bool]:
+    """Sorts by number of layer, weights before biases."""
+    *_, layer, name = item[0]
+    return int(layer), name != "weight"
+
+
+def _generator(seed: int, name: str) -> torch.Generator:
+    """A stream of its own for every purpose."""
+    words = np.random.SeedSequence([seed, *name.encode()]).generate_state(1, np.uint64)
+    return torch.Generator().manual_seed(int(words[0]))

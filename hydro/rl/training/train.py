@@ -1,0 +1,275 @@
+"""One training: vehicles fly, a policy learns, the curriculum goes on, and curves tell of it.
+
+Nothing here knows a clock or a file. The state of a training at an evaluation is all that its future depends
+on: going on from it gives the same bits as never having stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import polars as pl
+import torch
+
+from hydro.core.errors import UsageError
+from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.config import Settings
+from hydro.rl.environment.fleet import Fleet, Step
+from hydro.rl.environment.observation import ENCODING
+from hydro.rl.training.curriculum import Curriculum, Ladder
+from hydro.rl.training.divergence import Watch
+from hydro.rl.training.evaluate import fly, summary
+from hydro.rl.training.policy import Policy
+from hydro.rl.training.sac import Choices, Learner, Losses
+
+CURVE_SEED, EXAM_SEED = 900_001, 900_002
+"""Of the tasks of evaluations and of examinations: the same for every training."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that a training depends on beside the vehicle and its residual model.
+
+    Attributes:
+        condition: Physics that the vehicles fly under; see `conditions`.
+        conditioning: Preset for the residual model's wrench.
+        seed: Of weights, exploration, batches, tasks and sensor noise.
+        steps: Control steps of all vehicles together at most.
+        vehicles: That fly side by side.
+        threads: Of the updates and of the physics; another number rounds otherwise.
+        evaluate: Steps from one evaluation, and one state kept, to the next.
+        record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
+        episodes: Of an evaluation.
+        ladder: The curriculum.
+        sac: The learner.
+        settings: The environment.
+    """
+
+    condition: str = "R_effects"
+    conditioning: str = "paper"
+    seed: int = 0
+    steps: int = 500_000
+    vehicles: int = 8
+    threads: int = 1
+    evaluate: int = 20_000
+    record: int = 4_000
+    episodes: int = 50
+    ladder: Ladder = field(default_factory=Ladder)
+    sac: Choices = field(default_factory=Choices)
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Refuse periods that do not fit together.
+
+        Raises:
+            UsageError: Records and evaluations are no multiples of a step of all vehicles.
+        """
+        if self.record % self.vehicles or self.evaluate % self.record:
+            raise UsageError(
+                f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
+                f"{self.evaluate}: each must be a multiple of the one before"
+            )
+
+
+Build = Callable[[int, int], Fleet]
+"""A fleet under the plan's condition, of a number of vehicles and a seed."""
+
+Progress = Callable[["Training"], None]
+
+Part = Callable[[str], AbstractContextManager[object]]
+"""What surrounds each part of the work, `flying`, `learning` or `evaluating`: a stopwatch, for one."""
+
+
+class Training:
+    """A training that has reached some step.
+
+    Attributes:
+        plan: What it depends on.
+        steps: Control steps of all vehicles together so far.
+        episodes: Episodes ended so far.
+        curriculum: Where it stands on its ladder.
+        watch: Whether it has diverged.
+        curves: Points of the curves so far, rows of a table `curves`.
+        evaluations: Evaluations so far, rows of a table `evaluations`.
+    """
+
+    def __init__(
+        self, plan: Plan, build: Build, part: Part = nullcontext, learnt: Mapping[str, Any] | None = None
+    ) -> None:
+        """Put the vehicles at their first start.
+
+        Args:
+            plan: What it depends on.
+            build: Makes its fleets, see `Build`.
+            part: Surrounds each part of the work, see `Part`.
+            learnt: A learner's state to begin with; its policy then flies where actions would be random.
+        """
+        torch.set_num_threads(plan.threads)
+        self.plan, self._build, self._part = plan, build, part
+        self.steps = self.episodes = self._overspeed = 0
+        self.curriculum, self.watch = Curriculum(plan.ladder), Watch()
+        self.curves: list[dict[str, Any]] = []
+        self.evaluations: list[dict[str, Any]] = []
+        self._returns: list[float] = []
+        self._losses: list[list[float]] = []
+        self._learner = Learner(ENCODING, ACTIONS, plan.sac, plan.seed)
+        self._skilled = learnt is not None
+        if learnt is not None:
+            self._learner.begin_with(learnt)
+        self._fleet = build(plan.vehicles, plan.seed)
+        self._fleet.set_level(*self.curriculum.level)
+        self._observations = self._fleet.reset()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the ladder is climbed, the steps are used up, or the losses are no numbers any more."""
+        return self.curriculum.done or self.steps >= self.plan.steps or self.watch.broken
+
+    def advance(self, progress: Progress = lambda training: None) -> None:
+        """Train to the next evaluation, or to the end, and evaluate.
+
+        Args:
+            progress: Called at every point of the curves.
+        """
+        if self.finished:
+            return
+        while True:
+            self._step()
+            if self.curriculum.ready:
+                self._examine()
+            if self.finished or self.steps % self.plan.record == 0:
+                self._record()
+                progress(self)
+            if self.finished or self.steps % self.plan.evaluate == 0:
+                break
+        if not self.watch.broken:
+            self._evaluate("curve", self.plan.episodes, CURVE_SEED)
+
+    def policy(self) -> Policy:
+        """What has been learnt so far."""
+        stage, pillars = self.curriculum.level
+        return self._learner.policy(
+            {
+                "steps": self.steps,
+                "levels_passed": len(self.curriculum.passed),
+                "stage": stage,
+                "pillars": pillars,
+            }
+        )
+
+    def _step(self) -> None:
+        """One control step of all vehicles, and what is learnt after it."""
+        learner, sac = self._learner, self.plan.sac
+        exploring = self.steps < sac.random and not self._skilled
+        with self._part("flying"):
+            actions = learner.explore(self._fleet.count) if exploring else learner.act(self._observations)
+            step = self._fleet.step(actions)
+            self._note(step)
+        self.steps += self._fleet.count
+        with self._part("learning"):
+            ended = step.terminated, step.truncated
+            learner.remember(self._observations, actions, step.reward, *ended, step.final_obs)
+            for _ in range(sac.updates if self.steps >= sac.random and learner.ready else 0):
+                losses = [float(loss) for loss in learner.update()]
+                self._losses.append(losses)
+                self.watch.loss(losses[0])
+        self._observations = step.obs
+
+    def _note(self, step: Step) -> None:
+        """Take down the episodes that ended in a step."""
+        self._overspeed += int(step.info.overspeed.sum())
+        for k in np.flatnonzero(step.terminated | step.truncated):
+            self.episodes += 1
+            self._returns.append(float(step.info.episode_return[k]))
+            self.watch.episodes += int(step.info.diverged[k])
+            self.curriculum.note(bool(step.info.success[k]))
+
+    def _examine(self) -> None:
+        """Let the policy show without exploration that it has learnt the level, and go on if it has."""
+        share = self._evaluate("exam", self.plan.ladder.window, EXAM_SEED)
+        if self.curriculum.examined(share):
+            self._fleet.set_level(*self.curriculum.level)
+
+    def _evaluate(self, purpose: Literal["curve", "exam"], episodes: int, seed: int) -> float:
+        """Share of episodes at the present level that succeed without exploration."""
+        stage, pillars = self.curriculum.level
+        fleet = self._build(episodes, seed)
+        fleet.set_level(stage, pillars)
+        with self._part("evaluating"):
+            found = summary(fly(self._learner.best, fleet))
+        who = {"condition": self.plan.condition, "seed": self.plan.seed, "steps": self.steps}
+        why = {"plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
+        self.evaluations.append(who | why | found)
+        if purpose == "curve":
+            self.watch.evaluation(found["success"])
+        return float(found["success"])
+
+    def _record(self) -> None:
+        """Add a point to the curves."""
+        stage, pillars = self.curriculum.level
+        losses = np.mean(self._losses, axis=0).tolist() if self._losses else [None] * len(Losses._fields)
+        self.curves.append(
+            {
+                "steps": self.steps,
+                "updates": self._learner.updates,
+                "episodes": self.episodes,
+                "stage": stage,
+                "pillars": pillars,
+                "success": self.curriculum.share,
+                "reward": float(np.mean(self._returns)) if self._returns else None,
+                "overspeed": self._overspeed,
+                "diverged": self.watch.episodes,
+            }
+            | {name: _finite(loss) for name, loss in zip(Losses._fields, losses, strict=True)}
+        )
+        self._returns, self._losses = [], []
+
+    def tables(self) -> dict[str, pl.DataFrame]:
+        """Curves and evaluations so far, by kind of table."""
+        return {
+            "curves": pl.DataFrame(self.curves, infer_schema_length=None, schema_overrides=_NUMBERS),
+            "evaluations": pl.DataFrame(
+                self.evaluations, infer_schema_length=None, schema_overrides={"time_to_goal": pl.Float64}
+            ),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the future depends on, in numbers, texts and arrays; not a copy."""
+        return {
+            "counts": {name: getattr(self, name) for name in _COUNTS},
+            "curves": self.curves,
+            "evaluations": self.evaluations,
+            "observations": self._observations,
+            "returns": self._returns,
+            "losses": self._losses,
+            "curriculum": self.curriculum.state(),
+            "watch": self.watch.state(),
+            "fleet": self._fleet.state(),
+            "learner": self._learner.state(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from the `state` of a training of this plan, or of one with fewer steps or another ladder."""
+        for name, value in state["counts"].items():
+            setattr(self, name, value)
+        self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])
+        self._observations = state["observations"]
+        self._returns, self._losses = list(state["returns"]), list(state["losses"])
+        self.curriculum.restore(state["curriculum"])
+        self.watch.restore(state["watch"])
+        self._fleet.restore(state["fleet"])
+        self._fleet.set_level(*self.curriculum.level)
+        self._learner.restore(state["learner"])
+
+
+_COUNTS = ("steps", "episodes", "_overspeed", "_skilled")
+_NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
+
+
+def _finite(number: float | None) -> float | None:
+    """A number, or nothing where it is none."""
+    return number if number is not None and np.isfinite(number) else None

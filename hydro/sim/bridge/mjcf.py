@@ -1,0 +1,255 @@
+"""A vehicle file as a MuJoCo model: rigid body, restoring forces, hull and thrusters, all native.
+
+MuJoCo's world is z-up and its bodies here are FLU, both the image of NED and FRD under diag(1, -1, -1).  The
+body's origin is the vehicle file's origin CO.  What MuJoCo has no notion of (thruster chain, added mass,
+effects, a residual model) travels in `<custom><numeric>` (`sim.bridge.water`) and is done by compiled
+callbacks (`sim.bridge.callbacks`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.effects.program import thrusters_of
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Hull, Thruster, Vehicle
+from hydro.core.vehicle.thrusters import ASYMMETRY, DELAY, GAIN, INFLOW, LAG_STEP, SPEED_LAG, TIME_CONSTANT
+from hydro.sim.bridge.water import PREFIX, Water, wet
+
+Array = NDArray[np.float64]
+Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
+
+FLIP = np.array([1.0, -1.0, -1.0])
+"""FRD <-> FLU, and NED <-> z-up world: the same half turn about x."""
+
+_INTEGRATORS = {
+    "euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+
+# The share of the vehicle's mass lent to the welded body that carries buoyancy.  MuJoCo's gravity
+# compensation is a multiple of a body's own weight, so the body must have some; the parent gives it up.
+_LENT_MASS = 1e-6
+# Radius of gyration of that body, only so that its inertia is not zero [m].
+_LENT_RADIUS = 1e-2
+
+VISCOSITY = 1e-3  # of water [Pa s]
+FLUID = (0.5, 0.25, 1.5, 1.0, 1.0)
+"""MuJoCo's defaults of its fluid model: blunt, slender and angular drag, Kutta and Magnus lift."""
+
+
+def scene(
+    vehicle: Vehicle,
+    water: Water | None = None,
+    *,
+    timestep: float = 0.002,
+    integrator: Integrator = "implicitfast",
+    folder: Path | None = None,
+) -> mujoco.MjSpec:
+    """A MuJoCo specification of one vehicle alone in unbounded water.
+
+    Args:
+        vehicle: The vehicle file.
+        water: What of the water it feels; everything the file says by default.
+        timestep: Physics step [s].
+        integrator: MuJoCo integrator.
+        folder: Folder of the vehicle file, where a hull mesh is looked for; without it the mesh is an
+            ellipsoid.
+
+    Returns:
+        A specification to which pillars, cameras or more vehicles may be added before `compile()`;
+        `sim.bridge.native.prepare` then makes the compiled model ready to step.
+
+    Raises:
+        DataError: The vehicle's inertia is one that no rigid body can have.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = vehicle.name
+    spec.compiler.fusestatic = False
+    spec.option.timestep = timestep
+    spec.option.integrator = _INTEGRATORS[integrator]
+    spec.option.gravity = [0.0, 0.0, -vehicle.environment.gravity]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
+    spec.worldbody.add_light(pos=[0, 0, 20], dir=[0, 0, -1], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+    add_vehicle(spec, vehicle, water, folder=folder)
+    return spec
+
+
+def add_vehicle(
+    spec: mujoco.MjSpec,
+    vehicle: Vehicle,
+    water: Water | None = None,
+    *,
+    name: str | None = None,
+    folder: Path | None = None,
+) -> mujoco.MjsBody:
+    """Add a floating vehicle to a scene.
+
+    The body is called `name`; its thrusters' sites and actuators `name/T1`, …  Each actuator's control is
+    that thruster's command in [-1, 1], its force the thrust [N].
+
+    Args:
+        spec: The scene, with gravity along -z.
+        vehicle: The vehicle file.
+        water: What of the water it feels; everything the file says by default.
+        name: Name of the body; the vehicle's own by default.
+        folder: Folder of the vehicle file, where a hull mesh is looked for.
+
+    Returns:
+        The vehicle's body.
+
+    Raises:
+        DataError: The vehicle's inertia is one that no rigid body can have.
+    """
+    name = vehicle.name if name is None else name
+    body = spec.worldbody.add_body(name=name, sleep=mujoco.mjtSleepPolicy.mjSLEEP_NEVER)
+    joint = body.add_freejoint(name=name)
+    joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+    _add_mass(body, vehicle, name)
+    hull = _add_hull(spec, body, vehicle.hull, name, folder)
+    water = wet(vehicle) if water is None else water
+    if water.ellipsoid:
+        _immerse(spec, hull, vehicle.environment.water_density)
+    table = thrusters_of(water.program.flat)
+    for i, (thruster, row) in enumerate(zip(vehicle.thruster, table, strict=True)):
+        carried = water.activations if i == 0 else 0
+        _add_thruster(spec, body, thruster, row, carried, f"{name}/{thruster.name}")
+    if water.activations or (table[:, DELAY] > 0.0).any():
+        _add_clock(spec, body, f"{name}/clock", carries=0 if vehicle.thruster else water.activations)
+    data = water.encode(held=spec.nuserdata)
+    spec.nuserdata += 6 if water.held else 0
+    spec.add_numeric(name=PREFIX + name, data=data, size=len(data))
+    return body
+
+
+def _point_inertia(mass: float, at: Array) -> Array:
+    """Inertia of a point mass about the origin, (3, 3)."""
+    inertia: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
+    return inertia
+
+
+def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
+    """Give the body its mass and inertia, and a welded child at the centre of buoyancy that floats."""
+    rigid, buoyancy = vehicle.rigid_body, vehicle.buoyancy
+    mass, lent = rigid.mass, _LENT_MASS * rigid.mass
+    center_of_gravity = np.array(rigid.center_of_gravity)
+    center_of_buoyancy = np.array(buoyancy.center)
+    lent_inertia = np.full(3, lent * _LENT_RADIUS**2)
+
+    rest = mass - lent
+    rest_center = (mass * center_of_gravity - lent * center_of_buoyancy) / rest
+    rest_inertia = (
+        np.array(rigid.inertia)
+        - np.diag(lent_inertia)
+        - _point_inertia(lent, center_of_buoyancy - center_of_gravity)
+        - _point_inertia(rest, rest_center - center_of_gravity)
+    )
+    _refuse_impossible(rest_inertia, vehicle.name)
+    flipped = rest_inertia * np.outer(FLIP, FLIP)
+    body.explicitinertial = True
+    body.mass = rest
+    body.ipos = FLIP * rest_center
+    body.fullinertia = flipped[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+    float_ = body.add_body(name=f"{name}/buoyancy", pos=FLIP * center_of_buoyancy)
+    float_.explicitinertial = True
+    float_.ipos = np.zeros(3)
+    float_.mass = lent
+    float_.inertia = lent_inertia
+    float_.gravcomp = buoyancy.force / (lent * vehicle.environment.gravity)
+
+
+def _refuse_impossible(inertia: Array, vehicle: str) -> None:
+    """MuJoCo takes only the inertia of a real body: no principal moment exceeds the sum of the others."""
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
+        raise DataError(
+            f"vehicle {vehicle}: rigid_body.inertia has principal moments "
+            f"{np.array2string(moments, precision=4)} kg m^2, which no rigid body has: the largest may not "
+            "exceed the sum of the other two; correct the file"
+        )
+
+
+def _add_hull(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, hull: Hull, name: str, folder: Path | None
+) -> mujoco.MjsGeom:
+    """A hull to see and to touch, without mass: the file's mesh if its folder is known, else an ellipsoid."""
+    style = {"name": f"{name}/hull", "mass": 0.0, "rgba": [0.95, 0.75, 0.1, 1.0]}
+    mesh = folder / hull.mesh if folder is not None and hull.mesh else None
+    if mesh is None:
+        half = np.array([hull.length, hull.width, hull.height]) / 2
+        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=FLIP * hull.center, **style)
+    if not mesh.is_file():
+        raise DataError(
+            f"{mesh}: the hull mesh named by the vehicle file is not there; correct hull.mesh or leave it out"
+        )
+    # The mesh is in FRD: half a turn about x brings it to FLU.
+    spec.add_mesh(name=f"{name}/hull", file=str(mesh.resolve()))
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}/hull", quat=[0, 1, 0, 0], **style)
+
+
+def _immerse(spec: mujoco.MjSpec, hull: mujoco.MjsGeom, density: float) -> None:
+    """Let MuJoCo's own fluid model act on the hull as a user would set it: in water, with its defaults.
+
+    It has drag, lift and the Coriolis terms of the ellipsoid's added mass, but no M_A nu_dot.
+    """
+    spec.option.density, spec.option.viscosity = density, VISCOSITY
+    hull.fluid_ellipsoid, hull.fluid_coefs = 1.0, FLUID
+
+
+def _add_thruster(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, thruster: Thruster, row: Array, carried: int, name: str
+) -> None:
+    """A site where the thrust acts; an actuator whose control is the command and whose force the thrust [N].
+
+    Its activations are `carried` numbers of the vehicle's, then its delayed command where it has a delay,
+    then its lag state.
+    """
+    if thruster.wrench is not None:
+        site, wrench = body.add_site(name=name), np.array(thruster.wrench)
+    else:
+        site = body.add_site(name=name, pos=FLIP * thruster.position, size=[0.03, 0.03, 0.03])
+        wrench = np.concatenate([thruster.direction, np.zeros(3)])
+    actuator = spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_SITE,
+        target=site.name,
+        gear=wrench * np.concatenate([FLIP, FLIP]),
+        ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        ctrlrange=[-1.0, 1.0],
+    )
+    delayed, lags = bool(row[DELAY] > 0.0), bool(row[TIME_CONSTANT] > row[LAG_STEP])
+    proportional = lags and not row[[SPEED_LAG, ASYMMETRY, INFLOW]].any()
+    # MuJoCo multiplies the lag state by a gain, which is all of many a thruster and spares its callback.
+    actuator.gainprm[0] = 1.0 + row[GAIN] if proportional else 0.0
+    actuator.biastype = mujoco.mjtBias.mjBIAS_NONE if proportional else mujoco.mjtBias.mjBIAS_USER
+    if carried or delayed or lags:
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_USER
+        actuator.actdim = carried + delayed + 1
+    if delayed:
+        actuator.delay = row[DELAY]
+        actuator.nsample = int(np.ceil(row[DELAY] / spec.option.timestep)) + 1
+
+
+def _add_clock(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, carries: int) -> None:
+    """A sensor that makes MuJoCo call hydro once per step; an actuator for states no thruster can carry."""
+    spec.add_sensor(
+        name=name, type=mujoco.mjtSensor.mjSENS_USER, dim=1, needstage=mujoco.mjtStage.mjSTAGE_POS
+    )
+    if carries:
+        site = body.add_site(name=name)
+        spec.add_actuator(
+            name=name,
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            target=site.name,
+            gainprm=np.zeros(10),
+            dyntype=mujoco.mjtDyn.mjDYN_USER,
+            actdim=carries + 1,
+        )

@@ -1,0 +1,185 @@
+"""Install hydro's compiled callbacks in MuJoCo, and make models that carry vehicles ready for them.
+
+The callbacks (`sim.bridge.callbacks`) are found by every `mj_step`, `mujoco.batch.Batch` and `mujoco.rollout`
+of the process, run without the GIL, and pass over models that carry no vehicle of hydro.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
+from hydro.core.errors import DataError, HydroError
+from hydro.core.vehicle.thrusters import COLUMNS
+from hydro.sim.bridge import callbacks, fields, structs, water
+from hydro.sim.bridge.water import PREFIX
+from hydro.sim.residual import control
+
+Array = NDArray[np.float64]
+
+
+def prepare(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Make a compiled model ready to step: install the callbacks and tell them where each vehicle lies.
+
+    The constants by which MuJoCo judges contacts (`body_invweight0`, `dof_invweight0`) are recomputed with
+    the added mass in. Call it again after `mj_setConst`, which knows nothing of added mass.
+
+    Args:
+        model: A compiled model, changed in place.  Without numeric fields of hydro it stays as it is.
+
+    Returns:
+        The model.
+
+    Raises:
+        DataError: A setting of the model would make MuJoCo ignore the callback or solve contacts without
+            added mass.
+        HydroError: The installed MuJoCo differs from the one hydro knows.
+    """
+    names = [model.numeric(i).name for i in range(model.nnumeric)]
+    vehicles = [name.removeprefix(PREFIX) for name in names if name.startswith(PREFIX)]
+    if not vehicles:
+        return model
+    install()
+    _refuse_settings(model)
+    for name in vehicles:
+        _locate(model, name)
+    if any(model.numeric(PREFIX + name).data[water.AT_INERTIA] for name in vehicles):
+        _weigh(model)
+    return model
+
+
+def _refuse_settings(model: mujoco.MjModel) -> None:
+    """Refuse options under which a callback is skipped or comes too late."""
+    off = model.opt.disableflags
+    both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+    if off & both == both:
+        raise DataError(
+            "model: springs and dampers are both disabled, so MuJoCo skips all passive forces; enable one"
+        )
+    if off & int(mujoco.mjtDisableBit.mjDSBL_SENSOR):
+        raise DataError(
+            "model: sensors are disabled, and with them what hydro does once per step; enable them"
+        )
+    if model.opt.solver == mujoco.mjtSolver.mjSOL_PGS or model.opt.noslip_iterations > 0:
+        raise DataError(
+            "model: the PGS and noslip solvers do not feel added mass; use the Newton or CG solver"
+        )
+
+
+def _locate(model: mujoco.MjModel, name: str) -> None:
+    """Tell a vehicle's field where its body, velocity and states lie, and its actuators where it lies."""
+    field = model.numeric(PREFIX + name)
+    data = np.array(field.data)
+    if data[water.AT_MAGIC] != water.MAGIC or data[water.AT_VERSION] != water.VERSION:
+        raise DataError(
+            f"model: vehicle {name} was written by another version of hydro; build the model again"
+        )
+    data[[water.AT_BODY, water.AT_DOF]] = _free_body(model, name, needs_room=bool(data[water.AT_INERTIA]))
+    if data[water.AT_HELD] >= 0 and data[water.AT_HELD] + 6 > model.nuserdata:
+        raise DataError(
+            f"model: nuserdata = {model.nuserdata} leaves no room for the held wrench of vehicle {name}"
+        )
+    program = int(data[water.AT_PROGRAM])
+    address, step = int(model.numeric_adr[field.id]), float(model.opt.timestep)
+    actuators = [i for i in range(model.nactuator) if model.actuator(i).name.startswith(f"{name}/")]
+    thrusters = actuators if data[program + THRUSTER_COUNT] else []  # else only what carries states
+    if len(thrusters) != data[program + THRUSTER_COUNT]:
+        raise DataError(f"model: vehicle {name} has lost thrusters; build the model again")
+    table = address + program + int(data[program + THRUSTER_TABLE])
+    states = int(data[program + STATE_COUNT])
+    for actuator in actuators:
+        prm = model.actuator_biasprm[actuator]
+        prm[[structs.PRM_MAGIC, structs.PRM_VEHICLE]] = water.MAGIC, address
+        prm[structs.PRM_CARRIES] = float(states > 0 and actuator == actuators[0])
+        prm[structs.PRM_THRUSTER] = water.UNKNOWN
+        if actuator in thrusters:
+            at = table + thrusters.index(actuator) * COLUMNS
+            row = model.numeric_data[at : at + COLUMNS]
+            prm[structs.PRM_THRUSTER] = at
+            prm[[structs.PRM_STEP, structs.PRM_SHARE]] = step, callbacks.lag_share(row, step)
+    data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
+    if states or data[water.AT_CONTROL]:
+        first = int(model.actuator_actadr[actuators[0]])
+        block = int(data[water.AT_CONTROL])
+        controls = int(data[block + control.AT_STATES]) if block else 0
+        data[water.AT_STATES], data[water.AT_CONTROL_STATES] = first, first + states
+        data[water.AT_STARTED] = first + states + controls
+    field.data[:] = data
+
+
+def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[int, int]:
+    """A vehicle's body and first degree of freedom; `needs_room`: MuJoCo must store its full inertia."""
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if body < 0:
+        raise DataError(f"model: numeric field {PREFIX}{name} names no body of the model")
+    joint = model.body_jntadr[body]
+    if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+        raise DataError(f"model: body {name} needs a free joint to be a vehicle in water")
+    dof = int(model.jnt_dofadr[joint])
+    if needs_room and not np.array_equal(model.M_rownnz[dof : dof + 6], np.arange(1, 7)):
+        raise DataError(f"model: MuJoCo stores no full 6x6 inertia for {name}; weld a small body to it")
+    return body, dof
+
+
+def _weigh(model: mujoco.MjModel) -> None:
+    """Recompute the inverse weights at the reference pose, as `mj_setConst` does, with the added mass in."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    inverse = np.linalg.inv(mass)
+    for body in range(1, model.nbody):
+        if model.body_weldid[body] == 0:
+            continue
+        jacobian = np.zeros((6, model.nv))
+        mujoco.mj_jacBodyCom(model, data, jacobian[:3], jacobian[3:], body)
+        mobility = np.einsum("ij,jk,ik->i", jacobian, inverse, jacobian)
+        model.body_invweight0[body] = mobility[:3].mean(), mobility[3:].mean()
+    for joint in range(model.njnt):
+        dof = model.jnt_dofadr[joint]
+        kind = model.jnt_type[joint]
+        groups = {mujoco.mjtJoint.mjJNT_FREE: (3, 3), mujoco.mjtJoint.mjJNT_BALL: (3,)}.get(kind, (1,))
+        for length in groups:
+            model.dof_invweight0[dof : dof + length] = np.diag(inverse)[dof : dof + length].mean()
+            dof += length
+
+
+@cache
+def install() -> None:
+    """Install the callbacks in this process, once.
+
+    Raises:
+        HydroError: The installed MuJoCo differs from the one hydro knows, or other callbacks are in place.
+    """
+    fields.verify({"mjModel": structs.MODEL_FIELDS, "mjData": structs.DATA_FIELDS})
+    library = _library()
+    for name in callbacks.FUNCTIONS:
+        llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
+    for name, callback in callbacks.compile_callbacks().items():
+        slot = ctypes.c_void_p.in_dll(library, name)
+        if slot.value:
+            raise HydroError(f"another {name} is installed in MuJoCo; remove it before using hydro's")
+        slot.value = callback.address
+        _alive.append(callback)
+
+
+_alive: list[Any] = []
+"""The callbacks: MuJoCo holds bare pointers to them."""
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """The MuJoCo library that this process already uses."""
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for path in sorted(folder.glob(pattern)):
+            return ctypes.CDLL(str(path))
+    raise HydroError(f"no MuJoCo library in {folder}; install mujoco 4.0 with pip")

@@ -1,0 +1,60 @@
+"""The state in the vehicle's terms (eta in NED, nu in FRD) and in MuJoCo's (`qpos`, `qvel`).
+
+MuJoCo's free joint has the position and the linear velocity of the body's origin in the z-up world, a unit
+quaternion (w, x, y, z) from FLU to that world, and the angular velocity in FLU.  With F = diag(1, -1, -1)
+turning NED into the z-up world and FRD into FLU alike, the orientation is F R F and the linear velocity F R
+v.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.vehicle.frames import (
+    euler_from_quaternion,
+    quaternion_from_euler,
+    rotation_from_quaternion,
+    swap_frd_flu,
+)
+
+Array = NDArray[np.float64]
+
+
+def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
+    """MuJoCo's coordinates of a state.
+
+    Args:
+        eta: x y z phi theta psi of CO, NED, ZYX, shape (..., 6) [m, rad].
+        nu: u v w p q r of CO over ground, FRD, shape (..., 6) [m/s, rad/s].
+
+    Returns:
+        `qpos` (..., 7) and `qvel` (..., 6).
+    """
+    eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
+    quaternion = quaternion_from_euler(eta[..., 3], eta[..., 4], eta[..., 5])
+    return coordinates(np.concatenate([eta[..., :3], quaternion], axis=-1), nu)
+
+
+def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
+    """`qpos` (..., 7) and `qvel` (..., 6) of x y z and quaternion (..., 7), FRD to NED, and nu (..., 6)."""
+    quaternion = pose[..., 3:]
+    linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
+    qpos = np.concatenate([swap_frd_flu(pose[..., :3]), _turn(quaternion)], axis=-1)
+    return qpos, np.concatenate([swap_frd_flu(linear), swap_frd_flu(nu[..., 3:])], axis=-1)
+
+
+def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
+    """The state eta (..., 6) and nu (..., 6) of MuJoCo's coordinates `qpos` (..., 7) and `qvel` (..., 6)."""
+    qpos, qvel = np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
+    quaternion = _turn(qpos[..., 3:7])
+    back = rotation_from_quaternion(quaternion)
+    linear = np.einsum("...ji,...j->...i", back, swap_frd_flu(qvel[..., :3]))
+    eta = np.concatenate([swap_frd_flu(qpos[..., :3]), euler_from_quaternion(quaternion)], axis=-1)
+    return eta, np.concatenate([linear, swap_frd_flu(qvel[..., 3:6])], axis=-1)
+
+
+def _turn(quaternion: Array) -> Array:
+    """The same rotation seen from axes turned half about x: F R F as a quaternion."""
+    turned: Array = quaternion * np.array([1.0, 1.0, -1.0, -1.0])
+    return turned

@@ -1,0 +1,143 @@
+"""What of the water a vehicle in MuJoCo feels, and how it travels in the model: as one numeric field.
+
+The field begins with a header of counts and positions, exact as doubles, followed by blocks: two or three 6x6
+matrices, the vehicle's compiled effects and thrusters (`core.effects.program`), and a residual network with
+its filter and conditioning (`sim.residual.control`).  A block at position 0 is absent.  What only the
+compiled model knows (addresses of body, velocity and activations) is -1 until `sim.bridge.native.prepare`
+writes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix
+from hydro.core.effects.program import thrusters_of
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import mass_matrix
+from hydro.core.vehicle.thrusters import DELAY
+from hydro.sim.residual.control import Control
+
+Array = NDArray[np.float64]
+
+PREFIX = "hydro/"
+"""A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
+
+MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
+VERSION = 3.0
+AT_MAGIC, AT_VERSION = 0, 1
+AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
+AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
+AT_INERTIA = 7  # matrix added to M
+AT_CORIOLIS = 8  # matrix whose Coriolis wrench of nu_r is exerted
+AT_CANCELLED = 9  # matrix whose Coriolis wrench of nu is taken away
+AT_PROGRAM = 10
+AT_EFFECTS = 11  # 1 where the program's wrenches act
+AT_CONTROL = 12
+AT_HELD = 13  # where in `userdata` the host holds a wrench; -1: nowhere
+AT_ACTUATOR = 14  # its first thruster; prepared
+AT_DELAYED = 15  # 1 where a thruster's command is delayed
+HEADER = 16
+UNKNOWN = -1.0
+
+
+@dataclass(frozen=True)
+class Water:
+    """What acts on a vehicle beside MuJoCo's own rigid body, weight and buoyancy.
+
+    Attributes:
+        program: Thrusters, and the wrenches of the effects that act.
+        inertia: Added to the mass matrix, (6, 6) about CO.
+        coriolis: Whose C(nu_r) nu_r is exerted, (6, 6); the inertia itself where the whole effect is wanted.
+        cancelled: Whose C(nu) nu is taken away, (6, 6): M_RB where a residual model brings all of C.
+        control: Residual network that runs inside the simulation.
+        held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries,
+            FRD.
+        ellipsoid: Whether MuJoCo's own fluid model acts on the hull.
+    """
+
+    program: Program
+    inertia: Array | None = None
+    coriolis: Array | None = None
+    cancelled: Array | None = None
+    control: Control | None = None
+    held: bool = False
+    ellipsoid: bool = False
+
+    @property
+    def activations(self) -> int:
+        """Numbers that this vehicle keeps in MuJoCo's activations beside the thrusters' lags."""
+        count = self.program.states
+        if self.control is not None:
+            count += self.control.states
+        return count + 1 if count else 0
+
+    def encode(self, held: int = -1) -> Array:
+        """The numeric field's data; `held` is where in `userdata` the held wrench begins."""
+        header = np.zeros(HEADER)
+        header[[AT_MAGIC, AT_VERSION]] = MAGIC, VERSION
+        header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR]] = UNKNOWN
+        header[AT_HELD] = held if self.held else UNKNOWN
+        header[AT_DELAYED] = float((thrusters_of(self.program.flat)[:, DELAY] > 0.0).any())
+        header[AT_EFFECTS] = float(bool(self.program.effects))
+        blocks = [header]
+        for entry, block in (
+            (AT_INERTIA, self.inertia),
+            (AT_CORIOLIS, self.coriolis),
+            (AT_CANCELLED, self.cancelled),
+            (AT_PROGRAM, self.program.flat),
+            (AT_CONTROL, None if self.control is None else self.control.encode()),
+        ):
+            if block is not None:
+                header[entry] = sum(map(len, blocks))
+                blocks.append(np.asarray(block, dtype=np.float64).ravel())
+        return np.concatenate(blocks)
+
+
+def wet(vehicle: Vehicle) -> Water:
+    """Everything the vehicle file says."""
+    inertia = _some(inertia_matrix(vehicle))
+    return Water(assemble(vehicle), inertia=inertia, coriolis=inertia)
+
+
+def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:
+    """Thrusters alone, as the file and its actuator effects say; `added_mass` puts M_A in the mass matrix.
+
+    MuJoCo's own C_RB stays and there is no C_A, which belongs to what a residual model brings (paper eq. 6).
+    With `ellipsoid` MuJoCo's own fluid model acts on the hull.
+    """
+    inertia = _some(inertia_matrix(vehicle)) if added_mass else None
+    return Water(assemble(_thrusters_only(vehicle)), inertia=inertia, ellipsoid=ellipsoid)
+
+
+def residual(vehicle: Vehicle, control: Control | None = None, *, effects: bool = False) -> Water:
+    """A residual model and what its label left out: M_A in the mass matrix and no C_RB (paper eq. 5).
+
+    With `effects` the label left out all effects (`labels --subtract effects`): they act, C_A among them.
+    C_RB is no effect, and so in the label and in the model either way.  Without a `control` the model runs on
+    the host, which holds its wrench in `userdata`.
+    """
+    inertia = _some(inertia_matrix(vehicle))
+    return Water(
+        assemble(vehicle if effects else _thrusters_only(vehicle)),
+        inertia=inertia,
+        coriolis=inertia if effects else None,
+        cancelled=mass_matrix(vehicle),
+        control=control,
+        held=control is None,
+    )
+
+
+def _thrusters_only(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with its actuator effects alone."""
+    kept = tuple(effect for effect in vehicle.effect if CATALOGUE[effect["name"]].kind == "actuator")
+    return msgspec.structs.replace(vehicle, effect=kept)
+
+
+def _some(matrix: Array) -> Array | None:
+    """The matrix, or None where it is zero."""
+    return matrix if matrix.any() else None

@@ -1,0 +1,214 @@
+"""A residual network inside the simulation, evaluated at the control step and held in between (paper III-B).
+
+At every control step: a Kalman filter for nu_dot, the network, the conditioning of its wrench.  The wrench
+stands on the left-hand side of the balance, as the label does.
+
+A wrench that is held for 40 ms is 20 ms late on average, and drag that is late is too small while the vehicle
+gathers way.  So the network is asked for the wrench half a control step ahead, at nu + nu_dot dt/2: what is
+held is the wrench of the middle of the time that it acts.
+
+A passive model (`learn.networks.structured`) is not held as a wrench, for a wrench that was right 40 ms ago
+can drive the vehicle.  Its D is held, its inertia is constant, and between control steps the wrench goes on
+from the held one by D nu + C(nu) nu of the present nu: damping keeps taking power between control steps.
+A conditioning that changes the held wrench gives this up.
+
+All that is remembered from one control step
+to the next lies in MuJoCo's activations, so that it is saved, copied, reset and rolled out with the rest of
+the state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.distillation import history
+from hydro.core.errors import UsageError
+from hydro.core.recording.smoothing import Design, filter_step, gains
+from hydro.core.vehicle.rigid_body import coriolis_kernel
+from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
+from hydro.sim.residual.layers import COLUMNS, damping
+from hydro.sim.residual.network import Network, network_kernel
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+NOISELESS = 1e6
+"""q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
+
+# The state of one vehicle's control.
+TICK = 0  # control steps begun; 0 before the first
+HELD = 1  # wrench held, 6
+FILTER = 7  # nu and nu_dot of each axis, 12
+LOW_PASS = 19  # 6
+COUNTED = 25  # how often the conditioning acted, 8
+STATES = COUNTED + COUNTS
+# After these come the past velocities of a network that remembers, and of a passive one:
+DAMPING, OFFSET, PASSIVE_STATES = 0, 36, 42  # D, and D nu + C(nu) nu at the control step
+
+# The block of parameters.
+AT_PERIOD, AT_GAINS, AT_GAIN_ROWS, AT_PROGRAM, AT_STEPS, AT_INPUTS, AT_ROOM = range(7)
+AT_PHYSFEAT, AT_MEMORY, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING = range(7, 13)
+AT_STATES = 13  # in all
+AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no inertia: it is none
+AT_LEAD = 17  # s
+HEADER = 18
+
+
+@dataclass(frozen=True)
+class Control:
+    """A residual network and how it is run.
+
+    Attributes:
+        network: The network.
+        period: Control step [s].
+        design: Filter for nu_dot, at any sample time; by default one that trusts every sample.
+        conditioning: Conditioning of the network's wrench.
+        lead: How far ahead the network is asked, as a share of the control step; 0 as in the paper.  A
+            passive model needs none and gets none.
+    """
+
+    network: Network
+    period: float = 0.04
+    design: Design | None = None
+    conditioning: Conditioning = OFF
+    lead: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse a control step that is not the one a network remembers by.
+
+        Raises:
+            UsageError: It is another.
+        """
+        wanted = self.network.period
+        if wanted is not None and abs(self.period - wanted) > 1e-9:
+            raise UsageError(
+                f"the network remembers velocities {wanted:g} s apart: its control step cannot be "
+                f"{self.period:g} s"
+            )
+
+    @property
+    def states(self) -> int:
+        """Numbers that one vehicle's control keeps between control steps."""
+        return STATES + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
+
+    def encode(self) -> Array:
+        """The block of parameters; weights are packed two float32 to a double."""
+        design = self.design or Design(self.period, (NOISELESS,) * 6, (0.0,) * 6)
+        forward = gains(design.at(self.period)).forward
+        network = self.network
+        odd = np.zeros(len(network.weights) % 2, dtype=np.float32)
+        weights = np.concatenate([network.weights, odd]).view(np.float64)
+        header = np.zeros(HEADER)
+        header[[AT_PERIOD, AT_GAIN_ROWS]] = self.period, len(forward)
+        header[[AT_STEPS, AT_WEIGHT_COUNT]] = len(network.program), len(network.weights)
+        header[[AT_INPUTS, AT_ROOM]] = network.inputs, network.room
+        header[[AT_PHYSFEAT, AT_MEMORY]] = network.physfeat, network.memory
+        header[AT_STATES] = self.states
+        header[AT_LEAD] = self.lead * self.period
+        inertia = np.empty(0)
+        if network.passive is not None:
+            header[[AT_ROOT, AT_ROOT_WEIGHTS]] = network.passive
+            header[AT_LEAD] = 0.0
+            inertia = network.weights[network.passive[1] :][:36].astype(np.float64)
+        blocks = [header]
+        for entry, block in (
+            (AT_INERTIA, inertia),
+            (AT_GAINS, forward.ravel()),
+            (AT_PROGRAM, network.program.ravel()),
+            (AT_SCALERS, network.scalers),
+            (AT_CONDITIONING, self.conditioning.parameters()),
+            (AT_WEIGHTS, weights),
+        ):
+            header[entry] = sum(map(len, blocks)) if len(block) else 0
+            blocks.append(block)
+        return np.concatenate(blocks)
+
+
+@jit
+def due(block: Array, states: Array, time: float) -> bool:
+    """Whether a control step has begun that is not yet counted."""
+    return bool(np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0 > states[TICK])
+
+
+@jit
+def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
+    """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step."""
+    first = states[TICK] == 0.0
+    filters = states[FILTER : FILTER + 12].reshape(6, 2)
+    if first:
+        for i in range(6):
+            filters[i, 0] = nu[i]
+            filters[i, 1] = 0.0
+    else:
+        row = min(int(states[TICK]), int(block[AT_GAIN_ROWS]) - 1)
+        begin = int(block[AT_GAINS]) + 12 * row
+        filter_step(filters, nu, block[begin : begin + 12].reshape(6, 2), block[AT_PERIOD])
+    states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
+
+    memory = states[STATES : STATES + int(block[AT_MEMORY])]
+    if first:
+        history.begin(nu, memory)
+    state, wrench = np.empty(12), np.empty(6)
+    for i in range(6):
+        state[i] = nu[i] + block[AT_LEAD] * filters[i, 1]
+        state[6 + i] = filters[i, 1]
+    inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
+    begin = int(block[AT_SCALERS])
+    work = np.empty(int(block[AT_ROOM]), np.float32)
+    network_kernel(
+        block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
+        weights,
+        block[AT_PHYSFEAT] > 0.0,
+        block[begin : begin + 2 * inputs + 12],
+        state,
+        memory,
+        np.empty(inputs),
+        work,
+        wrench,
+    )
+    history.remember(state[:6], memory)
+    if block[AT_INERTIA] > 0.0:
+        held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]
+        root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]
+        damping(weights, int(block[AT_ROOT_WEIGHTS]), root, nu, held[DAMPING : DAMPING + 36])
+        for i in range(6):
+            held[OFFSET + i] = 0.0
+        _add_passive(block, held, nu, held[OFFSET : OFFSET + 6])
+    begin = int(block[AT_CONDITIONING])
+    condition_kernel(
+        wrench,
+        nu,
+        block[begin : begin + PARAMETERS],
+        states[LOW_PASS : LOW_PASS + 6],
+        states[COUNTED : COUNTED + COUNTS],
+        states[HELD : HELD + 6],
+    )
+
+
+@jit
+def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
+    """Take the wrench that acts at velocity nu (6,) now off `tau` (6,); `part` (6,) is scratch."""
+    for i in range(6):
+        tau[i] -= states[HELD + i]
+    if block[AT_INERTIA] > 0.0:
+        first = STATES + int(block[AT_MEMORY])
+        held = states[first : first + PASSIVE_STATES]
+        for i in range(6):
+            part[i] = -held[OFFSET + i]
+        _add_passive(block, held, nu, part)
+        for i in range(6):
+            tau[i] -= part[i]
+
+
+@jit
+def _add_passive(block: Array, held: Array, nu: Array, tau: Array) -> None:
+    """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
+    begin = int(block[AT_INERTIA])
+    coriolis_kernel(block[begin : begin + 36], nu, tau)
+    for i in range(6):
+        for j in range(6):
+            tau[i] += held[DAMPING + 6 * i + j] * nu[j]

@@ -1,0 +1,275 @@
+"""From the description and tensors of a model artefact to a program for `sim.residual.layers`.
+
+Each architecture is a function that writes its steps; the six numbers placed last are its wrench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+from hydro.sim.residual import layers
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+AXES = 6
+PACE = 10.0  # s, of the structured model's inertia
+
+
+class TrainedModel(Protocol):
+    """What of a model artefact a simulation needs (see `hydro.io.model.Model`)."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def architecture(self) -> Mapping[str, Any]:
+        """Description of its layers."""
+
+    @property
+    def tensors(self) -> Mapping[str, NDArray[Any]]:
+        """Weights by name."""
+
+    @property
+    def scalers(self) -> Mapping[str, NDArray[Any]]:
+        """Means and scales of features and outputs."""
+
+    @property
+    def subtract(self) -> str:
+        """Which effects its labels left out: `inertia`, or all `effects`."""
+
+
+class Place(NamedTuple):
+    """Some numbers of the workspace."""
+
+    at: int
+    length: int
+
+    def part(self, start: int, length: int) -> Place:
+        """Some of these."""
+        return Place(self.at + start, length)
+
+
+class Writer:
+    """Writes a program step by step, and its weights beside it.
+
+    Attributes:
+        model: The artefact.
+        inputs: Where the standardised inputs lie.
+        room: Numbers of the workspace.
+        passive: Where the root A of a passive model's damping lies, and where its weights begin.
+    """
+
+    def __init__(self, model: TrainedModel, inputs: int) -> None:
+        self.model = model
+        self.inputs = Place(0, inputs)
+        self.room = inputs
+        self.passive: tuple[int, int] | None = None
+        self._steps: list[list[float]] = []
+        self._weights: list[Array32] = []
+
+    def program(self) -> Array:
+        """The steps, (steps, COLUMNS)."""
+        return np.array(self._steps, dtype=np.float64).reshape(-1, layers.COLUMNS)
+
+    def weights(self) -> Array32:
+        """All weights, end to end."""
+        return np.concatenate(self._weights)
+
+    def option(self, name: str) -> Any:
+        """An entry of the architecture.
+
+        Raises:
+            DataError: It is not there.
+        """
+        if name not in self.model.architecture:
+            raise DataError(
+                f"model {self.model.name}: its architecture has no {name!r}; train the model again"
+            )
+        return self.model.architecture[name]
+
+    def tensor(self, name: str, shape: tuple[int, ...]) -> Array32:
+        """A tensor of the model as float32, checked for its shape.
+
+        Raises:
+            DataError: It is missing or of another shape.
+        """
+        if name not in self.model.tensors:
+            raise DataError(f"model {self.model.name}: tensor {name} is missing; train the model again")
+        tensor = np.asarray(self.model.tensors[name], dtype=np.float32)
+        if tensor.shape != shape:
+            raise DataError(
+                f"model {self.model.name}: tensor {name} has shape {tensor.shape}, its layers ask for {shape}"
+            )
+        return tensor
+
+    def place(self, length: int) -> Place:
+        """Room for more numbers."""
+        found = Place(self.room, length)
+        self.room += length
+        return found
+
+    def dense(self, x: Place, name: str, length: int) -> Place:
+        """W x + b, of the tensors `name.weight` (length, x) and `name.bias` (length,)."""
+        weight = self.tensor(f"{name}.weight", (length, x.length))
+        return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
+
+    def affine(self, x: Place, weight: Array32, bias: Array32, to: Place) -> Place:
+        """W x + b, of these weights."""
+        at = self._keep(weight.T.ravel(), bias)
+        return self._step(layers.DENSE, x, to, weights=at)
+
+    def activate(self, function: str, x: Place) -> Place:
+        """A function of `layers.FUNCTIONS`, in place.
+
+        Raises:
+            DataError: There is no such function.
+        """
+        if function not in layers.FUNCTIONS:
+            known = ", ".join(layers.FUNCTIONS)
+            raise DataError(
+                f"model {self.model.name}: activation {function!r} is not known here; known are {known}"
+            )
+        return self._step(layers.ACTIVATE, x, x, argument=layers.FUNCTIONS[function])
+
+    def chain(self, x: Place, name: str, widths: Sequence[int], function: str) -> Place:
+        """Dense layers `name.0`, `name.1`, …, with a function after every one but the last."""
+        for i, width in enumerate(widths[1:]):
+            x = self.dense(x, f"{name}.{i}", width)
+            if i + 2 < len(widths):
+                self.activate(function, x)
+        return x
+
+    def norm(self, x: Place, name: str) -> Place:
+        """The layer norm of the tensors `name.weight` and `name.bias`."""
+        parts = (self.tensor(f"{name}.{part}", (x.length,)) for part in ("weight", "bias"))
+        return self._step(layers.NORM, x, self.place(x.length), weights=self._keep(*parts))
+
+    def add(self, x: Place, to: Place) -> Place:
+        """Add x to other numbers, in place."""
+        return self._step(layers.ADD, x, to)
+
+    def mix(self, shares: Place, vectors: Place, length: int) -> Place:
+        """The weighted mean of vectors."""
+        source = Place(vectors.at, shares.length)
+        return self._step(layers.MIX, source, self.place(length), argument=shares.at)
+
+    def direction(self, scale: Array) -> Place:
+        """Seven numbers of the velocity; see `layers._direction`."""
+        return self._step(layers.DIRECTION, self.inputs, self.place(AXES + 1), weights=self._keep(scale))
+
+    def dissipate(self, A: Place, inertia: Array, root: Array, scale: Array) -> Place:
+        """C(nu) nu + D(nu) nu; see `layers._passive`."""
+        at = self._keep(inertia.ravel(), root, 1.0 / (AXES * scale**2))
+        self.passive = A.at, at
+        return self._step(layers.PASSIVE, A, self.place(AXES), weights=at)
+
+    def _step(self, operation: int, x: Place, to: Place, *, weights: int = 0, argument: int = 0) -> Place:
+        self._steps.append([operation, x.at, x.length, to.at, to.length, weights, argument])
+        return to
+
+    def _keep(self, *parts: NDArray[Any]) -> int:
+        """Where weights begin that are added here."""
+        at = sum(map(len, self._weights))
+        self._weights += [np.asarray(part, dtype=np.float32).ravel() for part in parts]
+        return at
+
+
+def _feedforward(writer: Writer) -> None:
+    widths = [int(width) for width in writer.option("layers")]
+    function = writer.option("activation")
+    if widths[0] != writer.inputs.length or widths[-1] != AXES:
+        raise DataError(
+            f"model {writer.model.name}: layers {widths} do not lead from features "
+            f"{writer.option('features')} to 6 axes"
+        )
+    writer.chain(writer.inputs, "layers", widths, function)
+
+
+def _residual_blocks(writer: Writer) -> None:
+    width, hidden = writer.option("width"), writer.option("hidden")
+    function = writer.option("activation")
+    x = writer.dense(writer.inputs, "project", width)
+    for i in range(writer.option("blocks")):
+        inner = writer.dense(writer.norm(x, f"blocks.{i}.norm"), f"blocks.{i}.up", hidden)
+        writer.add(writer.dense(writer.activate(function, inner), f"blocks.{i}.down", width), x)
+    writer.dense(writer.norm(x, "norm"), "out", AXES)
+
+
+def _heads(writer: Writer) -> None:
+    trunk, head = writer.option("trunk"), writer.option("head")
+    function = writer.option("activation")
+    x = writer.activate(function, writer.chain(writer.inputs, "trunk", trunk, function))
+    hidden = writer.activate(function, writer.dense(x, "hidden", AXES * head))
+    out, bias = writer.tensor("out", (AXES, head)), writer.tensor("out_bias", (AXES,))
+    wrench = writer.place(AXES)
+    for axis in range(AXES):
+        own = hidden.part(head * axis, head)
+        writer.affine(own, out[axis : axis + 1], bias[axis : axis + 1], wrench.part(axis, 1))
+
+
+def _experts(writer: Writer) -> None:
+    count, widths = writer.option("experts"), writer.option("layers")
+    function = writer.option("activation")
+    gate = writer.chain(writer.inputs, "gate", writer.option("gate"), function)
+    shares = writer.activate("softmax", gate)
+    maps = [
+        (
+            writer.tensor(f"experts.{i}.weight", (count, narrow, wide)),
+            writer.tensor(f"experts.{i}.bias", (count, narrow)),
+        )
+        for i, (wide, narrow) in enumerate(pairwise(widths))
+    ]
+    opinions = writer.place(count * AXES)
+    for expert in range(count):
+        x = writer.inputs
+        for weight, bias in maps[:-1]:
+            to = writer.place(weight.shape[1])
+            x = writer.activate(function, writer.affine(x, weight[expert], bias[expert], to))
+        weight, bias = maps[-1]
+        writer.affine(x, weight[expert], bias[expert], opinions.part(AXES * expert, AXES))
+    writer.mix(shares, opinions, AXES)
+
+
+def _structured(writer: Writer) -> None:
+    velocity = np.asarray(writer.model.scalers["input_scale"], dtype=np.float64)[:AXES]
+    root = np.sqrt(np.asarray(writer.model.scalers["output_scale"], dtype=np.float64) / velocity)
+    inertia = writer.tensor("inertia", (AXES, AXES)).astype(np.float64)
+    inertia = 0.5 * PACE * (inertia + inertia.T) * np.outer(root, root)
+    A = writer.chain(writer.direction(velocity), "layers", writer.option("layers"), "silu")
+    writer.dissipate(A, inertia, root, velocity)
+
+
+WRITERS: dict[str, Callable[[Writer], None]] = {
+    "mlp": _feedforward,
+    "physfeat": _feedforward,
+    "temporal": _feedforward,
+    "resmlp": _residual_blocks,
+    "multihead": _heads,
+    "moe": _experts,
+    "structured": _structured,
+}
+
+
+def lower(model: TrainedModel, inputs: int) -> Writer:
+    """Write the program of a model with so many inputs.
+
+    Raises:
+        DataError: The architecture is not known, or its tensors do not fit it.
+    """
+    kind = model.architecture.get("model")
+    if kind not in WRITERS:
+        raise DataError(
+            f"model {model.name}: the simulation knows no architecture {kind!r}; "
+            f"known are {', '.join(WRITERS)}"
+        )
+    writer = Writer(model, inputs)
+    WRITERS[kind](writer)
+    return writer

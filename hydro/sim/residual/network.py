@@ -1,0 +1,169 @@
+"""The forward pass of a trained residual network in compiled code, for use inside the simulation.
+
+Features, then a program of layers (`sim.residual.layers`, written by `sim.residual.lowering`), then physical
+units.  A model that remembers is given its memory by whoever runs it (`sim.residual.control` keeps it among
+MuJoCo's activations).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.compiled import jit
+from hydro.core.distillation import history
+from hydro.core.distillation.features import names, physfeat_kernel
+from hydro.core.errors import DataError
+from hydro.sim.residual import layers
+from hydro.sim.residual.lowering import TrainedModel, lower
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+
+_STATES, _AXES = 12, 6
+
+
+@dataclass(frozen=True)
+class Network:
+    """A residual network: (nu, nu_dot), past nu -> features -> layers -> tau_res.
+
+    Attributes:
+        program: Steps of `sim.residual.layers`.
+        weights: Weights of all steps, end to end.
+        room: Numbers of the workspace: the inputs first, the wrench last.
+        physfeat: Whether the features are the 45 of `distillation.features`; otherwise the twelve states.
+        memory: Numbers of the past that it is given, see `distillation.history`.
+        period: Time between past velocities [s]; None for a model without memory.
+        scalers: Input means and scales, output means and scales, end to end.
+        passive: For a passive model, where the root A of its damping lies in the workspace, and where the
+            weights of that step begin.
+    """
+
+    program: Array
+    weights: Array32
+    room: int
+    physfeat: bool
+    memory: int
+    period: float | None
+    scalers: Array
+    passive: tuple[int, int] | None = None
+
+    @property
+    def inputs(self) -> int:
+        """Features and past velocities together."""
+        return (len(self.scalers) - 2 * _AXES) // 2
+
+    @staticmethod
+    def of(model: TrainedModel) -> Network:
+        """The compiled form of a model artefact.
+
+        Raises:
+            DataError: The architecture is not known, or its tensors do not fit it.
+        """
+        description = model.architecture
+        feature_set = description.get("features", "")
+        memory = history.remembered(description.get("window", 1))
+        inputs = len(names(feature_set)) + memory
+        written = lower(model, inputs)
+        scalers = {
+            key: np.asarray(model.scalers[key], dtype=np.float64).reshape(length)
+            for key, length in (
+                ("input_mean", inputs),
+                ("input_scale", inputs),
+                ("output_mean", _AXES),
+                ("output_scale", _AXES),
+            )
+        }
+        if written.passive is not None:  # its wrench is in N and N m already, with no mean added
+            scalers |= {"output_mean": np.zeros(_AXES), "output_scale": np.ones(_AXES)}
+        return Network(
+            program=written.program(),
+            weights=written.weights(),
+            room=written.room,
+            physfeat=feature_set == "physfeat",
+            memory=memory,
+            period=float(description["period"]) if memory else None,
+            scalers=np.concatenate(list(scalers.values())),
+            passive=written.passive,
+        )
+
+    def wrench(self, states: ArrayLike, past: ArrayLike | None = None) -> Array:
+        """The wrench tau_res of many states.
+
+        Args:
+            states: (nu, nu_dot), FRD, (N, 12) [m/s, rad/s, m/s^2, rad/s^2].
+            past: Past velocities (N, memory), see `distillation.history.past`; by default nu itself.
+
+        Returns:
+            tau_res (N, 6) [N, N m], FRD, on the left-hand side.
+
+        Raises:
+            DataError: The past has not the model's shape.
+        """
+        x = np.ascontiguousarray(states, dtype=np.float64).reshape(-1, _STATES)
+        before = np.tile(x[:, :_AXES], self.memory // _AXES) if past is None else np.asarray(past, float)
+        if before.shape != (len(x), self.memory):
+            raise DataError(f"past velocities: expected shape {(len(x), self.memory)}, got {before.shape}")
+        out = np.empty((len(x), _AXES))
+        _network_columns(
+            self.program,
+            self.weights,
+            self.physfeat,
+            self.scalers,
+            x,
+            np.ascontiguousarray(before),
+            np.empty(self.room, np.float32),
+            out,
+        )
+        return out
+
+
+@jit
+def network_kernel(
+    program: Array,
+    weights: Array32,
+    physfeat: bool,
+    scalers: Array,
+    state: Array,
+    memory: Array,
+    features: Array,
+    work: Array32,
+    out: Array,
+) -> None:
+    """Write tau_res (6,) of one state (12,) and its memory to `out`.
+
+    `features`, as many as the network's inputs, and `work`, the workspace, are scratch.
+    """
+    inputs = features.size
+    own = inputs - memory.size
+    if physfeat:
+        physfeat_kernel(state, features[:own])
+    else:
+        for j in range(own):
+            features[j] = state[j]
+    for j in range(memory.size):
+        features[own + j] = memory[j]
+    for j in range(inputs):
+        work[j] = np.float32((features[j] - scalers[j]) / scalers[inputs + j])
+    layers.run(program, weights, state[:6], work)
+    last = work.size - out.size
+    for j in range(out.size):
+        out[j] = scalers[2 * inputs + j] + scalers[2 * inputs + out.size + j] * work[last + j]
+
+
+@jit
+def _network_columns(
+    program: Array,
+    weights: Array32,
+    physfeat: bool,
+    scalers: Array,
+    states: Array,
+    past: Array,
+    work: Array32,
+    out: Array,
+) -> None:
+    features = np.empty((scalers.size - 2 * out.shape[1]) // 2)
+    for k in range(states.shape[0]):
+        network_kernel(program, weights, physfeat, scalers, states[k], past[k], features, work, out[k])

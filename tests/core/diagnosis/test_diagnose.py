@@ -1,0 +1,264 @@
+"""Diagnoses of simulated recordings: what was hidden is named, and nothing where nothing was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro.core.diagnosis import advice, unexplained
+from hydro.core.diagnosis.diagnose import aimed, diagnose, doubted, shared
+from hydro.core.diagnosis.extend import tables
+from hydro.core.diagnosis.findings import SCHEMA, Diagnosis, Finding
+from hydro.core.diagnosis.search import Search, fitted
+from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
+from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as files
+
+CURRENT = {"name": "ocean_current", "v_N": 0.25, "v_E": -0.15, "v_D": 0.0}
+ROWS = 1500  # of each of two sessions, 60 s at 50 Hz in all
+
+
+@pytest.fixture(scope="module")
+def known(datasets) -> Vehicle:
+    return files.read(datasets / "vehicles" / "auv151.toml")[0]
+
+
+def hiding(vehicle: Vehicle, *effects: dict) -> Vehicle:
+    return msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *effects))
+
+
+def misjudged(vehicle: Vehicle) -> Vehicle:
+    """The vehicle file with its quadratic damping a quarter wrong, up or down."""
+    wrong = [1.25, 0.75, 1.2, 0.8, 1.25, 0.75]
+    effects = [
+        e | {"diagonal": [d * s for d, s in zip(e["diagonal"], wrong, strict=True)]}
+        if e["name"] == "quadratic_damping"
+        else e
+        for e in vehicle.effect
+    ]
+    return msgspec.structs.replace(vehicle, effect=tuple(effects))
+
+
+def flown(vehicle: Vehicle, *, seed: int = 0, session: str = "a", rows: int = ROWS, thrusters=range(8)):
+    """One session: two sines of their own on each thruster, and ordinary noise of the sensors."""
+    rng, t = np.random.default_rng(seed), np.arange(rows) * 0.02
+    columns = {"session": [session] * rows, "t": t}
+    for i in range(8):
+        slow, fast = (
+            np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform([0.03, 0.2], [0.15, 0.6])
+        )
+        columns[f"cmd_{i + 1}"] = (0.5 * slow + 0.3 * fast) * (i in thrusters)
+    moved = simulate(pl.DataFrame(columns), vehicle)
+    logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+def recorded(vehicle: Vehicle, **how) -> pl.DataFrame:
+    return pl.concat([flown(vehicle, seed=i, session=name, **how) for i, name in enumerate("ab")])
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1},
+        {"name": "thruster_gain", "g": [0.0, 0.0, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0]},
+    ],
+    ids=lambda hidden: hidden["name"],
+)
+def test_a_hidden_effect_is_named_with_its_values(known, hidden):
+    """Though the damping of the file is a quarter wrong; and that is told too, after it."""
+    found = diagnose(misjudged(known), recorded(hiding(known, hidden)))
+    first, *others = found.findings
+    assert (first.verdict, first.effect, first.members) == ("missing", hidden["name"], (hidden["name"],))
+    assert first.share > 0.95
+    assert first.confidence > 0.95
+    assert first.p_value == pytest.approx(1 / 2000)
+    pack = CATALOGUE[hidden["name"]].pack
+    values, errors = (pack(dict(t), thrusters=8) for t in (first.parameters, first.standard_errors))
+    assert (np.abs(values - pack(hidden, thrusters=8)) < 4.5 * errors).all()
+    assert ("retune", "quadratic_damping") in {(one.verdict, one.effect) for one in others}
+    assert not [one for one in others if one.verdict in ("missing", "cannot_tell_apart", "none_of_the_known")]
+    given, own, end = found.chi2
+    assert given > own > 2.0
+    assert end == pytest.approx(1.0, abs=0.05)
+
+
+def test_nothing_hidden_is_nothing_missing(known):
+    found = diagnose(known, recorded(known))
+    assert found.findings[0].verdict == "nothing_missing"
+    assert {one.verdict for one in found.findings[1:]} <= {"not_excited"}
+    table = found.frame()
+    assert table.schema == pl.Schema(SCHEMA)
+    with pytest.raises(DataError, match="nothing to add"):
+        tables(table)
+
+
+def test_an_effect_is_named_behind_the_faults_of_its_log(known):
+    """Two command columns exchanged, a frozen velocity log and spikes of a gyro."""
+    raw = recorded(hiding(known, CURRENT))
+    wrong = {name: raw[name].to_numpy().copy() for name in "uvwp"}
+    wrong["p"][100::500] += 1.0
+    for name in "uvw":
+        wrong[name][700:800] = wrong[name][700]
+    exchanged = {"cmd_2": pl.col("cmd_5"), "cmd_5": pl.col("cmd_2")}
+    columns = (pl.Series(name, values) for name, values in wrong.items())
+    found = diagnose(misjudged(known), raw.with_columns(*columns, **exchanged))
+    told = [one.members for one in found.findings if one.verdict == "log_fault"]
+    assert told == [("p",), ("u", "v", "w"), ("cmd_2", "cmd_5")]
+    named = found.findings[len(told)]
+    assert (named.verdict, named.effect) == ("missing", "ocean_current")
+    assert named.parameters["v_N"] == pytest.approx(CURRENT["v_N"], abs=0.01)
+    assert found.chi2[2] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
+    record = recording(recorded(known, rows=1000), known)
+    problem, reach = aimed(known, record), record.eta[:, :3]
+    search = Search(fitted(known, [], problem, reach, 0), [], reach, {}, problem)
+    now = search.round(search.first, [])
+    suspect, columns = now.ranked["net_buoyancy"]
+    far = {"name": "net_buoyancy", "dB": 1e8}
+    with pytest.raises(DataError, match="beyond all bounds"):
+        fitted(hiding(known, far), ["net_buoyancy"], problem, reach, 0)
+    wild = {**now.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
+    joined = search.joined(search.first, [], replace(now, ranked=wild), "net_buoyancy")
+    assert joined.normal.cost <= search.first.normal.cost
+
+
+def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
+    """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
+    hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
+    record = recording(recorded(hiding(known, *hidden), rows=1500), known)
+    problem, reach = aimed(known, record), record.eta[:, :3]
+    monkeypatch.setattr("hydro.core.diagnosis.search.shown", lambda test: True)
+    monkeypatch.setattr(Search, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
+    search = Search(fitted(known, [], problem, reach, 0), (), reach, {"sensor_bias": None}, problem)
+    now = search.round(search.first, [])
+    assert search.material(now.gains["sensor_bias"], search.first)
+    fits = search.contend(search.first, [], now)
+    assert "net_buoyancy" in fits
+    assert "sensor_bias" not in fits
+
+
+@pytest.mark.parametrize(("rest", "confidence"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
+def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, confidence):
+    named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
+    found = doubted(named, [Finding("none_of_the_known", share=rest)])
+    assert found.confidence == pytest.approx(confidence)
+    assert ("fly without feedback" in found.advice) == (rest >= 0.15)
+
+
+def test_heave_alone_shows_little(known):
+    """Four vertical thrusters in step: what only surge, sway and yaw would show is told as not shown."""
+    t = np.arange(2 * ROWS) * 0.02
+    demand = {f"cmd_{i}": (0.5 * np.sin(t) if i > 4 else 0.0 * t) for i in range(1, 9)}
+    heave = simulate(pl.DataFrame({"session": ["a"] * len(t), "t": t, **demand}), known)
+    rng = np.random.default_rng(0)
+    logged = disturb(heave.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    found = diagnose(known, heave.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
+    assert found.findings[0].verdict == "nothing_missing"
+    unseen = {one.effect: one for one in found.findings if one.verdict == "not_excited"}
+    assert {"body_lift", "added_mass_coriolis"} <= set(unseen)
+    assert "net_buoyancy" not in unseen
+    assert "drift" in unseen["body_lift"].advice
+    assert not unseen["body_lift"].excited
+
+
+def test_an_effect_that_no_catalogue_has(known):
+    """A current that is another one in each session."""
+    parts = [
+        flown(hiding(known, {"name": "ocean_current", "v_N": n, "v_E": e}), seed=i, session=f"s{i}", rows=500)
+        for i, (n, e) in enumerate([(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3)])
+    ]
+    first = diagnose(known, pl.concat(parts)).findings[0]
+    assert first.verdict == "none_of_the_known"
+    assert first.share > 0.5
+    assert "structured error remains" in first.advice
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"), [(300, "too short for a diagnosis"), (60, "record longer sessions")]
+)
+def test_a_short_recording(known, rows, words):
+    with pytest.raises(DataError, match=words):
+        diagnose(known, flown(known, rows=rows))
+
+
+def test_a_recording_that_lost_messages_cuts_to_pieces(known):
+    whole = flown(known, rows=1800).with_row_index()
+    with pytest.raises(DataError, match="14 gaps cut the log to pieces: `hydro import` bridges"):
+        diagnose(known, whole.filter(pl.col("index") % 120 != 119).drop("index"))
+
+
+def test_the_commands_of_another_vehicle(known):
+    with pytest.raises(DataError, match="7 command columns"):
+        diagnose(known, flown(known, rows=100).drop("cmd_8"))
+
+
+def test_a_delay_of_one_sample_is_a_convention():
+    assert "convention" in advice.adding("command_delay", {"d": 0.02}, 0.02)
+    assert "convention" not in advice.adding("command_delay", {"d": 0.1}, 0.02)
+
+
+def test_a_tie_comes_with_the_motion_that_ends_it():
+    assert "all headings" in advice.separating(["ocean_current", "tether"])
+    assert "tilts" in advice.separating(["net_buoyancy", "payload"])
+    assert CATALOGUE["tether"].excitation in advice.separating(["tether", "thruster_lag"])
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
+def test_how_a_force_grows(power):
+    speed = np.random.default_rng(0).uniform(0.1, 1.5, 400)
+    assert unexplained.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
+    assert unexplained.growth(np.full(400, 0.5), np.ones(400)) is None
+
+
+def tied() -> Diagnosis:
+    parameters, errors = {"v_N": 0.2, "v_E": -1e-7, "v_D": 0.0}, {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
+    members = ("ocean_current", "tether")
+    one = Finding("cannot_tell_apart", members[0], members, 0.8, 0.7, 0.9, 0.6, 0.001, parameters, errors)
+    return Diagnosis((one, Finding("not_excited", "body_lift", ("body_lift",))), Vehicle, (9.0, 5.0, 1.0))
+
+
+def test_what_a_diagnosis_adds():
+    (table,) = tables(tied().frame())
+    assert table == {
+        "name": "ocean_current",
+        "v_N": 0.2,
+        "v_E": -1e-7,
+        "v_D": 0.0,
+        "standard_error": {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01},
+    }
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [("tether", "tied with ocean_current"), ("payload", "no finding payload"), ("body_lift", "no finding")],
+)
+def test_what_it_cannot_add(wanted, words):
+    with pytest.raises(DataError, match=words):
+        tables(tied().frame(), [wanted])
+
+
+def test_effects_that_stand_for_one_another_share_what_they_explain_together():
+    lag = Finding("missing", "thruster_lag", share=0.05, low=0.04, high=0.06)
+    delay = Finding("missing", "command_delay", share=0.07, low=0.06, high=0.08)
+    first, second = shared([lag, delay], 0.96)
+    assert first.share + second.share == pytest.approx(0.96)
+    assert first.share / second.share == pytest.approx(5 / 7)
+    assert "96% together" in first.advice
+    assert "adds 5%" in first.advice
+
+
+def test_effects_that_stand_for_themselves_keep_their_shares():
+    both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
+    assert shared(both, 1.0) == both
+    assert shared([], 0.0) == []

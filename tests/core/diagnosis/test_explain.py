@@ -1,0 +1,198 @@
+"""Explaining simulated recordings: the ladder falls to the noise, and stops where nothing is missing."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro.core.diagnosis import explain as module
+from hydro.core.diagnosis.explain import Step, best, ending, explain
+from hydro.core.diagnosis.extend import extended
+from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.errors import DataError
+from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import schema
+from hydro.io import vehicle as files
+
+CURRENT = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.15}
+WEAK = {"name": "thruster_gain", "g": [0.0, 0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0]}
+
+
+@pytest.fixture(scope="module")
+def known(datasets) -> Vehicle:
+    return files.read(datasets / "vehicles" / "auv151.toml")[0]
+
+
+def flown(vehicle: Vehicle, seed: int, seconds: float = 32.0) -> pl.DataFrame:
+    """One session: two sines of their own on each thruster, and ordinary noise of the sensors."""
+    rng, t = np.random.default_rng(seed), np.arange(round(seconds / 0.02)) * 0.02
+    columns = {"session": [f"run-{seed}"] * len(t), "t": t}
+    for i in range(8):
+        slow, fast = (
+            np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform([0.03, 0.2], [0.15, 0.6])
+        )
+        columns[f"cmd_{i + 1}"] = 0.5 * slow + 0.3 * fast
+    moved = simulate(pl.DataFrame(columns), vehicle)
+    logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+@pytest.fixture(scope="module")
+def study(known) -> list[Step]:
+    """Two effects hidden in 64 s; 32 s held out."""
+    true = extended(known, [CURRENT, WEAK])
+    raw = pl.concat([flown(true, seed) for seed in (1, 2)])
+    return list(explain(known, raw, holdout=flown(true, 3)))
+
+
+@pytest.mark.slow
+def test_each_step_adds_one_hidden_effect_and_lowers_the_held_out_error(study):
+    assert [step.number for step in study] == [0, 1, 2]
+    assert {step.added for step in study[1:]} == {("ocean_current",), ("thruster_gain",)}
+    for dataset in ("fit", "holdout"):
+        errors = [step.error(dataset) for step in study]
+        assert errors[0] > errors[1] > errors[2]
+        assert errors[0] > 5.0 * errors[2]
+        last = study[-1].ladder.filter(dataset=dataset, axis="all", horizon=5.0)
+        assert last["rmse"][0] < 1.15 * last["noise_floor"][0]
+    assert ending(study) == "nothing more is found"
+    assert best(study) is study[-1]
+
+
+@pytest.mark.slow
+def test_all_that_was_added_is_fitted_together(study):
+    assert [{table["name"] for table in step.tables} for step in study[1:]] == [
+        {"linear_damping", "quadratic_damping", *study[1].added},
+        {"linear_damping", "quadratic_damping", "ocean_current", "thruster_gain"},
+    ]
+    (current,), (weak,) = (study[-1].vehicle.effects(one["name"]) for one in (CURRENT, WEAK))
+    for name in ("v_N", "v_E"):
+        assert current[name] == pytest.approx(CURRENT[name], abs=4.5 * current["standard_error"][name])
+    np.testing.assert_array_less(
+        np.abs(np.subtract(weak["g"], WEAK["g"])), 4.5 * np.array(weak["standard_error"]["g"])
+    )
+
+
+@pytest.mark.slow
+def test_the_ladder_holds_to_its_schema(study):
+    ladder = pl.concat(step.ladder for step in study)
+    schema.load("ladder").check(ladder, "ladder")
+    horizons = ladder.filter(axis="u", dataset="fit", step=1)["horizon"].to_list()
+    assert horizons == [1.0, 5.0, 20.0, None]
+    assert set(ladder.filter(step=0)["effect"]) == {""}
+
+
+@pytest.mark.slow
+def test_nothing_hidden_ends_at_the_file_as_given(known):
+    steps = list(explain(known, flown(known, 4, 40.0)))
+    assert [step.number for step in steps] == [0]
+    assert ending(steps) == "nothing more is found"
+    assert steps[0].error("holdout") is None
+
+
+# What follows replaces the three computations by tables, to see the loop alone.
+
+
+def finding(verdict: str, name: str = "", **values: float) -> Finding:
+    return Finding(verdict, name, (name,), 0.5, parameters=values, standard_errors=dict.fromkeys(values, 0.1))
+
+
+@pytest.fixture
+def staged(monkeypatch, known):
+    """A study whose diagnoses and held-out errors are given; what every fit was asked for is noted."""
+    asked: list[list] = []
+
+    def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
+        left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
+
+        def together(vehicle, raw, wanted, file):
+            asked.append(list(wanted))
+            names = [one if isinstance(one, str) else one["name"] for one in wanted]
+            given = {one["name"]: one for one in wanted if not isinstance(one, str)}
+            fitted = tuple({"name": n, "standard_error": {}} | given.get(n, {}) for n in names)
+            return fitted
+
+        def compare(vehicle, raw, progress):
+            row = dict.fromkeys(("low", "high", "noise_floor"), 0.1) | {"level": "replay", "by": "all"}
+            row |= {"axis": "all", "horizon": 5.0, "rmse": errors.pop(0), "unit": "m/s"}
+            return pl.DataFrame([row])
+
+        monkeypatch.setattr(module, "_together", together)
+        monkeypatch.setattr(module, "compare", compare)
+        monkeypatch.setattr(
+            module, "diagnose", lambda v, raw, report: Diagnosis(tuple(left.pop(0)), v, (1.0, 1.0, 1.0))
+        )
+        quiet = flown(known, 5, 6.0)
+        return list(explain(known, quiet, holdout=quiet, **how)), asked
+
+    return run
+
+
+def test_new_values_go_along_with_what_is_missing(staged):
+    missing = finding("missing", "ocean_current", v_N=0.2)
+    steps, asked = staged([[missing, finding("retune", "linear_damping", d=1.0)], []], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("ocean_current",)]
+    begun = {"name": "linear_damping", "d": 1.0}
+    assert asked == [["quadratic_damping", {"name": "ocean_current", "v_N": 0.2}, begun]]
+
+
+def test_new_values_alone_are_one_step_and_not_two(staged):
+    again = [finding("retune", "quadratic_damping", diagonal=1.0)]
+    steps, asked = staged([again, again], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("quadratic_damping",)]
+    assert asked == [["linear_damping", {"name": "quadratic_damping", "diagonal": 1.0}]]
+    assert ending(steps) == "nothing more is found"
+
+
+def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
+    more = [[finding("missing", name, w=1.0)] for name in ("payload", "net_buoyancy", "tether")]
+    steps, _ = staged(more, [2.0, 1.0, 1.1])
+    assert [step.number for step in steps] == [0, 1, 2]
+    assert "worse than step 1" in ending(steps)
+    assert best(steps) is steps[1]
+
+
+def test_steps_have_an_end(staged, monkeypatch):
+    monkeypatch.setattr(module, "MOST", 2)
+    names = ("payload", "net_buoyancy", "tether", "body_lift")
+    steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
+    assert len(steps) == 3
+    assert "2 steps are the most" in ending(steps)
+
+
+def test_what_no_effect_explains_is_told(staged):
+    steps, _ = staged([[finding("none_of_the_known")]], [1.0])
+    assert ending(steps) == "what is left no effect of the catalogue explains"
+
+
+def test_it_goes_on_from_steps_that_are_done(staged):
+    found = [[finding("missing", "payload", w=1.0)], [finding("missing", "tether", k=1.0)], []]
+    steps, _ = staged(found, [3.0, 2.0, 1.0])
+    rest, asked = staged(found[2:], [1.0], done=steps[:2])
+    assert [step.number for step in rest] == [2]
+    assert asked[-1] == ["linear_damping", "quadratic_damping", "payload", {"name": "tether", "k": 1.0}]
+    assert rest[0].ladder.equals(steps[2].ladder)
+    assert staged([], [], done=steps)[0] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"), [("cmd_8", "7 command columns"), (None, "no session lasts 5 s")]
+)
+def test_a_held_out_recording_that_will_not_do(known, change, words):
+    raw = flown(known, 6, 6.0)
+    other = raw.drop(change) if change else raw.head(200)
+    with pytest.raises(DataError, match=words):
+        next(explain(known, raw, holdout=other))
+
+
+def test_tables_take_the_place_of_their_name(known):
+    matrix = np.eye(6).tolist()
+    new = extended(known, [CURRENT, {"name": "linear_damping", "diagonal": None, "matrix": matrix}])
+    assert new.effects("linear_damping") == ({"name": "linear_damping", "matrix": matrix},)
+    assert new.effects("ocean_current") == (CURRENT,)
+    assert msgspec.structs.replace(new, effect=known.effect) == known

@@ -1,0 +1,93 @@
+"""What a recording leaves open, in words: from made-up covariances, and from thrusters that never ran."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import damped, moved, noisy
+
+from hydro.core.diagnosis.identifiability import undetermined
+from hydro.core.diagnosis.score_test import Evidence
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification import multiple_shooting, sensitivity
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.parameters import free
+from hydro.core.identification.suspects import suspects
+from hydro.core.recording.arrays import recording
+
+
+def entries(effect: str):
+    return free(damped(), [effect]).entries
+
+
+def told(effect: str, open_: list[int]) -> tuple[str, ...] | None:
+    found = entries(effect)
+    errors = np.full(len(found), 0.01)
+    errors[open_] = 10.0
+    return undetermined(found, np.diag(errors**2)).get(effect.split(".")[0])
+
+
+@pytest.mark.parametrize(
+    ("effect", "open_", "words"),
+    [
+        ("thruster_gain", [4, 5, 6, 7], ("thrusters 5-8",)),
+        ("thruster_gain", [0, 4, 5, 7], ("thrusters 1, 5-6, 8",)),
+        ("thruster_gain", [2], ("thruster 3",)),
+        ("quadratic_damping", [1, 5], ("sway", "yaw")),
+        ("linear_damping.matrix", [0, 11], ("surge", "sway from yaw")),
+        ("ocean_current", [2], ("v_D",)),
+        ("sensor_lever_arm", [0, 1], ("forward", "to starboard")),
+        ("sensor_misalignment", [0], ("roll",)),
+        ("fluid_memory", [0, 6], ("surge (rate 1)", "rates 1")),
+        ("tether", [2, 7], ("attachment forward", "anchor down")),
+        ("quadratic_damping", [], None),
+        ("quadratic_damping", [0, 1, 2, 3, 4, 5], None),
+    ],
+)
+def test_words(effect, open_, words):
+    assert told(effect, open_) == words
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_entry_of_the_catalogue_has_words_of_its_own(name):
+    found = entries(name)
+    words = [told(name, [i]) for i in range(len(found))]
+    assert len(found) == 1 or len({one[0] for one in words}) == len(found)
+
+
+def test_what_is_known_of_their_sum_alone():
+    found = entries("thruster_gain")
+    covariance = 0.01**2 * np.eye(8)
+    covariance[4:, 4:] = 25.0 * (np.eye(4) - 0.25) + 0.01**2
+    assert undetermined(found, covariance) == {"thruster_gain": ("thrusters 5-8 (one from another)",)}
+
+
+def gains(raw):
+    """Covariance of the gains of all thrusters beside nothing else, from shots over a recording."""
+    vehicle = damped()
+    shots = multiple_shooting.aim(recording(raw, vehicle))
+    (suspect,) = (one for one in suspects(vehicle) if one.effect == "thruster_gain")
+    own = multiple_shooting.load(candidate(vehicle), shots)
+    changed = [multiple_shooting.load(candidate(one), shots) for one in suspect.changed]
+    normal = sensitivity.linearise(own, changed, suspect.steps, shots)
+    return undetermined(entries("thruster_gain"), Evidence.of(normal).covariance([], range(8), normal.chi2))
+
+
+def test_thrusters_that_never_ran():
+    assert gains(noisy(moved(damped(), rows=1500, thrusters=range(4)), 0)) == {
+        "thruster_gain": ("thrusters 5-8",)
+    }
+
+
+def test_thrusters_that_all_ran():
+    assert gains(noisy(moved(damped(), rows=1500), 0)) == {}
+
+
+def test_the_covariance_of_a_group_is_that_of_least_squares():
+    columns = np.random.default_rng(0).standard_normal((30, 40, 6)) * [1.0, 10.0, 0.1, 1.0, 3.0, 1.0]
+    gram = columns.transpose(0, 2, 1) @ columns
+    evidence = Evidence.of(Normal(gram, 40, gram[:, -1:, -1], np.zeros((30, 0, 6))))
+    chosen = columns[..., [0, 1, 2, 4]].reshape(-1, 4)
+    expected = 3.0 * np.linalg.inv(chosen.T @ chosen)[2:, 2:]
+    np.testing.assert_allclose(evidence.covariance([0, 1], [2, 4], 3.0), expected, rtol=1e-6, atol=1e-9)

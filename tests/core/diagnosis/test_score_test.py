@@ -1,0 +1,73 @@
+"""Gains against least squares by numpy; the level and the power of the test; standard errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hydro.core.diagnosis.score_test import Evidence, p_values
+from hydro.core.identification.normal_equations import Normal
+
+SHOTS, ROWS = 60, 40
+
+
+def problem(columns: np.ndarray, error: np.ndarray) -> Normal:
+    """Pieces of ROWS rows each."""
+    both = np.column_stack([columns, error]).reshape(SHOTS, ROWS, -1)
+    return Normal(both.transpose(0, 2, 1) @ both, ROWS, error.reshape(SHOTS, ROWS), np.zeros((SHOTS, 0, 1)))
+
+
+def drawn(seed: int, amounts: tuple[float, ...] = (0.0,) * 5) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((SHOTS * ROWS, 5)) * [1.0, 10.0, 0.1, 1.0, 3.0]
+    columns[:, 3] += columns[:, 0]
+    return columns, columns @ np.array(amounts) + rng.standard_normal(SHOTS * ROWS)
+
+
+def test_a_gain_is_the_fall_of_the_squared_residual():
+    columns, error = drawn(0, (0.1, 0.0, 0.0, 0.2, 0.0))
+    evidence = Evidence.of(problem(columns, error))
+
+    def left(chosen):
+        return np.linalg.lstsq(columns[:, chosen], error)[1].item()
+
+    assert evidence.gain([0, 1], [3, 4]) == pytest.approx(left([0, 1]) - left([0, 1, 3, 4]), rel=1e-5)
+    expected = np.linalg.lstsq(columns[:, [0, 3]], error)[0]
+    np.testing.assert_allclose(evidence.solve([0, 3]) / evidence.size[[0, 3]], expected, rtol=1e-6)
+
+
+def test_standard_errors_are_those_of_least_squares():
+    columns, error = drawn(1)
+    found = np.sqrt(np.diag(Evidence.of(problem(columns, error)).covariance([0], [3, 4], 1.0)))
+    chosen = columns[:, [0, 3, 4]]
+    np.testing.assert_allclose(found, np.sqrt(np.diag(np.linalg.inv(chosen.T @ chosen)))[1:], rtol=1e-6)
+
+
+def test_false_alarms_are_as_rare_as_promised():
+    """The least p-value of three groups is below 0.1 in a tenth of recordings without effect."""
+    groups = {"one": [1], "two": [2, 3], "three": [4]}
+    least = []
+    for seed in range(200):
+        evidence = Evidence.of(problem(*drawn(seed)))
+        least.append(min(p_values(evidence, [0], groups).values()))
+    assert 0.04 < np.mean(np.array(least) <= 0.1) < 0.17
+
+
+def test_a_plain_effect_is_as_sure_as_the_flips_allow_and_only_it():
+    evidence = Evidence.of(problem(*drawn(3, (0.0, 0.02, 0.0, 0.0, 0.0))))
+    found = p_values(evidence, [0], {"there": [1], "not": [2, 4]})
+    assert found["there"] == pytest.approx(1.0 / 2000.0)
+    assert found["not"] > 0.05
+
+
+@pytest.mark.parametrize("blocks", [8, 12])
+def test_few_blocks_make_no_false_alarms_of_wide_groups(blocks):
+    """A group of five of eight blocks is tested in parts, one of five of twelve whole."""
+
+    def p(seed, amounts=(0.0,) * 5):
+        whole = Evidence.of(problem(*drawn(seed, amounts)))
+        part = Evidence(whole.matrix[:blocks], whole.score[:blocks], whole.error[:blocks], whole.size)
+        return p_values(part, [], {"wide": [0, 1, 2, 3, 4]})["wide"]
+
+    assert 0.02 < np.mean([p(seed) <= 0.1 for seed in range(200)]) < 0.15
+    assert p(4, (1.0, 1.0, 0.0, 0.0, 0.0)) < 0.01

@@ -1,0 +1,90 @@
+"""Command columns exchanged or reversed in the log of a vehicle that scipy moved."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+import synthetic
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings import damped, moved
+
+from hydro.core.diagnosis.log_faults import ordered, sound
+from hydro.core.diagnosis.thruster_order import Wiring, rewired
+from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+
+N = 8
+
+
+def noisy(raw: pl.DataFrame) -> pl.DataFrame:
+    logged = disturb(raw.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], np.random.default_rng(0))
+    return raw.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+@pytest.fixture(scope="module")
+def log() -> pl.DataFrame:
+    return noisy(moved(damped(), rows=2500))
+
+
+def drawn(log: pl.DataFrame, column, sign) -> pl.DataFrame:
+    """The log with its columns so that `column[i]`, times `sign[i]`, drives thruster i."""
+    back = np.argsort(column)
+    values = {f"cmd_{j + 1}": sign[i] * log[f"cmd_{i + 1}"] for j, i in enumerate(back)}
+    return log.with_columns(**values)
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        [],
+        [{"name": "thruster_gain", "g": [-0.95, 0, 0, 0.2, 0, -0.4, 0, 0]}],
+        [{"name": "ocean_current", "v_N": 0.3, "v_E": -0.2}],
+        [{"name": "payload", "w": 30.0, "x": 0.4, "mass": 10.0}],
+        [{"name": "thruster_asymmetry", "a": 0.4}, {"name": "thruster_deadband", "d": 0.1}],
+    ],
+)
+def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
+    raw = noisy(moved(damped(*beside), rows=2500, seed=1))
+    assert rewired(damped(), recording(raw, damped())) is None
+    assert sound(damped(), raw).wiring is None
+
+
+@settings(max_examples=8)
+@given(data=st.data())
+def test_columns_that_are_exchanged_or_reversed_are_found(log, data):
+    pair = data.draw(st.lists(st.integers(0, N - 1), min_size=2, max_size=3, unique=True))
+    column, sign = list(range(N)), [1] * N
+    for i, k in zip(pair, pair[1:] + pair[:1], strict=True):
+        column[i] = k
+    reversed_ = data.draw(st.integers(0, N - 1))
+    sign[reversed_] = -1
+    raw = drawn(log, column, sign)
+    found = sound(damped(), raw)
+    assert found.wiring == Wiring(tuple(column), tuple(sign))
+    commands = [f"cmd_{i + 1}" for i in range(N)]
+    np.testing.assert_array_equal(found.raw.select(commands), log.select(commands))
+    (told,) = found.faults
+    assert told.verdict == "log_fault"
+    assert told.confidence > 0.99
+    assert f"minus cmd_{column[reversed_] + 1} drives thruster {reversed_ + 1}" in told.advice
+    assert f"cmd_{column[pair[0]] + 1}" in told.members
+
+
+def test_the_other_end_first_is_found(log):
+    raw = drawn(log, list(range(N))[::-1], [1] * N)
+    assert sound(damped(), raw).wiring == Wiring(tuple(range(N))[::-1], (1,) * N)
+    assert ordered(raw, None) is raw
+
+
+def test_a_recording_too_short_for_it_says_nothing(log):
+    raw = drawn(log, [1, 0, *range(2, N)], [1] * N).head(200)
+    assert rewired(damped(), recording(raw, damped())) is None
+
+
+def test_a_vehicle_without_thrusters_is_no_matter(log):
+    bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
+    raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
+    assert rewired(bare, recording(raw, bare)) is None

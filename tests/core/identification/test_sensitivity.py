@@ -1,0 +1,91 @@
+"""Derivatives of predicted shots against differences of whole predictions, for every effect there is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import damped, moved, noisy
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification import multiple_shooting, sensitivity
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.levenberg_marquardt import moved as nudged
+from hydro.core.identification.normal_equations import eliminate
+from hydro.core.identification.parameters import free
+from hydro.core.identification.suspects import suspects
+from hydro.core.recording.arrays import recording
+
+SURROUNDED = (
+    {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1},
+    {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
+    {"name": "tether", "k": 3.0, "anchor": [3.0, 1.0, 0.0], "attachment": [0.1, 0.0, 0.05]},
+    {"name": "thruster_inflow", "c": 0.1},
+    {"name": "added_mass_coriolis", "kappa": 0.2},
+)
+LATE = (
+    {"name": "sensor_delay", "d": 0.11},
+    {"name": "sensor_scale", "s": 0.03},
+    {"name": "sensor_bias", "b": [0.02, 0.01, -0.01]},
+    {"name": "sensor_lever_arm", "r": [0.2, 0.1, 0.0]},
+)
+
+
+def by_differences(base, changed, steps, shots):
+    """The same problem from predictions one by one, each parameter and each beginning moved in turn."""
+    still = multiple_shooting.residuals(base, shots)
+    first = [
+        multiple_shooting.displaced(shots.first, 1e-4 * way[None])
+        for way in np.eye(multiple_shooting.CHANNELS)
+    ]
+    columns = [(still - multiple_shooting.residuals(base, shots, begin)) / 1e-4 for begin in first]
+    columns += [
+        (still - multiple_shooting.residuals(other, shots)) / step
+        for other, step in zip(changed, steps, strict=True)
+    ]
+    flat = np.stack([*columns, still], axis=-1).reshape(len(still), shots.residuals, -1)
+    return eliminate(flat.transpose(0, 2, 1) @ flat, multiple_shooting.CHANNELS, multiple_shooting.TRUST**-2)[
+        0
+    ]
+
+
+@pytest.mark.parametrize("extra", [(), SURROUNDED, LATE], ids=["damped", "surrounded", "late log"])
+def test_derivatives_are_differences_of_predictions(extra):
+    """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike."""
+    vehicle = damped(*extra)
+    record = recording(noisy(moved(vehicle, rows=500), 0), vehicle)
+    shots = multiple_shooting.corrected_first(multiple_shooting.aim(record, lead=0.2), candidate(vehicle))
+    unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.eta[:, :3])
+    changed, steps = nudged(unknown, unknown.starts[0])
+    names = [entry.effect for entry in unknown.entries]
+    for suspect in suspects(vehicle, without=names, reach=record.eta[:, :3]):
+        changed, steps = [*changed, *suspect.changed], [*steps, *suspect.steps]
+        names += [suspect.effect] * len(suspect.steps)
+    assert set(names) == set(CATALOGUE)
+    base = multiple_shooting.load(candidate(vehicle), shots)
+    others = [multiple_shooting.load(candidate(other), shots, base) for other in changed]
+    found = sensitivity.linearise(base, others, steps, shots).gram.sum(axis=0)
+    expected = by_differences(base, others, steps, shots).sum(axis=0)
+    size = np.sqrt(np.diag(expected))
+    away = np.abs(found - expected) / np.outer(size, size)
+    worst = away[:-1].max(axis=1)
+    print(
+        {
+            f"{n} {i} {names[k]} {k}": round(float(away[i, k]), 4)
+            for i, n in enumerate(names)
+            for k in range(i)
+            if away[i, k] > 0.02
+        }
+    )
+    told = {f"{name} {i}": round(float(worst[i]), 4) for i, name in enumerate(names) if worst[i] > 0.02}
+    assert not told
+    assert away[-1, -1] < 1e-3
+
+
+def test_a_problem_without_parameters_has_its_residuals_alone():
+    vehicle = damped()
+    record = recording(noisy(moved(vehicle, rows=500), 0), vehicle)
+    shots = multiple_shooting.aim(record)
+    base = multiple_shooting.load(candidate(vehicle), shots)
+    alone = sensitivity.linearise(base, [], [], shots)
+    assert alone.gram.shape == (len(shots.starts), 1, 1)
+    assert alone.cost <= multiple_shooting.cost(base, shots)

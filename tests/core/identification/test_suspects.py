@@ -1,0 +1,49 @@
+"""Suspects: every effect of the catalogue is one, and a fit begins where its columns say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.suspects import CURVED, suspects
+from hydro.io import vehicle as files
+
+REACH = np.array([[0.0, 0.0, 5.0], [8.0, 3.0, 7.0], [2.0, -4.0, 6.0]])
+
+
+def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
+    for known in (synthetic.vehicle(), files.read(datasets / "vehicles" / "remus100.toml")[0]):
+        found = suspects(known, reach=REACH)
+        straight = [one.effect for one in found if one.effect not in CURVED]
+        assert len(straight) == len(set(straight))
+        assert {one.effect for one in found} == set(CATALOGUE)
+
+
+def test_what_is_left_out_is_not_tried():
+    found = suspects(synthetic.vehicle(), without=["tether", "added_mass"], reach=REACH)
+    assert {one.effect for one in found} == set(CATALOGUE) - {"tether", "added_mass"}
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_fit_begins_where_the_columns_say(number):
+    """The table begun with one column's own amount is the vehicle that the column was made with."""
+    known = synthetic.vehicle()
+    for one in suspects(known, without=["added_mass"], reach=REACH):
+        if number >= len(one.steps) or (one.effect in CURVED and number > 0):
+            continue
+        amounts = np.zeros(len(one.steps))
+        amounts[number] = one.steps[number]
+        begun = type(known)(
+            **{f: getattr(known, f) for f in known.__struct_fields__}
+            | {"effect": (*known.effect, one.begin(amounts))}
+        )
+        made, meant = candidate(begun), candidate(one.changed[number])
+        np.testing.assert_allclose(made.log, meant.log, rtol=1e-9, atol=1e-12, err_msg=one.effect)
+        if one.effect != "thruster_lag":
+            np.testing.assert_allclose(made.thrusters, meant.thrusters, rtol=1e-9, err_msg=one.effect)
+        np.testing.assert_allclose(
+            made.program.flat, meant.program.flat, rtol=1e-9, atol=1e-12, err_msg=one.effect
+        )

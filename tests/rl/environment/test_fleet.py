@@ -1,0 +1,272 @@
+"""The batched core: episodes begin and end as they should, and go on exactly from a saved state."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from fleets import QUIET, fleet, neutral, put, teachers, vehicle
+
+from hydro.core.errors import DataError, UsageError
+from hydro.rl.environment.config import Settings, Task
+from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.guidance import Guidance
+
+
+def flown(subject, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    return [subject.step(rng.uniform(-1, 1, (subject.count, 6))) for _ in range(steps)]
+
+
+def same(one, two):
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.obs, b.obs)
+        np.testing.assert_array_equal(a.reward, b.reward)
+        np.testing.assert_array_equal(a.info.episode_return, b.info.episode_return)
+
+
+@pytest.mark.parametrize("make", [fleet, teachers])
+def test_a_fleet_goes_on_from_a_state_bit_for_bit(make):
+    short = replace(Settings(), task=Task(steps=25))
+    subject = make(short, count=3)
+    subject.reset()
+    flown(subject, 17)
+    state = {name: value.copy() for name, value in subject.state().items()}
+    went = flown(subject, 40, seed=1)
+    subject.restore(state)
+    same(flown(subject, 40, seed=1), went)
+    other = make(short, count=3, seed=5)
+    other.restore(state)
+    same(flown(other, 40, seed=1), went)
+    assert any(step.truncated.any() for step in went)
+
+
+def test_vehicles_do_not_know_of_each_other():
+    many, rng = fleet(count=5), np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (60, 5, 6))
+    first = many.reset()
+    together = [many.step(row).final_obs[0] for row in actions]
+    alone = fleet(count=1)
+    np.testing.assert_array_equal(alone.reset()[0], first[0])
+    np.testing.assert_array_equal([alone.step(row[:1]).final_obs[0] for row in actions], together)
+
+
+def test_threads_change_no_bit():
+    one, two = fleet(count=4), fleet(count=4, threads=2)
+    np.testing.assert_array_equal(one.reset(), two.reset())
+    same(flown(one, 60), flown(two, 60))
+
+
+def test_the_same_tasks_in_student_and_teacher_however_they_fly():
+    student, teacher = fleet(count=4), teachers(count=4)
+    student.reset()
+    teacher.reset()
+    flown(student, 30)
+    flown(teacher, 50, seed=3)
+    for _ in range(2):
+        student.reset()
+        teacher.reset()
+        np.testing.assert_array_equal(student.starts, teacher.starts)
+        np.testing.assert_array_equal(student.goals, teacher.goals)
+
+
+def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step():
+    subject = fleet(replace(QUIET, task=Task(steps=10)), count=2)
+    subject.reset()
+    for number in range(1, 11):
+        step = subject.step(np.zeros((2, 6)))
+        assert (step.info.episode_length == number).all()
+        assert step.truncated.all() == (number == 10)
+    assert not step.terminated.any()
+    assert (np.abs(step.obs - step.final_obs).max(axis=1) > 0.1).all()
+    np.testing.assert_allclose(subject.plant.pose[:, :3], subject.starts)
+    assert (subject.step(np.zeros((2, 6))).info.episode_length == 1).all()
+
+
+def test_without_renewal_an_ended_episode_waits_for_its_reset():
+    subject = fleet(replace(QUIET, task=Task(steps=3)), count=2)
+    subject.reset()
+    for _ in range(3):
+        step = subject.step(np.zeros((2, 6)), renew=False)
+    assert step.truncated.all()
+    np.testing.assert_array_equal(step.obs, step.final_obs)
+    after = subject.reset(np.array([True, False]))
+    np.testing.assert_array_equal(after[1], step.obs[1])
+    assert (after[0] != step.obs[0]).any()
+
+
+@pytest.mark.parametrize(
+    ("at", "pillars"),
+    [((23.0, 6.0, 4.0), ()), ((12.0, 11.5, 4.0), ()), ((12.0, 6.0, 7.6), ()), ((12.0, 6.0, 0.3), ()),
+     ((12.0, 6.0, 4.0), ((12.9, 6.0),))],
+)  # fmt: skip
+def test_driving_into_something_ends_the_episode_at_a_cost(at, pillars):
+    subject = fleet(craft=neutral())
+    put(subject, at=at, goal=(4.0, 3.0, 4.0), pillars=pillars)
+    toward = np.sign(np.array(at) - (12.0, 6.0, 4.0)) if not pillars else np.array([1.0, 0.0, 0.0])
+    action = np.array([[*toward, 0.0, 0.0, 0.0]])
+    for _ in range(60):
+        step = subject.step(action, renew=False)
+        if step.terminated[0]:
+            break
+    assert step.info.collision[0]
+    assert not step.info.success[0]
+    assert not step.truncated[0]
+    assert step.reward[0] < -8.0
+
+
+def test_arriving_ends_the_episode():
+    subject = fleet(craft=neutral())
+    put(subject, goal=(12.4, 6.0, 4.0))
+    step = subject.step(np.zeros((1, 6)), renew=False)
+    assert step.terminated[0]
+    assert step.info.success[0]
+    assert step.info.distance[0] == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_diverged_vehicle_is_told_and_starts_anew():
+    """Faster than MuJoCo integrates, it is taken out; its last good state is what is seen of it."""
+    subject = fleet(count=2)
+    subject.reset()
+    subject.plant._student.batch.qvel[0] = 1e12
+    step = subject.step(np.zeros((2, 6)))
+    assert list(step.info.diverged) == [True, False]
+    assert step.terminated[0]
+    assert np.isfinite(step.final_obs).all()
+    assert np.isfinite(step.obs).all()
+    again = subject.step(np.zeros((2, 6)))
+    assert not again.info.diverged.any()
+    assert (again.info.episode_length == [1, 2]).all()
+
+
+def test_speeds_that_are_not_plausible_are_counted_and_end_nothing():
+    subject = fleet(condition="R_0", craft=neutral())
+    put(subject, at=(3.0, 6.0, 4.0), velocity=(5.5, 0, 0, 0, 0, 0), goal=(23.0, 3.0, 4.0))
+    steps = [subject.step(np.zeros((1, 6)), renew=False) for _ in range(3)]
+    assert all(step.info.overspeed[0] for step in steps)
+    assert steps[-1].info.episode_overspeed[0] == 3
+    assert not steps[-1].terminated[0]
+
+
+def test_energy_is_the_time_at_full_thrust():
+    """After the lag has settled, surge at its limit takes the four horizontal thrusters' full power."""
+    subject = fleet(craft=neutral())
+    put(subject, at=(3.0, 6.0, 4.0), goal=(23.0, 3.0, 4.0))
+    surge = np.array([[1.0, 0, 0, 0, 0, 0]])
+    steps = [subject.step(surge, renew=False) for _ in range(60)]
+    spent = steps[-1].info.episode_energy[0] - steps[-11].info.episode_energy[0]
+    assert spent == pytest.approx(10 * 0.04 * 0.5, rel=1e-3)
+
+
+def test_conditions_fly_differently():
+    drag = {}
+    for condition in ("R_0", "R_effects"):
+        subject = fleet(condition=condition, craft=neutral())
+        put(subject, at=(4.0, 6.0, 4.0), velocity=(2.0, 0, 0, 0, 0, 0), goal=(20.0, 3.0, 4.0))
+        subject.step(np.zeros((1, 6)), renew=False)
+        drag[condition] = 2.0 - subject.plant.velocity[0, 0]
+    assert abs(drag["R_0"]) < 1e-9
+    assert drag["R_effects"] == pytest.approx(0.04 * (15 * 2 + 95 * 4) / 186, rel=0.05)
+
+
+def test_a_level_counts_from_the_next_episode_on():
+    subject = fleet(count=2)
+    subject.reset()
+    subject.set_level(2, 5)
+    assert np.isnan(subject.pillars).all()
+    subject.reset()
+    assert (np.isfinite(subject.pillars[:, :, 0]).sum(axis=1) == 5).all()
+    with pytest.raises(UsageError, match="guidance"):
+        subject.set_level(3, 5)
+
+
+BELOW = np.array([0.0, 0.0, 1.0])
+
+
+class Rail:
+    """Guidance that leads 1 m below the goal and knows who asked."""
+
+    def __init__(self):
+        self.asked, self.goals = [], None
+
+    def reset(self, mask, starts, goals, pillars):
+        self.goals = goals.copy()
+
+    def targets(self, mask, positions):
+        self.asked.append(mask.copy())
+        return self.goals + BELOW, np.full(len(mask), 0.125)
+
+    def state(self):
+        return {"goals": self.goals}
+
+    def restore(self, state):
+        self.goals = state["goals"].copy()
+
+
+def test_stage_3_follows_its_guidance():
+    rail, plain = Rail(), fleet(count=2)
+    guided = Fleet(QUIET, fleet(count=2).plant, guidance=rail)
+    guided.set_level(3, 4)
+    plain.set_level(2, 4)
+    seen, wanted = guided.reset(), plain.reset()
+    np.testing.assert_array_equal(guided.targets, guided.goals + BELOW)
+    np.testing.assert_array_equal(seen[:, 3:], wanted[:, 3:])
+    assert (np.abs(seen[:, :3] - wanted[:, :3]).max(axis=1) > 0.5).all()
+    one, two = guided.step(np.zeros((2, 6))), plain.step(np.zeros((2, 6)))
+    np.testing.assert_allclose(one.reward, two.reward - 0.125, atol=1e-6)
+    guided.reset(np.array([True, False]))
+    assert [list(mask) for mask in rail.asked] == [[True, True], [True, True], [True, False]]
+    assert "guidance/goals" in guided.state()
+
+
+@pytest.mark.parametrize(
+    ("actions", "word"),
+    [(np.zeros((3, 6)), "shape"), (np.zeros(6), "shape"), ([[0, 0, np.nan, 0, 0, 0]], "finite")],
+)
+def test_bad_actions_are_refused(actions, word):
+    subject = fleet()
+    subject.reset()
+    with pytest.raises(DataError, match=word):
+        subject.step(actions)
+
+
+def test_a_vehicle_without_some_axis_ignores_its_demand():
+    craft = vehicle()
+    level = msgspec.structs.replace(craft, thruster=craft.thruster[:4])
+    subject = fleet(craft=level)
+    subject.reset()
+    subject.step([[0, 0, 1.0, 1.0, 1.0, 0]])
+    assert (subject.plant.thrust == 0.0).all()
+
+
+def pilot(seen):
+    """Demands of a helmsman without learning: at the target, bow first, slower when near, and level."""
+    way, velocity, rates, down = seen[:, :3], seen[:, 3:6], seen[:, 6:9], seen[:, 13:16] / 9.81
+    away = np.linalg.norm(way, axis=1, keepdims=True)
+    thrust = 2.0 * (way / away * np.minimum(1.6, 0.7 * away) - velocity)
+    turn = np.column_stack([-down[:, 1], down[:, 0], np.arctan2(way[:, 1], way[:, 0])])
+    return np.hstack([thrust, turn - 0.8 * rates])
+
+
+def arrivals(subject):
+    """Share of a fleet's first episodes that the helmsman ends at the goal."""
+    seen, success = subject.reset(), np.zeros(subject.count, dtype=bool)
+    going = ~success
+    while going.any():
+        step = subject.step(pilot(seen.astype(float)), renew=False)
+        seen, success = step.obs, success | (going & step.info.success)
+        going &= ~(step.terminated | step.truncated)
+    return success.mean()
+
+
+def test_a_slalom_asks_for_skill():
+    """A straight course meets the pillars that stand in it."""
+    subject = fleet(Settings(), count=12)
+    subject.set_level(2, 8)
+    assert arrivals(subject) < 0.5
+
+
+def test_a_slalom_can_be_swum_in_time_along_its_plan():
+    guided = Fleet(Settings(), fleet(count=6).plant, guidance=Guidance(Settings(), 6))
+    guided.set_level(3, 8)
+    assert arrivals(guided) == 1.0
