@@ -88,7 +88,7 @@ def test_a_second_process_starts_from_disk():
     child = (
         "import numpy as np\n"
         "from hydro.core.effects import program\n"
-        "from hydro.core import simulate\n"
+        "from hydro.core.simulation import simulate\n"
         "from bench import BARE\n"
         "p = program.assemble(BARE)\n"
         "program.wrench(p.flat, np.zeros(24), np.zeros(0), np.zeros(0), np.zeros(6))\n"
