@@ -11,8 +11,7 @@ import pytest
 import hydro
 from hydro import cli
 from hydro.core.diagnosis import explain as module
-from hydro.core.diagnosis.extend import extended
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb

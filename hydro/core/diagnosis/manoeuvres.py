@@ -160,7 +160,7 @@ def library(vehicle: Vehicle) -> tuple[Manoeuvre, ...]:
     """
     program = assemble(vehicle)
     mixed = mixing(vehicle, inertia_matrix(vehicle))
-    mixes = (_mixed(mixed, *told) for told in _demands(vehicle, program, mixed))
+    mixes = (_mixed(mixed, *demand) for demand in _demands(vehicle, program, mixed))
     felt = mixed.table[:, DEADBAND]
     flown = [one for one in mixes if (np.abs(one.commands) > felt).any()]
     if len(vehicle.thruster):

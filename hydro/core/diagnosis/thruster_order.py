@@ -16,7 +16,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from hydro.core.diagnosis.search import own_effects
+from hydro.core.diagnosis.model import own_effects
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.identification.candidate import candidate
@@ -91,12 +91,12 @@ class Wiring:
 
     def words(self) -> str:
         """What is other than the file says: `cmd_2 drives thruster 1`."""
-        told = [
+        changed = [
             f"{'minus ' if sign < 0 else ''}cmd_{column + 1} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(zip(self.column, self.sign, strict=True))
             if (column, sign) != (i, 1)
         ]
-        return ", ".join(told)
+        return ", ".join(changed)
 
 
 @dataclass(frozen=True)
@@ -177,12 +177,12 @@ class _Problem:
         size = _unanswered(left, answers, free_)
         basis, _ = np.linalg.qr((free_ / size).reshape(len(free_), -1).T)
 
-        def freed(values: Array) -> Array:
+        def projected(values: Array) -> Array:
             flat = (values / size).reshape(*values.shape[:-2], -1)
             cut: Array = flat - flat @ basis @ basis.T
             return cut.reshape(values.shape)
 
-        return cls(freed(left), freed(answers))
+        return cls(projected(left), projected(answers))
 
     def unexplained(self, wiring: Wiring) -> float:
         """Sum of squares that an order of the columns leaves."""

@@ -16,12 +16,12 @@ SECONDS = 2.0
 """Length over which turning is compared."""
 LEAST = 16  # of such lengths
 CHANCE = 1e-9
-"""Probability of chance up to which a bias of a gyro is told."""
+"""Probability of chance up to which a bias of a gyro is reported."""
 PLAIN = 1e-3  # rad/s, that a bias must be
 
 
-def gone(record: Recording, nu: Array) -> tuple[Array, Array]:
-    """How the pose goes otherwise than velocities nu, summed up: position [m] and attitude [rad], (N, 3).
+def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
+    """Pose less the dead reckoning of velocities nu: position [m] and attitude [rad], (N, 3) each.
 
     Velocities are summed by trapezoids; what lies between two segments has no meaning.
     """
@@ -40,7 +40,7 @@ def rate_bias(record: Recording) -> Array:
 
     A scale that is wrong errs with the rate, and is none of this: both are fitted at once.
     """
-    _, turned = gone(record, record.nu)
+    _, turned = pose_error(record, record.nu)
     length = max(round(SECONDS / record.dt), 2)
     starts = np.concatenate([np.arange(a, b - length, length) for a, b in record.segments])
     bias = np.zeros(3)
