@@ -110,6 +110,6 @@ def _exchanged(found: Rewired) -> Finding:
     message = (
         f"it looks as if {found.wiring.words()}: then the forces leave {found.left:.2g} of what they leave "
         "unexplained now; run each thruster alone and put the columns, or the [[thruster]] tables, in "
-        "order. All else here is told as if they were so"
+        "order. All else here is reported as if they were so"
     )
     return Finding("log_fault", members=found.wiring.columns(), confidence=found.confidence, advice=message)

@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
-REACH = 3
+NEIGHBOURS = 3
 """Samples to each side that tell what a sample should be, by the cubic through them."""
 JUMP = 8.0
 """Standard deviations that a sample must lie off that cubic to jump,"""
@@ -35,7 +35,7 @@ BACK = 2.0
 SHARP = 0.8
 """Part of it that must lie between two samples, on either side."""
 PASSES = 6
-LEAST = 8  # samples
+LEAST_SAMPLES = 8
 BURSTS = (1, 2, 4)  # samples that jump together
 STANDS, LONGEST_CHANCE = 10, 5.0
 """Rows that stand still, and times the length that 99 of 100 such runs keep to, to be a fault."""
@@ -214,7 +214,7 @@ def _runs(part: Array) -> Rows:
 
 def _whiteness(samples: Sequence[Array]) -> float:
     """Size of fourth differences over that of second ones; see WHITE."""
-    if max(len(part) for part in samples) < LEAST:
+    if max(len(part) for part in samples) < LEAST_SAMPLES:
         return 0.0
     size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
     return float(size[0] / max(size[1], 1e-300))
@@ -249,7 +249,7 @@ def _jumps(record: Recording, parts: Sequence[Array], known: Flags) -> Flags:
 
 def _apart(parts: Sequence[Array]) -> int:
     """Rows from sample to sample of a channel drawn in straight lines between them; 1 of any other."""
-    if max(len(part) for part in parts) < LEAST:
+    if max(len(part) for part in parts) < LEAST_SAMPLES:
         return 1
     slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
     straight = (np.abs(bend) < EXACT * np.abs(slope)) & (slope != 0.0)
@@ -285,8 +285,8 @@ def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Flags]:
             usual, found = _usual(np.concatenate([off for off, _ in compared])), 0
             for part, flags, (off, alone) in zip(values, odd, compared, strict=True):
                 new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
-                flags[new + REACH * stride] = True
-                part[new + REACH * stride] -= off[new]
+                flags[new + NEIGHBOURS * stride] = True
+                part[new + NEIGHBOURS * stride] -= off[new]
                 found += new.size
             if not found:
                 break
@@ -306,14 +306,14 @@ def _off_cubic(y: Array, stride: int) -> tuple[Array, Flags]:
         stride: From one of those around to the next: a burst of as many samples jumps as one.
 
     Returns:
-        (n - 2 REACH stride,) each: nothing is said of those at both ends.
+        (n - 2 NEIGHBOURS stride,) each: nothing is said of those at both ends.
     """
-    reach = REACH * stride
+    reach = NEIGHBOURS * stride
     if len(y) <= 2 * reach:
         return np.zeros(0), np.zeros(0, bool)
     around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
     left = around[:, ::stride] @ OFF.T
-    off, beside = left[:, REACH], np.delete(left, REACH, axis=1)
+    off, beside = left[:, NEIGHBOURS], np.delete(left, NEIGHBOURS, axis=1)
     size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
     edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
     up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
@@ -322,8 +322,8 @@ def _off_cubic(y: Array, stride: int) -> tuple[Array, Flags]:
 
 
 def _off() -> Array:
-    """What 2 REACH + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
-    k = np.arange(-REACH, REACH + 1)
+    """What 2 NEIGHBOURS + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    k = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     powers = np.vander(k, 4, increasing=True).astype(float)
     through = np.zeros((len(k), len(k)))
     through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])
