@@ -56,7 +56,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw)
         return COMPARED[key]
 
-    def diagnose(vehicle, raw, report):
+    def diagnose(vehicle, log, progress):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(
@@ -64,11 +64,11 @@ def counted(tmp_path, monkeypatch) -> list[str]:
         )
         return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
 
-    def together(vehicle, raw, wanted, file):
+    def together(vehicle, log, wanted, file):
         calls.append("fit")
         return ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
 
-    for name, stand_in in (("compare", compare), ("diagnose", diagnose), ("_together", together)):
+    for name, stand_in in (("compare", compare), ("diagnose_log", diagnose), ("_fit_together", together)):
         monkeypatch.setattr(module, name, stand_in)
     return calls
 

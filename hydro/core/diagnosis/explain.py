@@ -75,26 +75,24 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Study:
-    """What all steps share.
+class Recordings:
+    """What all steps are held against, preprocessed once.
 
     Attributes:
-        vehicle: The vehicle of step 0.
-        log: The preprocessed recording.
+        log: The recording that everything is fitted to.
         holdout: Raw table of the held-out one, without the faults of its log; None without one.
     """
 
-    vehicle: Vehicle
     log: Preprocessed
     holdout: pl.DataFrame | None
 
     @classmethod
-    def of(cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None) -> Study:
-        """Preprocess the recordings, the held-out one with the same order of its commands."""
+    def of(cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None) -> Recordings:
+        """Preprocess both, the held-out one with the same order of its commands."""
         log = preprocess(vehicle, raw)
         if holdout is not None:
             holdout = in_order(without_faults(vehicle, holdout).raw, log.wiring)
-        return cls(vehicle, log, holdout)
+        return cls(log, holdout)
 
 
 def explain(
@@ -126,9 +124,9 @@ def explain(
     steps = list(done)
     if steps and ending(steps):
         return
-    study = Study.of(vehicle, raw, holdout)
+    recordings, progress = Recordings.of(vehicle, raw, holdout), progress or (lambda words, share: None)
     while not (steps and ending(steps)):
-        steps.append(_next(steps, study, progress or (lambda words, share: None)))
+        steps.append(_next(steps, vehicle, recordings, progress))
         yield steps[-1]
 
 
@@ -187,22 +185,22 @@ def _finding(step: Step) -> dict[str, Table]:
     return {table["name"]: table for table in tables(step.diagnosis, wanted)}
 
 
-def _next(steps: Sequence[Step], study: Study, progress: Progress) -> Step:
+def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
     """The step after these."""
     number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
-    vehicle = study.vehicle
+    vehicle, log, holdout = file, recordings.log, recordings.holdout
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         progress("all together", 0.0)
-        fitted = _fit_together(last.vehicle, _wanted(last, found), study)
+        fitted = _fit_together(last.vehicle, log, _wanted(last, found), file)
         vehicle = extended(vehicle, fitted)
-    comparison = compare(vehicle, study.log.raw, progress=_part(progress, 0.3, 0.5))
+    comparison = compare(vehicle, log.raw, progress=_part(progress, 0.3, 0.5))
     compared = [comparison]
-    if study.holdout is not None:
-        compared.append(compare(vehicle, study.holdout, progress=_part(progress, 0.5, 0.6)))
-    diagnosis = diagnose_log(vehicle, study.log, progress=_part(progress, 0.6, 1.0))
+    if holdout is not None:
+        compared.append(compare(vehicle, holdout, progress=_part(progress, 0.5, 0.6)))
+    diagnosis = diagnose_log(vehicle, log, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
         added,
@@ -215,16 +213,17 @@ def _next(steps: Sequence[Step], study: Study, progress: Progress) -> Step:
     )
 
 
-def _fit_together(vehicle: Vehicle, wanted: Wanted, study: Study) -> tuple[dict[str, Any], ...]:
+def _fit_together(
+    vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle
+) -> tuple[dict[str, Any], ...]:
     """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
 
     What the recording does not show stays as it stands in the file of step 0.
     """
-    positions = study.log.positions
-    unknown = free(vehicle, wanted, reach=positions)
-    problem = stable_shots(unknown.at(unknown.starts[0]), study.log)
-    model = fit_model(vehicle, wanted, problem, positions, ITERATIONS, share=0.0)
-    values = shrunk_to_prior(model.unknown, model.values, model.normal, study.vehicle)
+    unknown = free(vehicle, wanted, reach=log.positions)
+    problem = stable_shots(unknown.at(unknown.starts[0]), log)
+    model = fit_model(vehicle, wanted, problem, log.positions, ITERATIONS, share=0.0)
+    values = shrunk_to_prior(model.unknown, model.values, model.normal, file)
     return with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
 
 

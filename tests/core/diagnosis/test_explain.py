@@ -109,7 +109,7 @@ def staged(monkeypatch, known):
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
-        def together(vehicle, wanted, study):
+        def together(vehicle, log, wanted, file):
             asked.append(list(wanted))
             names = [one if isinstance(one, str) else one["name"] for one in wanted]
             given = {one["name"]: one for one in wanted if not isinstance(one, str)}
@@ -159,7 +159,7 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
 
 
 def test_steps_have_an_end(staged, monkeypatch):
-    monkeypatch.setattr(module, "MOST", 2)
+    monkeypatch.setattr(module, "MOST_STEPS", 2)
     names = ("payload", "net_buoyancy", "tether", "body_lift")
     steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
     assert len(steps) == 3
