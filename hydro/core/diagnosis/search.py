@@ -141,7 +141,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Search:
-    """The search from a baseline; what has been found so far, `chosen`, is always named in order."""
+    """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it."""
 
     baseline: Baseline
 
