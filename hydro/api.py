@@ -150,7 +150,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame, effects: Sequence[str] | None
     Raises:
         hydro.core.errors.DataError: the diagnosis has nothing to add, or not what is named.
     """
-    from hydro.core.diagnosis.extend import extended, tables
+    from hydro.core.diagnosis.findings import extended, tables
 
     return extended(vehicle, tables(diagnosis, effects))
 

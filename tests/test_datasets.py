@@ -73,7 +73,7 @@ def test_the_recordings_with_hidden_effects(datasets: Path) -> None:
 
 def test_the_truth_made_the_recordings_and_stands_nowhere_else(datasets: Path) -> None:
     """The vehicle with the truth moves as recorded, but for noise; the vehicle file does not name it."""
-    from hydro.core.diagnosis.extend import extended
+    from hydro.core.diagnosis.findings import extended
     from hydro.core.simulation.simulate import simulate
 
     truth = tomllib.loads((datasets / "hidden" / "truth.toml").read_text())

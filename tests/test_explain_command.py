@@ -11,8 +11,7 @@ import pytest
 import hydro
 from hydro import cli
 from hydro.core.diagnosis import explain as module
-from hydro.core.diagnosis.extend import extended
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -57,7 +56,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw)
         return COMPARED[key]
 
-    def diagnose(vehicle, raw, report):
+    def diagnose(vehicle, log, progress):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(
@@ -65,11 +64,11 @@ def counted(tmp_path, monkeypatch) -> list[str]:
         )
         return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
 
-    def together(vehicle, raw, wanted, file):
+    def together(vehicle, log, wanted, file):
         calls.append("fit")
         return ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
 
-    for name, stand_in in (("compare", compare), ("diagnose", diagnose), ("_together", together)):
+    for name, stand_in in (("compare", compare), ("diagnose_log", diagnose), ("_fit_together", together)):
         monkeypatch.setattr(module, name, stand_in)
     return calls
 

@@ -54,7 +54,7 @@ def diagnose(
         found = compute(
             known,
             source.frame,
-            report=lambda words, share: update(round(100 * share), 100, words),
+            progress=lambda words, share: update(round(100 * share), 100, words),
         )
     _print(found)
     if shows_table(output):
@@ -95,7 +95,7 @@ def add(
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from.
     """
-    from hydro.core.diagnosis.extend import tables
+    from hydro.core.diagnosis.findings import tables
     from hydro.io import vehicle as vehicles
 
     _, text = vehicles.read(vehicle)

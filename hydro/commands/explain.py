@@ -67,11 +67,11 @@ def explain(
         _tell(step, "already done")
     with about(measured), progress("explain") as update:
 
-        def told(words: str, share: float) -> None:
+        def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
         frame = None if other is None else other.frame
-        for step in compute(known, source.frame, holdout=frame, done=list(steps), report=told):
+        for step in compute(known, source.frame, holdout=frame, done=list(steps), progress=advance):
             steps.append(step)
             study.save(steps)
             _tell(step)

@@ -77,7 +77,7 @@ def fit(
             method=method,
             noise=sigma,
             most=shots,
-            report=lambda words, share: update(round(100 * share), 100, words),
+            progress=lambda words, share: update(round(100 * share), 100, words),
         )
     if found.share < 1.0:
         typer.echo(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydro.core.diagnosis.manoeuvres import SECONDS, Flight
+from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
 
 ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
@@ -84,14 +84,16 @@ def separating(members: Sequence[str], flight: Flight | None = None) -> str:
 def _predicted(flight: Flight) -> str:
     """What to fly for how long, and what it is expected to show."""
     words, seen = flight.manoeuvre.words, flight.difference
-    told = f"predicted difference in {SECONDS:g} s: {float(f'{seen:.2g}'):g} times the sensors' noise"
+    expected = (
+        f"predicted difference in {FLIGHT_LENGTH:g} s: {float(f'{seen:.2g}'):g} times the sensors' noise"
+    )
     if seen >= CLEAR:
-        return f"{words} ({told})"
-    minutes = SECONDS / 60.0 * (CLEAR / seen) ** 2
+        return f"{words} ({expected})"
+    minutes = FLIGHT_LENGTH / 60.0 * (CLEAR / seen) ** 2
     return (
-        f"{words}, for {minutes:.0f} min or more ({told})"
+        f"{words}, for {minutes:.0f} min or more ({expected})"
         if minutes < 120.0
-        else f"{words} ({told}, too little)"
+        else f"{words} ({expected}, too little)"
     )
 
 

@@ -18,16 +18,16 @@ from hydro.core.diagnosis.sensor_tests import ENTRIES, KinematicTest, shown
 from hydro.core.effects import sensor
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.recording.arrays import LEAST_NOISE, Array, Recording, drawn, noise
-from hydro.core.recording.dead_reckoning import gone
+from hydro.core.recording.dead_reckoning import pose_error
 from hydro.core.vehicle.frames import rotation
 
-SECONDS = (0.5, 1.0, 2.0)
+SLOPE_LENGTHS = (0.5, 1.0, 2.0)
 """Lengths over which slopes are taken: the one that shows most counts."""
 SURE = 4.0
 """Standard errors by which slopes must scatter more than white noise lets them,"""
-PLAIN = 1.2
+PLAIN_EXCESS = 1.2
 """times the white noise that it must then be, and that a model must leave in the channel."""
-LEAST = 30  # slopes
+LEAST_SLOPES = 30
 POSE = 6
 
 
@@ -48,7 +48,7 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
     white = noise(record)
     grown = velocity_noise(record, tests) / white[POSE:]
     known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
-    there = (left > PLAIN) & (grown > PLAIN) & np.repeat(known, 3)
+    there = (left > PLAIN_EXCESS) & (grown > PLAIN_EXCESS) & np.repeat(known, 3)
     if drawn(record, slice(POSE)) or not there.any():
         return sigma
     weighed: Array = sigma * np.concatenate([np.ones(POSE), np.where(there, grown, 1.0)])
@@ -67,18 +67,18 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
         if shown(tests[name]):
             log[place] = tests[name].estimate
     nu = np.vstack([sensor.corrected(log, record.t[a:b], record.nu[a:b]) for a, b in record.segments])
-    found, away = sigma[POSE:], gone(record, nu)
-    for seconds in SECONDS:
-        found = np.maximum(found, _over(record, away, sigma, max(round(seconds / record.dt) + 1, 4)))
+    found, error = sigma[POSE:], pose_error(record, nu)
+    for seconds in SLOPE_LENGTHS:
+        found = np.maximum(found, _over(record, error, sigma, max(round(seconds / record.dt) + 1, 4)))
     return found
 
 
-def _over(record: Recording, away: tuple[Array, Array], sigma: Array, length: int) -> Array:
-    """The same by slopes of what has `gone` otherwise over so many rows; 0 where white noise does as much."""
+def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: int) -> Array:
+    """The same by slopes of the `pose_error` over so many rows; 0 where white noise does as much."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
-    if len(starts) < LEAST:
+    if len(starts) < LEAST_SLOPES:
         return np.zeros(len(sigma) - POSE)
-    rows, (position, attitude) = starts[:, None] + np.arange(length), away
+    rows, (position, attitude) = starts[:, None] + np.arange(length), error
     time = (np.arange(length) - 0.5 * (length - 1)) * record.dt
     weight = time / (time @ time)
     body = rotation(*record.eta[starts + length // 2, 3:].T)

@@ -8,34 +8,34 @@ last.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis import search
-from hydro.core.diagnosis.diagnose import aimed, diagnose
-from hydro.core.diagnosis.extend import extended, tables
-from hydro.core.diagnosis.log_faults import ordered, sound
+from hydro.core.diagnosis.diagnose import diagnose_log, stable_shots
+from hydro.core.diagnosis.findings import extended, tables
+from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
+from hydro.core.diagnosis.model import Wanted, fit_model, own_effects
+from hydro.core.diagnosis.search import Progress
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
-from hydro.core.identification.fit import judged
+from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import steadied
+from hydro.core.identification.prior import shrunk_to_prior
 from hydro.core.recording.arrays import recording
-from hydro.core.recording.sensor_faults import freed
+from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
-Report = Callable[[str, float], None]
 Table = Mapping[str, Any]
 
-MOST = 6
-"""Steps at most, the file as given not counted."""
+MOST_STEPS = 6
+"""The file as given not counted."""
 HORIZON = 5.0
-"""How far ahead the predictions look by whose error a step is judged [s]."""
+"""How far ahead the predictions look by whose error steps are compared [s]."""
 RISE = 1.02
 """Held-out error over that of the step before from which a step counts as a step too far."""
 ADDED = ("missing", "cannot_tell_apart")
@@ -74,13 +74,34 @@ class Step:
         return None if row.is_empty() else float(row["rmse"][0])
 
 
+@dataclass(frozen=True)
+class Recordings:
+    """What all steps are held against, preprocessed once.
+
+    Attributes:
+        log: The recording that everything is fitted to.
+        holdout: Raw table of the held-out one, without the faults of its log; None without one.
+    """
+
+    log: Preprocessed
+    holdout: pl.DataFrame | None
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None) -> Recordings:
+        """Preprocess both, the held-out one with the same order of its commands."""
+        log = preprocess(vehicle, raw)
+        if holdout is not None:
+            holdout = in_order(without_faults(vehicle, holdout).raw, log.wiring)
+        return cls(log, holdout)
+
+
 def explain(
     vehicle: Vehicle,
     raw: pl.DataFrame,
     *,
     holdout: pl.DataFrame | None = None,
     done: Sequence[Step] = (),
-    report: Report | None = None,
+    progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
 
@@ -89,7 +110,7 @@ def explain(
         raw: Raw table of the measured motion and commands.
         holdout: Another one, which nothing is fitted to.
         done: First steps of the same study that are known already.
-        report: Called with a few words and the share of the present step that is done.
+        progress: Called with a few words and the share of the present step that is done.
 
     Yields:
         Each step that was not done, once it is; `ending` says why the last is the last.
@@ -101,10 +122,12 @@ def explain(
         if recorded is not None:
             long_enough(vehicle, recorded)
     steps = list(done)
+    if steps and ending(steps):
+        return
+    recordings, progress = Recordings.of(vehicle, raw, holdout), progress or (lambda words, share: None)
     while not (steps and ending(steps)):
-        step = _next(steps, vehicle, raw, holdout, report or (lambda words, share: None))
-        steps.append(step)
-        yield step
+        steps.append(_next(steps, vehicle, recordings, progress))
+        yield steps[-1]
 
 
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
@@ -130,7 +153,7 @@ def ending(steps: Sequence[Step]) -> str:
     if not _finding(last):
         known = "none_of_the_known" not in last.diagnosis["verdict"].to_list()
         return "nothing more is found" if known else "what is left no effect of the catalogue explains"
-    return f"{MOST} steps are the most, though more is found" if last.number >= MOST else ""
+    return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
 
 
 def best(steps: Sequence[Step]) -> Step:
@@ -162,56 +185,51 @@ def _finding(step: Step) -> dict[str, Table]:
     return {table["name"]: table for table in tables(step.diagnosis, wanted)}
 
 
-def _next(
-    steps: Sequence[Step], vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, told: Report
-) -> Step:
+def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
     """The step after these."""
-    log = sound(vehicle, raw)
     number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
+    vehicle, log, holdout = file, recordings.log, recordings.holdout
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
-        told("all together", 0.0)
-        fitted = _together(last.vehicle, log.raw, _wanted(last, found), vehicle)
+        progress("all together", 0.0)
+        fitted = _fit_together(last.vehicle, log, _wanted(last, found), file)
         vehicle = extended(vehicle, fitted)
-    comparison = compare(vehicle, log.raw, progress=_part(told, 0.3, 0.5))
+    comparison = compare(vehicle, log.raw, progress=_part(progress, 0.3, 0.5))
     compared = [comparison]
     if holdout is not None:
-        other = ordered(freed(vehicle, holdout)[0], log.wiring)
-        compared.append(compare(vehicle, other, progress=_part(told, 0.5, 0.6)))
-    found_now = diagnose(vehicle, raw, report=_part(told, 0.6, 1.0))
+        compared.append(compare(vehicle, holdout, progress=_part(progress, 0.5, 0.6)))
+    diagnosis = diagnose_log(vehicle, log, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
         added,
         fitted,
         vehicle,
         comparison,
-        found_now.frame(),
-        found_now.chi2,
-        pl.concat(_rungs(number, added, *one) for one in zip(DATASETS, compared, strict=False)),
+        diagnosis.frame(),
+        diagnosis.chi2,
+        pl.concat(_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)),
     )
 
 
-def _together(
-    vehicle: Vehicle, raw: pl.DataFrame, wanted: Sequence[str | Table], file: Vehicle
+def _fit_together(
+    vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle
 ) -> tuple[dict[str, Any], ...]:
     """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
 
     What the recording does not show stays as it stands in the file of step 0.
     """
-    record = recording(raw, vehicle)
-    reach = record.eta[:, :3]
-    unknown = free(vehicle, wanted, reach=reach)
-    problem = aimed(unknown.at(unknown.starts[0]), record)
-    model = search.fitted(vehicle, wanted, problem, reach, ITERATIONS, share=0.0)
-    values = steadied(model.unknown, model.values, model.normal, file)
-    return judged(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
+    unknown = free(vehicle, wanted, reach=log.positions)
+    problem = stable_shots(unknown.at(unknown.starts[0]), log)
+    model = fit_model(vehicle, wanted, problem, log.positions, ITERATIONS, share=0.0)
+    values = shrunk_to_prior(model.unknown, model.values, model.normal, file)
+    return with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     """What is fitted together: the file's own effects and all added, from their values, and what is new."""
-    known = dict.fromkeys([*search.own_effects(last.vehicle), *(table["name"] for table in last.tables)])
+    known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
     return [*(name for name in known if name not in found), *(_bare(table) for table in found.values())]
 
 
@@ -229,6 +247,6 @@ def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataF
     )
 
 
-def _part(told: Report, begin: float, end: float) -> Report:
-    """A report of one part of the work."""
-    return lambda words, share: told(words, begin + (end - begin) * share)
+def _part(progress: Progress, begin: float, end: float) -> Progress:
+    """The progress of one part of the work."""
+    return lambda words, share: progress(words, begin + (end - begin) * share)

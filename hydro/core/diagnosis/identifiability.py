@@ -73,8 +73,8 @@ def _range(numbers: Sequence[int]) -> str:
     """`thruster 3`, `thrusters 1, 5-8`."""
     cuts = [0, *(i + 1 for i, (a, b) in enumerate(pairwise(numbers)) if b != a + 1), len(numbers)]
     runs = [(numbers[a], numbers[b - 1]) for a, b in pairwise(cuts)]
-    told = ", ".join(f"{a}-{b}" if b > a else f"{a}" for a, b in runs)
-    return f"thrusters {told}" if len(numbers) > 1 else f"thruster {told}"
+    listed = ", ".join(f"{a}-{b}" if b > a else f"{a}" for a, b in runs)
+    return f"thrusters {listed}" if len(numbers) > 1 else f"thruster {listed}"
 
 
 def _word(entry: Entry) -> str:

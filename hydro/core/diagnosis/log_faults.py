@@ -1,34 +1,82 @@
-"""A log freed of its own faults before anything is fitted to it, and what they were, for the user."""
+"""A log preprocessed before anything is fitted to it, and what was wrong with it, for the user."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
+import numpy as np
 import polars as pl
 
 from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
-from hydro.core.recording.arrays import recording
-from hydro.core.recording.sensor_faults import freed
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.recording.arrays import Array, Recording, noise, recording
+from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
+
+MOST_SHOTS = 600
 
 
 @dataclass(frozen=True)
-class Sound:
-    """A recording without the faults of its log.
+class Preprocessed:
+    """A recording without the faults of its log; what all vehicles need of it is worked out once.
 
     Attributes:
         raw: Raw table.
+        record: The same as arrays.
         faults: A finding for each kind of fault.
         wiring: The order of the command columns, where it is another than the vehicle file's.
     """
 
     raw: pl.DataFrame
+    record: Recording
     faults: tuple[Finding, ...]
     wiring: Wiring | None = None
+    _shots: dict[float, Shots] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def positions(self) -> Array:
+        """Positions along the recording [m], (N, 3)."""
+        return self.record.eta[:, :3]
+
+    @property
+    def sessions(self) -> list[str]:
+        """Name of each segment's session, (S,)."""
+        return [str(name) for name in self.raw["session"].gather(self.record.segments[:, 0])]
+
+    @property
+    def middle(self) -> Array:
+        """Where a next manoeuvre would begin: amid the recording, level, (6,)."""
+        pose: Array = np.median(self.record.eta, axis=0) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+        return pose
+
+    @cached_property
+    def noise(self) -> Array:
+        """Standard deviation of the white noise on each channel, pose then velocity, (12,)."""
+        return noise(self.record)
+
+    @cached_property
+    def sensors(self) -> dict[str, KinematicTest]:
+        """What kinematics alone says of the velocity log's errors, by effect."""
+        return kinematic_tests(self.record)
+
+    def shots(self, seconds: float) -> Shots:
+        """Shots of a length [s], begun where the smoothed log saw the vehicle.
+
+        Raises:
+            DataError: No segment is as long as one shot.
+        """
+        if seconds not in self._shots:
+            self._shots[seconds] = multiple_shooting.aim(
+                self.record, seconds=seconds, sigma=self.noise, most=MOST_SHOTS
+            )
+        return self._shots[seconds]
 
 
-def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Sound:
+def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
     """The recording without readings that no motion makes, its commands as the accelerations ask for them.
 
     Args:
@@ -38,14 +86,16 @@ def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Sound:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    kept, faults = freed(vehicle, raw)
-    found = rewired(vehicle, recording(kept, vehicle))
+    log = without_faults(vehicle, raw)
+    faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
+    found = rewired(vehicle, log.record)
     if found is None:
-        return Sound(kept, faults)
-    return Sound(ordered(kept, found.wiring), (*faults, _exchanged(found)), found.wiring)
+        return Preprocessed(log.raw, log.record, faults)
+    raw = in_order(log.raw, found.wiring)
+    return Preprocessed(raw, recording(raw, vehicle), (*faults, _exchanged(found)), found.wiring)
 
 
-def ordered(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
+def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
     """The table with its command columns in the order that the vehicle file means."""
     if wiring is None:
         return raw
@@ -57,9 +107,9 @@ def ordered(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
 
 def _exchanged(found: Rewired) -> Finding:
     """That commands are exchanged or reversed."""
-    words = (
+    message = (
         f"it looks as if {found.wiring.words()}: then the forces leave {found.left:.2g} of what they leave "
         "unexplained now; run each thruster alone and put the columns, or the [[thruster]] tables, in "
-        "order. All else here is told as if they were so"
+        "order. All else here is reported as if they were so"
     )
-    return Finding("log_fault", members=found.wiring.columns(), confidence=found.confidence, advice=words)
+    return Finding("log_fault", members=found.wiring.columns(), confidence=found.confidence, advice=message)

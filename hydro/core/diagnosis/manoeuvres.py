@@ -34,7 +34,7 @@ from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.core.vehicle.rigid_body import balance
 from hydro.core.vehicle.thrusters import DEADBAND
 
-SECONDS = 30.0
+FLIGHT_LENGTH = 30.0
 """Length of every manoeuvre [s]."""
 DEPTH = 5.0
 """Depth at which a manoeuvre begins where nothing else is said [m]."""
@@ -99,7 +99,7 @@ def best(rivals: Sequence[Vehicle], noise: ArrayLike, *, start: ArrayLike | None
         start: Pose at which it begins, at rest, (6,); by default level, heading north, 5 m deep.
 
     Raises:
-        DataError: Fewer than two rivals, or no manoeuvre that their thrusters can fly within bounds.
+        DataError: Fewer than two rivals, or no manoeuvre that their thrusters can fly and that stays finite.
     """
     if len(rivals) < 2:
         raise DataError("give at least two vehicles to tell apart")
@@ -124,7 +124,7 @@ def showing(
         start: As for `best`.
 
     Raises:
-        DataError: No manoeuvre that the vehicle's thrusters can fly within bounds.
+        DataError: No manoeuvre that the vehicle's thrusters can fly and that stays finite.
     """
     found: dict[str, Flight] = {}
     for manoeuvre, gram in _grams(vehicle, list(changed.values()), noise, start):
@@ -160,7 +160,7 @@ def library(vehicle: Vehicle) -> tuple[Manoeuvre, ...]:
     """
     program = assemble(vehicle)
     mixed = mixing(vehicle, inertia_matrix(vehicle))
-    mixes = (_mixed(mixed, *told) for told in _demands(vehicle, program, mixed))
+    mixes = (_mixed(mixed, *demand) for demand in _demands(vehicle, program, mixed))
     felt = mixed.table[:, DEADBAND]
     flown = [one for one in mixes if (np.abs(one.commands) > felt).any()]
     if len(vehicle.thruster):
@@ -186,7 +186,7 @@ def _demands(vehicle: Vehicle, program: Program, mixed: Mixing) -> Iterator[tupl
         return np.repeat(shares * full, _rows() // len(parts) + 1, axis=0)[: _rows()]
 
     if {SURGE, YAW} <= axes:  # a turn of 360 degrees
-        drag = abs(fluid_wrench(program, NO_HULL, 2.0 * np.pi / SECONDS * np.eye(6)[YAW])[YAW])
+        drag = abs(fluid_wrench(program, NO_HULL, 2.0 * np.pi / FLIGHT_LENGTH * np.eye(6)[YAW])[YAW])
         turn = min(max(float(drag / full[YAW]), LEAST_SHARE), 0.5)
         words = "hold one thrust ahead and turn slowly through all headings"
         yield "heading sweep", words, held({SURGE: 0.4, YAW: turn})
@@ -216,12 +216,12 @@ def _demands(vehicle: Vehicle, program: Program, mixed: Mixing) -> Iterator[tupl
 
 
 def _rows() -> int:
-    return round(SECONDS * RATE)
+    return round(FLIGHT_LENGTH * RATE)
 
 
 def _chirp() -> Array:
     """Logarithmic sine sweep of amplitude 1, (N,)."""
-    t, growth = np.arange(_rows()) / RATE, np.log(CHIRP[1] / CHIRP[0]) / SECONDS
+    t, growth = np.arange(_rows()) / RATE, np.log(CHIRP[1] / CHIRP[0]) / FLIGHT_LENGTH
     swept: Array = np.sin(2.0 * np.pi * CHIRP[0] * np.expm1(growth * t) / growth)
     return swept
 
@@ -253,7 +253,7 @@ def _grams(
     for manoeuvre in library(reference):
         try:
             motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, rate=RATE)
-        except DataError:  # a motion without bounds is none to propose
+        except DataError:  # a motion that diverges is none to propose
             continue
         record = _record(manoeuvre, motion)
         shots = multiple_shooting.aim(record, lead=lead, sigma=sigma)
@@ -276,7 +276,7 @@ def _grams(
         flown += 1
         yield manoeuvre, left.sum(axis=0)
     if not flown:
-        raise DataError(f"every manoeuvre of vehicle {reference.name} grows beyond bounds; check its damping")
+        raise DataError(f"every manoeuvre of vehicle {reference.name} diverges; check its damping")
 
 
 def _record(manoeuvre: Manoeuvre, motion: Array) -> Recording:

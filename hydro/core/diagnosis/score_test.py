@@ -42,7 +42,7 @@ class Evidence:
 
     @classmethod
     def of(cls, normal: Normal) -> Evidence:
-        """Scale the columns of a problem; pieces whose prediction left all bounds are dropped."""
+        """Scale the columns of a problem; pieces whose prediction diverges are dropped."""
         kept = np.isfinite(normal.gram[:, -1, -1])
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
@@ -130,7 +130,7 @@ def _deviates(sums: Array, blocks: Array, *, flipped: bool) -> Array:
     """How far sums (F, p) are from zero beside the spread of blocks (B, p), as normal deviates; (F,).
 
     The spread of what is flipped holds its mean, which Hotelling's T^2 takes out: without the group the
-    blocks scatter about their mean, and the observed sum is judged by blocks that have none.
+    blocks scatter about their mean, and the observed sum is compared with blocks that have none.
     """
     spread = blocks.T @ blocks
     spread += (1e-9 * np.trace(spread) + 1e-300) * np.eye(len(spread))

@@ -10,28 +10,25 @@ best in its place.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import Model, Wanted, fit_model, repeated_effects
 from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
 from hydro.core.diagnosis.sensor_tests import KinematicTest, shown, vetoed
-from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.identification.fit import OutputError
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, descend, linear_step, moved
+from hydro.core.identification.fit import Fit, OutputError
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step, moved
 from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.vehicle.description import Vehicle
 
-Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
-Wanted = Sequence[str | Mapping[str, Any]]
+Progress = Callable[[str, float], None]
+"""Called with a few words and the share of the work done."""
 
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""
@@ -45,53 +42,32 @@ VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
-MOST = 4  # findings
+MOST_FINDINGS = 4
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
-COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
-SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
 
 
 @dataclass(frozen=True)
-class Model:
-    """A vehicle in the course of the search.
+class Baseline:
+    """A vehicle file, and the best that its own effects can do: what a search starts from.
 
     Attributes:
-        unknown: Its free entries.
-        values: Their fitted values, (P,).
-        problem: The shots, their beginnings moved along.
-        normal: The problem about the values, in units of the entries' scales.
+        vehicle: The vehicle as its file gives it.
+        effects: Names of its own effects, which are fitted anew.
+        log: The preprocessed recording.
+        problem: The shots, begun where the recording saw the vehicle.
+        given: The vehicle with the values of its file.
+        refitted: With its own effects fitted anew.
+        sensors: What kinematics alone says of the velocity log's errors, by effect.
     """
 
-    unknown: Free
-    values: Array
-    problem: Problem
-    normal: Normal
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle with the fitted values."""
-        return self.unknown.at(self.values)
-
-    @property
-    def costs(self) -> Array:
-        """Squared residual of each shot, (S,)."""
-        return np.asarray(self.normal.gram[:, -1, -1])
-
-    @property
-    def excess(self) -> float:
-        """Squared residual beyond the noise."""
-        return max(self.normal.cost - self.normal.residuals, 0.0)
-
-    @property
-    def penalised(self) -> Array:
-        """Costs of the shots with a fine for each parameter (Schwarz 1978, a shot as one observation), (S,).
-
-        Of two effects of which one can be all that the other is, the smaller is named unless both tell more.
-        """
-        fine = np.log(len(self.costs)) * len(self.values) * max(self.normal.chi2, 1.0)
-        penalised: Array = self.costs + fine / len(self.costs)
-        return penalised
+    vehicle: Vehicle
+    effects: tuple[str, ...]
+    log: Preprocessed
+    problem: OutputError
+    given: Model
+    refitted: Model
+    sensors: Mapping[str, KinematicTest]
 
 
 @dataclass(frozen=True)
@@ -110,7 +86,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Round:
+class Screening:
     """All suspects about one model.
 
     Attributes:
@@ -140,22 +116,34 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Search:
-    """What is searched, and against what.
+class Outcome:
+    """What a search found.
 
     Attributes:
-        first: The vehicle with its own effects fitted anew.
-        base: Names of those effects.
-        reach: Positions of the recording, (N, 3).
-        sensors: What kinematics alone says of the velocity log's errors.
-        sight: The shots, begun where the recording saw the vehicle.
+        model: The vehicle with all of it.
+        found: What joined it.
+        last: The suspects of the last round, in which nothing joined.
+        without: The model without each effect that was found, all others fitted anew.
+        fit: Values and standard errors of all effects fitted together; None of none, and before they are.
     """
 
-    first: Model
-    base: tuple[str, ...]
-    reach: Array
-    sensors: Mapping[str, KinematicTest]
-    sight: OutputError
+    model: Model
+    found: tuple[Found, ...]
+    last: Screening
+    without: Mapping[str, Model] = field(default_factory=dict)
+    fit: Fit | None = None
+
+    @property
+    def effects(self) -> list[str]:
+        """Names of what was found."""
+        return [one.effect for one in self.found]
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it."""
+
+    baseline: Baseline
 
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
@@ -163,26 +151,29 @@ class Search:
         Where others have explained most, a small share of the first error may be most of what is left, and
         of that most is enough as long as it is plain beside the noise.
         """
-        left = max(before.excess - gain, 0.0)
-        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(self.first.excess)
+        left, first = max(before.excess - gain, 0.0), self.baseline.refitted.excess
+        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
         most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
-        return self.seen(gain) and bool(lower or most or gain >= MATERIAL * self.first.excess)
+        return self.visible(gain) and bool(lower or most or gain >= MATERIAL * first)
 
-    def seen(self, gain: float) -> bool:
+    def visible(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""
-        return gain >= VISIBLE * self.first.normal.residuals
+        return gain >= VISIBLE * self.baseline.refitted.normal.residuals
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:
-        """Whether an effect is to be told: it matters, or kinematics shows it, however much else is wrong."""
-        sure = effect in self.sensors and shown(self.sensors[effect])
-        return self.material(gain, before) or (sure and self.seen(gain))
+        """Whether an effect is a finding: it matters, or kinematics shows it, however much else is wrong."""
+        sensors = self.baseline.sensors
+        sure = effect in sensors and shown(sensors[effect])
+        return self.material(gain, before) or (sure and self.visible(gain))
 
-    def round(self, model: Model, chosen: Sequence[str]) -> Round:
+    def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
-        known = [*self.base, *chosen, *repeated(model.vehicle)]
-        return self.hold(model, suspects(model.vehicle, without=known, reach=self.reach))
+        known = [*self.baseline.effects, *chosen, *repeated_effects(model.vehicle)]
+        return self.linearise(
+            model, suspects(model.vehicle, without=known, reach=self.baseline.log.positions)
+        )
 
-    def hold(self, model: Model, tried: Sequence[Suspect]) -> Round:
+    def linearise(self, model: Model, tried: Sequence[Suspect]) -> Screening:
         """Hold some suspects against what a model leaves."""
         changed, steps = moved(model.unknown, model.values)
         own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
@@ -200,10 +191,14 @@ class Search:
         order = sorted(best, key=lambda name: -best[name][0])
         ranked = {name: best[name][1:] for name in order}
         gains = {name: best[name][0] for name in order}
-        return Round(ranked, normal, evidence, own, gains)
+        return Screening(ranked, normal, evidence, own, gains)
 
     def contend(
-        self, model: Model, chosen: Sequence[str], now: Round, known: Mapping[str, Model] | None = None
+        self,
+        model: Model,
+        chosen: Sequence[str],
+        screening: Screening,
+        known: Mapping[str, Model] | None = None,
     ) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model.
 
@@ -214,182 +209,140 @@ class Search:
         What the velocity log misreads for all that kinematics shows comes before any force; what kinematics
         refutes does not come at all.
         """
-        given = known or {}
-        fits = dict(given)
-        if not now.significant:
+        known = known or {}
+        fits, gains = dict(known), screening.gains
+        if not screening.significant:
             return fits
-        sure = [n for n, test in self.sensors.items() if shown(test) and n in now.gains]
-        material = {n: now.gains[n] for n in sure if self.material(now.gains[n], model)}
-        fits |= self.near(model, chosen, now, material, given)
-        if fits.keys() == given.keys():
+        sure = [name for name, test in self.baseline.sensors.items() if shown(test) and name in gains]
+        material = {name: gains[name] for name in sure if self.material(gains[name], model)}
+        fits |= self.quick_fits(model, chosen, screening, material, known)
+        if fits.keys() == known.keys():
             # All refuted: what else is missing spoils what the dynamics say of the log.
-            rest = {n: gain for n, gain in now.gains.items() if n not in material}
-            fits |= self.near(model, chosen, now, rest, given)
+            rest = {name: gain for name, gain in gains.items() if name not in material}
+            fits |= self.quick_fits(model, chosen, screening, rest, known)
         least = np.inf
         for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
             if fits[name].excess <= FAR * least:
-                if name not in given:
-                    fits[name] = self.settled(fits[name], [*chosen, name])
+                if name not in known:
+                    fits[name] = self.converged(fits[name], [*chosen, name])
                 least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
         return fits
 
-    def near(
+    def quick_fits(
         self,
         model: Model,
         chosen: Sequence[str],
-        now: Round,
+        screening: Screening,
         gains: Mapping[str, float],
-        given: Mapping[str, Model],
+        known: Mapping[str, Model],
     ) -> dict[str, Model]:
         """Quick fits of those suspects that tell nearly as much as the most telling of them."""
-        most, fits = max(gains.values(), default=0.0), dict(given)
+        most, fits = max(gains.values(), default=0.0), dict(known)
         for name in gains:
-            if name in given:
+            if name in known:
                 continue
-            told_all = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
-            near = (NEAR_CURVED if name in CURVED and not told_all else NEAR) * most
-            if now.gains[name] < near or len(fits) == CONTENDERS:
+            all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
+            near = (NEAR_CURVED if name in CURVED and not all_explained else NEAR) * most
+            if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
-            fine = shapes(model.vehicle, name, reach=self.reach)
-            fit = self.joined(model, chosen, self.hold(model, fine) if fine else now, name)
+            fine = shapes(model.vehicle, name, reach=self.baseline.log.positions)
+            fit = self.joined(model, chosen, self.linearise(model, fine) if fine else screening, name)
             if not self.refuted(name, fit.vehicle):
                 fits[name] = fit
         return fits
 
-    def settled(self, model: Model, chosen: Sequence[str]) -> Model:
+    def converged(self, model: Model, chosen: Sequence[str]) -> Model:
         """The model fitted to the end: a name rests on the difference of two fits.
 
-        Begun again where the recording saw the vehicle: what a poor model has made of the beginnings may
+        Begun again where the recording saw the vehicle: what a poor model has made of the initial states may
         hold a good one back.
         """
-        wanted = [*self.base, *chosen]
-        again = fitted(model.vehicle, wanted, self.sight.begun(model.vehicle), self.reach, ITERATIONS)
+        at_sight = self.baseline.problem.begun(model.vehicle)
+        again = self._fit(model.vehicle, chosen, at_sight, ITERATIONS)
         if again.normal.cost <= model.normal.cost:
             return again
-        return fitted(model.vehicle, wanted, model.problem, self.reach, ITERATIONS)
+        return self._fit(model.vehicle, chosen, model.problem, ITERATIONS)
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
-        test = self.sensors.get(effect)
+        test = self.baseline.sensors.get(effect)
         return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
-    def joined(self, model: Model, chosen: Sequence[str], now: Round, name: str) -> Model:
+    def joined(self, model: Model, chosen: Sequence[str], screening: Screening, name: str) -> Model:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""
-        suspect, columns = now.ranked[name]
-        both, step = [*now.own, *columns], np.zeros(len(now.normal.gram[0]) - 1)
-        _, step[both] = linear_step(now.normal, both)
+        suspect, columns = screening.ranked[name]
+        both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
+        _, step[both] = linear_step(screening.normal, both)
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
         vehicle, table = model.unknown.at(own), suspect.begin(step[columns])
-        wanted: Wanted = [*self.base, *chosen, table]
         begun = msgspec.structs.replace(vehicle, effect=(*vehicle.without(name).effect, table))
-        cost, along = model.problem.cost(begun, step, now.normal)
+        cost, along = model.problem.cost(begun, step, screening.normal)
         if cost > model.normal.cost:  # too far for a linear guess: the effect begins alone
             vehicle, along = model.vehicle, model.problem
         try:
-            return fitted(vehicle, wanted, along, self.reach, QUICK)
+            return self._fit(vehicle, [*chosen, table], along, QUICK)
         except DataError:  # and too far even so: it begins as the vehicle has it
-            return fitted(model.vehicle, [*self.base, *chosen, name], model.problem, self.reach, QUICK)
+            return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
-    def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
-        """Let the best effect join until nothing more is significant and material.
-
-        Args:
-            told: Called with a few words and the share of the work done.
-
-        Returns:
-            The model, what joined it, and the last round, in which nothing did.
-        """
-        model, found = self.first, list[Found]()
+    def grow(self, progress: Progress) -> Outcome:
+        """Let the best effect join until nothing more is significant and material."""
+        model, found = self.baseline.refitted, list[Found]()
         while True:
             chosen = [one.effect for one in found]
-            told(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
-            now = self.round(model, chosen)
-            if len(found) == MOST or not any(self.belongs(*one, model) for one in now.gains.items()):
-                return model, found, now
-            fits = self.contend(model, chosen, now)
+            progress(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
+            screening = self.screen(model, chosen)
+            telling = any(self.belongs(name, gain, model) for name, gain in screening.gains.items())
+            if len(found) == MOST_FINDINGS or not telling:
+                return Outcome(model, tuple(found), screening)
+            fits = self.contend(model, chosen, screening)
             best = leader(fits)
             if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
-                return model, found, now
-            found.append(Found(best, now.p_value, fits))
+                return Outcome(model, tuple(found), screening)
+            found.append(Found(best, screening.p_value, fits))
             model = fits[best]
 
-    def reconsider(self, model: Model, found: Sequence[Found]) -> tuple[Model, list[Found], dict[str, Model]]:
-        """Drop what the others have made needless, and swap what another effect does better in its place.
-
-        Returns:
-            The model, what is left in it, and by name of each effect the model without it.
-        """
-        kept, without = list(found), dict[str, Model]()
-        for one in found:
+    def reconsider(self, outcome: Outcome) -> Outcome:
+        """Drop what the others have made needless, and swap what another effect does better in its place."""
+        model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
+        without: dict[str, Model] = {}
+        for one in outcome.found:
             others = [other.effect for other in kept if other is not one]
             if not others:
-                without[one.effect] = self.first
+                without[one.effect] = first
                 continue
-            lesser = self.lesser(model, one.effect, others)
+            lesser = self.without(model, one.effect, others)
             if not self.belongs(one.effect, lesser.normal.cost - model.normal.cost, lesser):
                 kept.remove(one)
                 model = lesser
                 continue
-            at = kept.index(one)
-            if one is not found[-1] or len(kept) < len(found):
-                now = self.round(lesser, others)
-                fits = self.contend(lesser, others, now, {one.effect: model})
+            place = kept.index(one)
+            if one is not outcome.found[-1] or len(kept) < len(outcome.found):
+                screening = self.screen(lesser, others)
+                fits = self.contend(lesser, others, screening, {one.effect: model})
                 best = leader(fits) or one.effect
-                kept[at] = Found(best, min(now.p_value, one.p_value), fits)
+                kept[place] = Found(best, min(screening.p_value, one.p_value), fits)
                 model = fits[best]
-            without[kept[at].effect] = lesser
-        if len(kept) == 1 < len(found):  # beside what has been dropped it may have looked larger than it is
-            (one,) = kept
-            without[one.effect] = self.first
-            if not self.belongs(one.effect, self.first.normal.cost - model.normal.cost, self.first):
-                return self.first, [], {}
-        return model, kept, without
+            without[kept[place].effect] = lesser
+        if len(kept) == 1 < len(outcome.found):
+            # Beside what has been dropped it may have looked larger than it is.
+            without[kept[0].effect] = first
+            if not self.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):
+                return Outcome(first, (), outcome.last)
+        return Outcome(model, tuple(kept), outcome.last, without)
 
-    def lesser(self, model: Model, effect: str, others: Sequence[str]) -> Model:
+    def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
         """The model without one of its findings, all others fitted anew."""
-        given = [e for e in self.first.vehicle.effect if e["name"] == effect]
+        in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
-        vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *given))
-        return fitted(vehicle, [*self.base, *others], model.problem, self.reach, QUICK)
+        vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
+        return self._fit(vehicle, others, model.problem, QUICK)
+
+    def _fit(self, vehicle: Vehicle, chosen: Wanted, problem: Problem, iterations: int) -> Model:
+        """A vehicle's own effects and those chosen, fitted together."""
+        wanted = [*self.baseline.effects, *chosen]
+        return fit_model(vehicle, wanted, problem, self.baseline.log.positions, iterations)
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:
     """The effect whose model explains most for its parameters; None of none."""
     return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)
-
-
-def fitted(
-    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int, share: float = SLOW
-) -> Model:
-    """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
-
-    A step that would take less than a `share` of what is left ends the fit.
-
-    Raises:
-        DataError: The predicted motion knows no bounds.
-    """
-    if effects:
-        unknown = free(vehicle, effects, reach=reach)
-        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
-    else:
-        unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
-        normal = problem.linearise(vehicle, [], [])
-    if not np.isfinite(normal.cost):
-        raise DataError(
-            "the vehicle's predicted motion grows beyond all bounds within two seconds; check its damping, "
-            "or begin with `hydro fit --effect linear_damping`"
-        )
-    return Model(unknown, values, problem, normal)
-
-
-def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known best, and repeated ones."""
-    names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
-    several = repeated(vehicle)
-    return tuple(name for name in names if CATALOGUE[name].kind != "inertia" and name not in several)
-
-
-def repeated(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
-    names = [str(effect["name"]) for effect in vehicle.effect]
-    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)

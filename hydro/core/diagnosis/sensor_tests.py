@@ -57,11 +57,11 @@ NEGLIGIBLE = {
 HORIZON = (0.25, 20.0)  # s, bounds of the time over which dead reckoning is trusted
 PIECE = 2.0  # s, of one piece of the normal equations
 BOX = 0.1  # s, to each side, over which an acceleration is averaged
-PLAIN = 0.5  # of every parameter, in its own unit: what is not determined stays within
+PLAIN_SIZE = 0.5  # of every parameter, in its own unit: what is not determined stays within
 LATEST = 2.0  # s, of a delay
 CAUTION = 0.9  # part of the shared noise that is taken off
-LEAST = 8  # pieces
-ROUNDS = 8
+LEAST_PIECES = 8
+ITERATIONS = 8
 REWEIGHTED = 4
 RARE = 3.0  # times its noise from row to row: a position that was interpolated or held between fixes
 ROUGH = 10.0  # times as large must an error be to show against such a position
@@ -184,8 +184,8 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
 
 def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, Normal]:
     """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it."""
-    prior = np.full(LOG, PLAIN**-2)
-    for _ in range(ROUNDS):
+    prior = np.full(LOG, PLAIN_SIZE**-2)
+    for _ in range(ITERATIONS):
         normal = _problem(record, log, sigma)
         pull = normal.score.sum(axis=0) - prior * log
         step = np.linalg.solve(normal.matrix.sum(axis=0) + np.diag(prior), pull)
@@ -205,10 +205,10 @@ def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
     taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5).
     """
     pieces = list(_pieces(record, log, sigma))
-    if sum(len(gram) for gram, _, _ in pieces) < LEAST:
+    if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
         raise DataError(
-            f"the recording has fewer than {LEAST} stretches of {PIECE:g} s without a gap to hold velocity "
-            f"against pose; record at least {LEAST * PIECE:g} s"
+            f"the recording has fewer than {LEAST_PIECES} stretches of {PIECE:g} s without a gap to hold "
+            f"velocity against pose; record at least {LEAST_PIECES * PIECE:g} s"
         )
     gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     mount = slice(SCALE.start, ANGLES.stop)

@@ -16,7 +16,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from hydro.core.diagnosis.search import own_effects
+from hydro.core.diagnosis.model import own_effects
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.identification.candidate import candidate
@@ -26,9 +26,9 @@ from hydro.core.recording.arrays import Array, Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 
-MOST = 200
+MOST_WINDOWS = 200
 """Windows that are looked at, spread evenly."""
-LEAST, SHORTEST = 24, 5.0
+LEAST_WINDOWS, SHORTEST = 24, 5.0
 """Windows, and length of the longest piece without a gap [s], that tell anything."""
 GROSS = 0.5
 """Part of what the accelerations leave unexplained that another order of the columns must explain."""
@@ -36,7 +36,7 @@ MOSTLY = 0.75
 """Part of the recording's stretches in which it must do so."""
 BESIDE = ("ocean_current", "net_buoyancy", "buoyancy_offset", "added_mass", "coupled_damping")
 """Effects that a file often lacks, so that they do not hide an exchange."""
-STEP = 0.95
+REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""
 GAINS = (-1.0, 0.5)
 """Relative deviations of a thrust that are no matter of its column: from dead to half as much again."""
@@ -91,12 +91,12 @@ class Wiring:
 
     def words(self) -> str:
         """What is other than the file says: `cmd_2 drives thruster 1`."""
-        told = [
+        changed = [
             f"{'minus ' if sign < 0 else ''}cmd_{column + 1} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(zip(self.column, self.sign, strict=True))
             if (column, sign) != (i, 1)
         ]
-        return ", ".join(told)
+        return ", ".join(changed)
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
     count, longest = record.commands.shape[1], np.diff(record.segments, axis=1).max()
     if not count or longest * record.dt < SHORTEST:
         return None
-    windows = Windows.of(record, most=MOST)
-    if len(windows.starts) < LEAST:
+    windows = Windows.of(record, most=MOST_WINDOWS)
+    if len(windows.starts) < LEAST_WINDOWS:
         return None
     problem = _Problem.of(vehicle, windows)
     plain = Wiring.plain(count)
@@ -152,7 +152,7 @@ def _improved(problem: _Problem, begun: Wiring) -> Wiring:
     found, least = begun, problem.unexplained(begun)
     while True:
         best = min(found.changes(), key=problem.unexplained)
-        if (cost := problem.unexplained(best)) > STEP * least:
+        if (cost := problem.unexplained(best)) > REMAINING * least:
             return found
         found, least = best, cost
 
@@ -177,12 +177,12 @@ class _Problem:
         size = _unanswered(left, answers, free_)
         basis, _ = np.linalg.qr((free_ / size).reshape(len(free_), -1).T)
 
-        def freed(values: Array) -> Array:
+        def projected(values: Array) -> Array:
             flat = (values / size).reshape(*values.shape[:-2], -1)
             cut: Array = flat - flat @ basis @ basis.T
             return cut.reshape(values.shape)
 
-        return cls(freed(left), freed(answers))
+        return cls(projected(left), projected(answers))
 
     def unexplained(self, wiring: Wiring) -> float:
         """Sum of squares that an order of the columns leaves."""

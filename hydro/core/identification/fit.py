@@ -34,12 +34,11 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
-from hydro.core.recording.arrays import recording
-from hydro.core.recording.sensor_faults import freed
+from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
 Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
@@ -135,7 +134,7 @@ def fit(
     method: Method = "output",
     noise: Array | None = None,
     most: int | None = MOST,
-    report: Report | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit named effects to a recording.
 
@@ -148,7 +147,7 @@ def fit(
         noise: Standard deviation of pose and velocity, (12,); by default found from the data.
         most: Shots of output error and windows of equation error, spread evenly over a longer recording;
             None for all there are.
-        report: Called with a few words and the share of the work done.
+        progress: Called with a few words and the share of the work done.
 
     Returns:
         Values with standard errors and warnings.
@@ -158,16 +157,16 @@ def fit(
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
-    told = report or (lambda words, share: None)
-    raw, faults = freed(vehicle, raw)
-    record = recording(raw, vehicle)
+    progress = progress or (lambda words, share: None)
+    log = without_faults(vehicle, raw)
+    record = log.record
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
-    told("equation error", 0.0)
+    progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
     share = windows.share
     values, problem, chi2 = _begin(unknown, windows, record.eta[:, :3])
     if method == "output":
-        told("output error", 0.2)
+        progress("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == "sensor_delay" for entry in unknown.entries
         )
@@ -176,15 +175,15 @@ def fit(
         )
         share = shots.share
         values, problem = _aimed(unknown, values, shots)
-    values, normal, problem = _settle(unknown, values, problem, told)
+    values, normal, problem = _settle(unknown, values, problem, progress)
     kept, normal, problem = _passive(unknown, values, normal, problem)
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
-    told("done", 1.0)
-    found = judged(unknown, kept + 0.0, normal, chi2, method)
+    progress("done", 1.0)
+    found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    told_of = (fault.advice for fault in faults)
-    return replace(found, warnings=(*told_of, *reduced, *found.warnings), share=share)
+    warnings = (*(fault.message for fault in log.faults), *reduced, *found.warnings)
+    return replace(found, warnings=warnings, share=share)
 
 
 @dataclass(frozen=True)
@@ -265,14 +264,16 @@ def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tupl
     )
 
 
-def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, Problem]:
+def _settle(
+    unknown: Free, values: Array, problem: Problem, progress: Progress
+) -> tuple[Array, Normal, Problem]:
     """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
     first = linearised(unknown, values / unknown.scales, problem)
     if first.chi2 > GROSS:
         problem, _ = problem.reweighted(first)
     for attempt in range(4):
         values, normal, problem = _found(unknown, values, problem)
-        told("weights", 0.5 + 0.1 * attempt)
+        progress("weights", 0.5 + 0.1 * attempt)
         problem, changed = problem.reweighted(normal)
         if not changed:
             break
@@ -311,12 +312,12 @@ def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> 
 
 def _information(normal: Normal) -> Array:
     """X^T X of all pieces and what is known beforehand, (P, P)."""
-    told = normal.matrix.sum(axis=0)
-    total: Array = told + PRIOR**-2 * np.eye(len(told))
+    information = normal.matrix.sum(axis=0)
+    total: Array = information + PRIOR**-2 * np.eye(len(information))
     return total
 
 
-def judged(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
+def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
     """Covariance, warnings and a vehicle that is physically possible."""
     warnings: list[str] = []
     within = possible(unknown, values, _information(normal))

@@ -21,7 +21,7 @@ from hydro.core.vehicle.description import Vehicle
 Array = NDArray[np.float64]
 
 
-def steadied(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:
+def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:
     """Fitted values and those of the file, each by what is known of it (a Kalman update with the file).
 
     Args:

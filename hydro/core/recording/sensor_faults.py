@@ -1,31 +1,30 @@
 """Readings that no motion makes: a sensor that jumps for a sample, stands still, or writes a mark of its own.
 
 No force moves a vehicle for one sample and back, and a sensor with noise never reads the same twice, far less
-for a second.  Such readings are found from the log alone, each channel by itself, told, and kept away from
-every fit: short ones are bridged by a straight line in their channel, and rows under long ones are left out.
-A slow sensor whose readings are held, or drawn in straight lines, from sample to sample is judged by its
-samples; so is one that reads in steps.
+for a second.  Such readings are found from the log alone, each channel by itself, reported, and kept away
+from every fit: short ones are bridged by a straight line in their channel, and rows under long ones are left
+out.  A slow sensor whose readings are held, or drawn in straight lines, from sample to sample is held to this
+by its samples; so is one that reads in steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.diagnosis.findings import Finding
 from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
-from hydro.core.recording.dead_reckoning import gone, rate_bias
+from hydro.core.recording.dead_reckoning import pose_error, rate_bias
 from hydro.core.vehicle.description import Vehicle
 
 Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
-REACH = 3
+NEIGHBOURS = 3
 """Samples to each side that tell what a sample should be, by the cubic through them."""
 JUMP = 8.0
 """Standard deviations that a sample must lie off that cubic to jump,"""
@@ -36,7 +35,7 @@ BACK = 2.0
 SHARP = 0.8
 """Part of it that must lie between two samples, on either side."""
 PASSES = 6
-LEAST = 8  # samples
+LEAST_SAMPLES = 8
 BURSTS = (1, 2, 4)  # samples that jump together
 STANDS, LONGEST_CHANCE = 10, 5.0
 """Rows that stand still, and times the length that 99 of 100 such runs keep to, to be a fault."""
@@ -48,8 +47,36 @@ DRAWN, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how s
 MARKS = 10  # runs of one and the same value, in a fine channel, that make it a mark
 BRIDGED = 0.4  # s, of readings that a straight line replaces
 CONTRADICTED = 2.0  # times what pose and velocity differ by elsewhere
-LEAST_GONE = 0.01  # m, rad
+LEAST_GROWN = 0.01  # m, rad
 LEVEL = 0.5  # cosine of the pitch below which roll and heading swing with the noise
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of fault of a log.
+
+    Attributes:
+        columns: Columns of the raw table that have it.
+        message: What is wrong, how often, where first, and what was done about it.
+    """
+
+    columns: tuple[str, ...]
+    message: str
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A recording without the faults of its sensors.
+
+    Attributes:
+        raw: Raw table.
+        record: The same as arrays.
+        faults: What was wrong, one of each kind.
+    """
+
+    raw: pl.DataFrame
+    record: Recording
+    faults: tuple[Fault, ...]
 
 
 @dataclass(frozen=True)
@@ -75,7 +102,7 @@ class Faults:
 def faults(record: Recording) -> Faults:
     """Find the readings of a recording that no motion makes."""
     found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
-    apart = gone(record, record.nu)
+    errors = pose_error(record, record.nu)
     for i, parts in enumerate(channels(record)):
         runs = [_runs(part) for part in parts]
         lengths = np.concatenate([np.diff(edges) for edges in runs])
@@ -87,7 +114,7 @@ def faults(record: Recording) -> Faults:
         for (start, stop), part, edges in zip(record.segments, parts, runs, strict=True):
             long = np.repeat(np.diff(edges) >= least, np.diff(edges))
             if long.any() and not noisy:
-                long = _contradicted(apart[i // 3 % 2][start:stop], long)
+                long = _contradicted(errors[i // 3 % 2][start:stop], long)
             found.stills[start:stop, i] = long
             found.marks[start:stop, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
         found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
@@ -95,8 +122,8 @@ def faults(record: Recording) -> Faults:
     return found
 
 
-def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Finding, ...]]:
-    """The recording without readings that no motion makes, nor a gyro's bias; and a finding for each kind.
+def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
+    """The recording without readings that no motion makes, nor a gyro's bias.
 
     Args:
         vehicle: The vehicle.
@@ -107,18 +134,16 @@ def freed(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[pl.DataFrame, tuple[Find
     """
     record = recording(raw, vehicle)
     found = faults(record)
-    lines = told(raw, record, found)
-    findings = [Finding("log_fault", members=columns, advice=words) for columns, words in lines]
-    kept = mended(raw, record, found)
-    if (bias := rate_bias(recording(kept, vehicle))).any():
-        read = {name: float(value) for name, value in zip(RATES, bias, strict=True) if value}
-        words = (
-            f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in read.items())} too much all "
-            "the time, as the attitude tells: a gyro's bias; it is taken off here, take it off the log"
-        )
-        findings.append(Finding("log_fault", members=tuple(read), advice=words))
-        kept = kept.with_columns(pl.col(name) - value for name, value in read.items())
-    return kept, tuple(findings)
+    kinds = list(described(raw, record, found))
+    if kinds:
+        raw = mended(raw, record, found)
+        record = recording(raw, vehicle)
+    bias = {name: float(value) for name, value in zip(RATES, rate_bias(record), strict=True) if value}
+    if bias:
+        kinds.append(_biased(bias))
+        raw = raw.with_columns(pl.col(name) - value for name, value in bias.items())
+        record = recording(raw, vehicle)
+    return Corrected(raw, record, tuple(kinds))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
@@ -150,8 +175,8 @@ def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
     return table.filter(pl.Series(~left_out))
 
 
-def told(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Columns and words of each kind of fault: how many readings, and where the first is."""
+def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[Fault]:
+    """Each kind of faulty reading: in which columns, how many, and where the first is."""
     kinds = (
         (found.jumps, "jump away and back within a few samples, which no force does"),
         (found.marks, "hold a value that keeps coming back, as a sensor writes where it has no reading"),
@@ -164,12 +189,21 @@ def told(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[tuple[
         columns = tuple(CHANNELS[i] for i in np.flatnonzero(bad.any(axis=0)))
         stretches = 1 + int(np.count_nonzero(np.diff(rows) > 1))
         session, t = raw["session"][int(rows[0])], float(record.t[rows[0]])
-        yield (
+        yield Fault(
             columns,
             f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
             f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
             f"{t:.2f} s; they are left out here, clean the log of them",
         )
+
+
+def _biased(bias: Mapping[str, float]) -> Fault:
+    """That gyros read so much too much [rad/s]."""
+    message = (
+        f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in bias.items())} too much all "
+        "the time, as the attitude tells: a gyro's bias; it is taken off here, take it off the log"
+    )
+    return Fault(tuple(bias), message)
 
 
 def _runs(part: Array) -> Rows:
@@ -180,21 +214,21 @@ def _runs(part: Array) -> Rows:
 
 def _whiteness(samples: Sequence[Array]) -> float:
     """Size of fourth differences over that of second ones; see WHITE."""
-    if max(len(part) for part in samples) < LEAST:
+    if max(len(part) for part in samples) < LEAST_SAMPLES:
         return 0.0
     size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
     return float(size[0] / max(size[1], 1e-300))
 
 
-def _contradicted(gone: Array, still: Flags) -> Flags:
+def _contradicted(error: Array, still: Flags) -> Flags:
     """Those runs of a segment in which pose and velocities differ far more than elsewhere."""
     edges, out = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2), still.copy()
     for begin, end in edges:
-        long = min(int(end), len(gone) - 1) - int(begin)
-        away = np.linalg.norm(gone[long:] - gone[: len(gone) - long], axis=1)
+        long = min(int(end), len(error) - 1) - int(begin)
+        grown = np.linalg.norm(error[long:] - error[: len(error) - long], axis=1)
         touched = np.convolve(still, np.ones(long + 1), "valid") > 0.0
-        usual = float(np.quantile(away[~touched], 0.95)) if (~touched).any() else np.inf
-        out[begin:end] = away[begin] > max(CONTRADICTED * usual, LEAST_GONE)
+        usual = float(np.quantile(grown[~touched], 0.95)) if (~touched).any() else np.inf
+        out[begin:end] = grown[begin] > max(CONTRADICTED * usual, LEAST_GROWN)
     return out
 
 
@@ -215,7 +249,7 @@ def _jumps(record: Recording, parts: Sequence[Array], known: Flags) -> Flags:
 
 def _apart(parts: Sequence[Array]) -> int:
     """Rows from sample to sample of a channel drawn in straight lines between them; 1 of any other."""
-    if max(len(part) for part in parts) < LEAST:
+    if max(len(part) for part in parts) < LEAST_SAMPLES:
         return 1
     slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
     straight = (np.abs(bend) < EXACT * np.abs(slope)) & (slope != 0.0)
@@ -244,15 +278,15 @@ def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows
 
 def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Flags]:
     """Which samples of each series jump: again without those found, which spoil what is around them."""
-    values, odd = [one.copy() for one in series], [np.zeros(len(one), bool) for one in series]
+    values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
     for stride in bursts:
         for _ in range(PASSES):
-            judged = [_judged(one, stride) for one in values]
-            usual, found = _usual(np.concatenate([off for off, _ in judged])), 0
-            for one, flags, (off, alone) in zip(values, odd, judged, strict=True):
+            compared = [_off_cubic(part, stride) for part in values]
+            usual, found = _usual(np.concatenate([off for off, _ in compared])), 0
+            for part, flags, (off, alone) in zip(values, odd, compared, strict=True):
                 new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
-                flags[new + REACH * stride] = True
-                one[new + REACH * stride] -= off[new]
+                flags[new + NEIGHBOURS * stride] = True
+                part[new + NEIGHBOURS * stride] -= off[new]
                 found += new.size
             if not found:
                 break
@@ -264,7 +298,7 @@ def _usual(off: Array) -> float:
     return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
 
 
-def _judged(y: Array, stride: int) -> tuple[Array, Flags]:
+def _off_cubic(y: Array, stride: int) -> tuple[Array, Flags]:
     """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
 
     Args:
@@ -272,14 +306,14 @@ def _judged(y: Array, stride: int) -> tuple[Array, Flags]:
         stride: From one of those around to the next: a burst of as many samples jumps as one.
 
     Returns:
-        (n - 2 REACH stride,) each: nothing is said of those at both ends.
+        (n - 2 NEIGHBOURS stride,) each: nothing is said of those at both ends.
     """
-    reach = REACH * stride
+    reach = NEIGHBOURS * stride
     if len(y) <= 2 * reach:
         return np.zeros(0), np.zeros(0, bool)
     around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
     left = around[:, ::stride] @ OFF.T
-    off, beside = left[:, REACH], np.delete(left, REACH, axis=1)
+    off, beside = left[:, NEIGHBOURS], np.delete(left, NEIGHBOURS, axis=1)
     size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
     edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
     up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
@@ -288,8 +322,8 @@ def _judged(y: Array, stride: int) -> tuple[Array, Flags]:
 
 
 def _off() -> Array:
-    """What 2 REACH + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
-    k = np.arange(-REACH, REACH + 1)
+    """What 2 NEIGHBOURS + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    k = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     powers = np.vander(k, 4, increasing=True).astype(float)
     through = np.zeros((len(k), len(k)))
     through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])

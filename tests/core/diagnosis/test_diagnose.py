@@ -9,14 +9,15 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.diagnosis import advice, unexplained
-from hydro.core.diagnosis.diagnose import aimed, diagnose, doubted, shared
-from hydro.core.diagnosis.extend import tables
-from hydro.core.diagnosis.findings import SCHEMA, Diagnosis, Finding
-from hydro.core.diagnosis.search import Search, fitted
+from hydro.core.diagnosis import advice
+from hydro.core.diagnosis.diagnose import diagnose, stable_shots
+from hydro.core.diagnosis.findings import SCHEMA, tables
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.model import fit_model
+from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -74,7 +75,7 @@ def recorded(vehicle: Vehicle, **how) -> pl.DataFrame:
     ids=lambda hidden: hidden["name"],
 )
 def test_a_hidden_effect_is_named_with_its_values(known, hidden):
-    """Though the damping of the file is a quarter wrong; and that is told too, after it."""
+    """Though the damping of the file is a quarter wrong; and that is a finding too, after it."""
     found = diagnose(misjudged(known), recorded(hiding(known, hidden)))
     first, *others = found.findings
     assert (first.verdict, first.effect, first.members) == ("missing", hidden["name"], (hidden["name"],))
@@ -111,53 +112,51 @@ def test_an_effect_is_named_behind_the_faults_of_its_log(known):
     exchanged = {"cmd_2": pl.col("cmd_5"), "cmd_5": pl.col("cmd_2")}
     columns = (pl.Series(name, values) for name, values in wrong.items())
     found = diagnose(misjudged(known), raw.with_columns(*columns, **exchanged))
-    told = [one.members for one in found.findings if one.verdict == "log_fault"]
-    assert told == [("p",), ("u", "v", "w"), ("cmd_2", "cmd_5")]
-    named = found.findings[len(told)]
+    faults = [one.members for one in found.findings if one.verdict == "log_fault"]
+    assert faults == [("p",), ("u", "v", "w"), ("cmd_2", "cmd_5")]
+    named = found.findings[len(faults)]
     assert (named.verdict, named.effect) == ("missing", "ocean_current")
     assert named.parameters["v_N"] == pytest.approx(CURRENT["v_N"], abs=0.01)
     assert found.chi2[2] == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_linear_guess_beyond_all_bounds_does_not_end_the_search(known):
-    record = recording(recorded(known, rows=1000), known)
-    problem, reach = aimed(known, record), record.eta[:, :3]
-    search = Search(fitted(known, [], problem, reach, 0), [], reach, {}, problem)
-    now = search.round(search.first, [])
-    suspect, columns = now.ranked["net_buoyancy"]
+def searching(known: Vehicle, raw: pl.DataFrame, sensors: dict) -> Search:
+    """A search from the vehicle as it is, none of its own effects free."""
+    log = preprocess(known, raw)
+    problem = stable_shots(known, log)
+    model = fit_model(known, [], problem, log.positions, 0)
+    return Search(Baseline(known, (), log, problem, model, model, sensors))
+
+
+def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
+    search = searching(known, recorded(known, rows=1000), {})
+    first, problem = search.baseline.refitted, search.baseline.problem
+    screening = search.screen(first, [])
+    suspect, columns = screening.ranked["net_buoyancy"]
     far = {"name": "net_buoyancy", "dB": 1e8}
-    with pytest.raises(DataError, match="beyond all bounds"):
-        fitted(hiding(known, far), ["net_buoyancy"], problem, reach, 0)
-    wild = {**now.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
-    joined = search.joined(search.first, [], replace(now, ranked=wild), "net_buoyancy")
-    assert joined.normal.cost <= search.first.normal.cost
+    with pytest.raises(DataError, match="diverges"):
+        fit_model(hiding(known, far), ["net_buoyancy"], problem, search.baseline.log.positions, 0)
+    wild = {**screening.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
+    joined = search.joined(first, [], replace(screening, ranked=wild), "net_buoyancy")
+    assert joined.normal.cost <= first.normal.cost
 
 
 def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
-    record = recording(recorded(hiding(known, *hidden), rows=1500), known)
-    problem, reach = aimed(known, record), record.eta[:, :3]
     monkeypatch.setattr("hydro.core.diagnosis.search.shown", lambda test: True)
     monkeypatch.setattr(Search, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
-    search = Search(fitted(known, [], problem, reach, 0), (), reach, {"sensor_bias": None}, problem)
-    now = search.round(search.first, [])
-    assert search.material(now.gains["sensor_bias"], search.first)
-    fits = search.contend(search.first, [], now)
+    search = searching(known, recorded(hiding(known, *hidden), rows=1500), {"sensor_bias": None})
+    first = search.baseline.refitted
+    screening = search.screen(first, [])
+    assert search.material(screening.gains["sensor_bias"], first)
+    fits = search.contend(first, [], screening)
     assert "net_buoyancy" in fits
     assert "sensor_bias" not in fits
 
 
-@pytest.mark.parametrize(("rest", "confidence"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
-def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, confidence):
-    named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
-    found = doubted(named, [Finding("none_of_the_known", share=rest)])
-    assert found.confidence == pytest.approx(confidence)
-    assert ("fly without feedback" in found.advice) == (rest >= 0.15)
-
-
 def test_heave_alone_shows_little(known):
-    """Four vertical thrusters in step: what only surge, sway and yaw would show is told as not shown."""
+    """Four vertical thrusters in step: what only surge, sway and yaw would show is named as not shown."""
     t = np.arange(2 * ROWS) * 0.02
     demand = {f"cmd_{i}": (0.5 * np.sin(t) if i > 4 else 0.0 * t) for i in range(1, 9)}
     heave = simulate(pl.DataFrame({"session": ["a"] * len(t), "t": t, **demand}), known)
@@ -212,53 +211,3 @@ def test_a_tie_comes_with_the_motion_that_ends_it():
     assert "all headings" in advice.separating(["ocean_current", "tether"])
     assert "tilts" in advice.separating(["net_buoyancy", "payload"])
     assert CATALOGUE["tether"].excitation in advice.separating(["tether", "thruster_lag"])
-
-
-@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
-def test_how_a_force_grows(power):
-    speed = np.random.default_rng(0).uniform(0.1, 1.5, 400)
-    assert unexplained.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
-    assert unexplained.growth(np.full(400, 0.5), np.ones(400)) is None
-
-
-def tied() -> Diagnosis:
-    parameters, errors = {"v_N": 0.2, "v_E": -1e-7, "v_D": 0.0}, {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
-    members = ("ocean_current", "tether")
-    one = Finding("cannot_tell_apart", members[0], members, 0.8, 0.7, 0.9, 0.6, 0.001, parameters, errors)
-    return Diagnosis((one, Finding("not_excited", "body_lift", ("body_lift",))), Vehicle, (9.0, 5.0, 1.0))
-
-
-def test_what_a_diagnosis_adds():
-    (table,) = tables(tied().frame())
-    assert table == {
-        "name": "ocean_current",
-        "v_N": 0.2,
-        "v_E": -1e-7,
-        "v_D": 0.0,
-        "standard_error": {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01},
-    }
-
-
-@pytest.mark.parametrize(
-    ("wanted", "words"),
-    [("tether", "tied with ocean_current"), ("payload", "no finding payload"), ("body_lift", "no finding")],
-)
-def test_what_it_cannot_add(wanted, words):
-    with pytest.raises(DataError, match=words):
-        tables(tied().frame(), [wanted])
-
-
-def test_effects_that_stand_for_one_another_share_what_they_explain_together():
-    lag = Finding("missing", "thruster_lag", share=0.05, low=0.04, high=0.06)
-    delay = Finding("missing", "command_delay", share=0.07, low=0.06, high=0.08)
-    first, second = shared([lag, delay], 0.96)
-    assert first.share + second.share == pytest.approx(0.96)
-    assert first.share / second.share == pytest.approx(5 / 7)
-    assert "96% together" in first.advice
-    assert "adds 5%" in first.advice
-
-
-def test_effects_that_stand_for_themselves_keep_their_shares():
-    both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
-    assert shared(both, 1.0) == both
-    assert shared([], 0.0) == []

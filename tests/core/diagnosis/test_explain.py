@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 import polars as pl
 import pytest
 
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.explain import Step, best, ending, explain
-from hydro.core.diagnosis.extend import extended
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -110,7 +109,7 @@ def staged(monkeypatch, known):
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
-        def together(vehicle, raw, wanted, file):
+        def together(vehicle, log, wanted, file):
             asked.append(list(wanted))
             names = [one if isinstance(one, str) else one["name"] for one in wanted]
             given = {one["name"]: one for one in wanted if not isinstance(one, str)}
@@ -122,11 +121,13 @@ def staged(monkeypatch, known):
             row |= {"axis": "all", "horizon": 5.0, "rmse": errors.pop(0), "unit": "m/s"}
             return pl.DataFrame([row])
 
-        monkeypatch.setattr(module, "_together", together)
+        monkeypatch.setattr(module, "_fit_together", together)
         monkeypatch.setattr(module, "compare", compare)
-        monkeypatch.setattr(
-            module, "diagnose", lambda v, raw, report: Diagnosis(tuple(left.pop(0)), v, (1.0, 1.0, 1.0))
-        )
+
+        def diagnose(vehicle, log, progress):
+            return Diagnosis(tuple(left.pop(0)), vehicle, (1.0, 1.0, 1.0))
+
+        monkeypatch.setattr(module, "diagnose_log", diagnose)
         quiet = flown(known, 5, 6.0)
         return list(explain(known, quiet, holdout=quiet, **how)), asked
 
@@ -158,7 +159,7 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
 
 
 def test_steps_have_an_end(staged, monkeypatch):
-    monkeypatch.setattr(module, "MOST", 2)
+    monkeypatch.setattr(module, "MOST_STEPS", 2)
     names = ("payload", "net_buoyancy", "tether", "body_lift")
     steps, _ = staged([[finding("cannot_tell_apart", name, w=1.0)] for name in names], [4.0, 3.0, 2.0, 1.0])
     assert len(steps) == 3
@@ -180,6 +181,14 @@ def test_it_goes_on_from_steps_that_are_done(staged):
     assert staged([], [], done=steps)[0] == []
 
 
+def test_the_recordings_are_preprocessed_once_for_all_steps(staged, monkeypatch):
+    logs = []
+    monkeypatch.setattr(module, "preprocess", lambda *given: logs.append(preprocess(*given)) or logs[-1])
+    steps, _ = staged([[finding("missing", "payload", w=1.0)], []], [2.0, 1.0])
+    assert len(steps) == 2
+    assert len(logs) == 1
+
+
 @pytest.mark.parametrize(
     ("change", "words"), [("cmd_8", "7 command columns"), (None, "no session lasts 5 s")]
 )
@@ -188,11 +197,3 @@ def test_a_held_out_recording_that_will_not_do(known, change, words):
     other = raw.drop(change) if change else raw.head(200)
     with pytest.raises(DataError, match=words):
         next(explain(known, raw, holdout=other))
-
-
-def test_tables_take_the_place_of_their_name(known):
-    matrix = np.eye(6).tolist()
-    new = extended(known, [CURRENT, {"name": "linear_damping", "diagonal": None, "matrix": matrix}])
-    assert new.effects("linear_damping") == ({"name": "linear_damping", "matrix": matrix},)
-    assert new.effects("ocean_current") == (CURRENT,)
-    assert msgspec.structs.replace(new, effect=known.effect) == known

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 from recordings import damped
 
-from hydro.core.diagnosis.manoeuvres import SECONDS, best, library, plain, showing
+from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, best, library, plain, showing
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
@@ -46,7 +46,7 @@ def test_every_vehicle_can_fly_its_library(datasets, name):
     flown = library(vehicle)
     assert len({one.name for one in flown}) == len(flown) >= 5
     for one in flown:
-        assert one.commands.shape == (round(SECONDS * 50.0), len(vehicle.thruster))
+        assert one.commands.shape == (round(FLIGHT_LENGTH * 50.0), len(vehicle.thruster))
         assert 0.01 < np.abs(one.commands).max() <= 1.0
     table = flown[0].table()
     moved = simulate(table, vehicle)
@@ -140,7 +140,7 @@ def test_too_few_rivals_and_motions_without_bounds():
     runaway = msgspec.structs.replace(
         bar(), effect=({"name": "linear_damping", "diagonal": [-2000.0] + [5.0] * 5},)
     )
-    with pytest.raises(DataError, match="beyond bounds"):
+    with pytest.raises(DataError, match="diverges"):
         best([runaway, pushed], NOISE)
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import damped, moved
 
-from hydro.core.diagnosis.log_faults import ordered, sound
+from hydro.core.diagnosis.log_faults import in_order, preprocess
 from hydro.core.diagnosis.thruster_order import Wiring, rewired
 from hydro.core.recording.arrays import POSE, VELOCITY, recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -49,7 +49,7 @@ def drawn(log: pl.DataFrame, column, sign) -> pl.DataFrame:
 def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
     raw = noisy(moved(damped(*beside), rows=2500, seed=1))
     assert rewired(damped(), recording(raw, damped())) is None
-    assert sound(damped(), raw).wiring is None
+    assert preprocess(damped(), raw).wiring is None
 
 
 @settings(max_examples=8)
@@ -62,21 +62,21 @@ def test_columns_that_are_exchanged_or_reversed_are_found(log, data):
     reversed_ = data.draw(st.integers(0, N - 1))
     sign[reversed_] = -1
     raw = drawn(log, column, sign)
-    found = sound(damped(), raw)
+    found = preprocess(damped(), raw)
     assert found.wiring == Wiring(tuple(column), tuple(sign))
     commands = [f"cmd_{i + 1}" for i in range(N)]
     np.testing.assert_array_equal(found.raw.select(commands), log.select(commands))
-    (told,) = found.faults
-    assert told.verdict == "log_fault"
-    assert told.confidence > 0.99
-    assert f"minus cmd_{column[reversed_] + 1} drives thruster {reversed_ + 1}" in told.advice
-    assert f"cmd_{column[pair[0]] + 1}" in told.members
+    (fault,) = found.faults
+    assert fault.verdict == "log_fault"
+    assert fault.confidence > 0.99
+    assert f"minus cmd_{column[reversed_] + 1} drives thruster {reversed_ + 1}" in fault.advice
+    assert f"cmd_{column[pair[0]] + 1}" in fault.members
 
 
 def test_the_other_end_first_is_found(log):
     raw = drawn(log, list(range(N))[::-1], [1] * N)
-    assert sound(damped(), raw).wiring == Wiring(tuple(range(N))[::-1], (1,) * N)
-    assert ordered(raw, None) is raw
+    assert preprocess(damped(), raw).wiring == Wiring(tuple(range(N))[::-1], (1,) * N)
+    assert in_order(raw, None) is raw
 
 
 def test_a_recording_too_short_for_it_says_nothing(log):

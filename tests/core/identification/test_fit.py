@@ -13,7 +13,7 @@ from recordings import DAMPING, damped, moved, noisy
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from hydro.core.diagnosis.extend import extended
+from hydro.core.diagnosis.findings import extended
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import candidate

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import in_file, steadied
+from hydro.core.identification.prior import in_file, shrunk_to_prior
 
 FILE = msgspec.structs.replace(
     synthetic.vehicle(),
@@ -24,7 +24,7 @@ UNKNOWN = free(FILE, ["quadratic_damping", "net_buoyancy"])
 VALUES = np.array([120.0, 150.0, 0.0, 12.0, 15.0, 33.0, 4.0])
 
 
-def told(errors) -> Normal:
+def estimated(errors) -> Normal:
     """A problem whose estimates have these standard errors in the entries' units, uncorrelated."""
     matrix = np.diag((UNKNOWN.scales / np.asarray(errors)) ** 2)
     gram = np.zeros((1, 8, 8))
@@ -33,14 +33,14 @@ def told(errors) -> Normal:
 
 
 def test_what_is_plain_stays_as_it_is_fitted():
-    found = steadied(UNKNOWN, VALUES, told(np.maximum(np.abs(VALUES), 1.0) * 1e-3), FILE)
+    found = shrunk_to_prior(UNKNOWN, VALUES, estimated(np.maximum(np.abs(VALUES), 1.0) * 1e-3), FILE)
     np.testing.assert_allclose(found, VALUES, rtol=1e-5, atol=1e-3)
 
 
 def test_what_is_not_shown_is_as_in_the_file():
     errors = np.full(7, 1e-3)
     errors[2] = 3000.0  # quadratic damping of heave, fitted to 0
-    found = steadied(UNKNOWN, VALUES, told(errors), FILE)
+    found = shrunk_to_prior(UNKNOWN, VALUES, estimated(errors), FILE)
     assert found[2] == pytest.approx(300.0, rel=0.05)
     np.testing.assert_allclose(np.delete(found, 2), np.delete(VALUES, 2), rtol=1e-5)
 
@@ -49,7 +49,7 @@ def test_what_is_not_shown_is_as_in_the_file():
 def test_a_value_lies_between_the_file_and_the_fit(error, fitted):
     values = VALUES.copy()
     values[0] = fitted
-    found = steadied(UNKNOWN, values, told(np.full(7, error)), FILE)[0]
+    found = shrunk_to_prior(UNKNOWN, values, estimated(np.full(7, error)), FILE)[0]
     low, high = sorted((100.0, fitted))
     assert low - 1e-6 <= found <= high + 1e-6
 
@@ -57,11 +57,12 @@ def test_a_value_lies_between_the_file_and_the_fit(error, fitted):
 def test_a_file_ten_times_wrong_is_mended():
     values = VALUES.copy()
     values[0] = 1000.0
-    found = steadied(UNKNOWN, values, told(np.full(7, 100.0)), FILE)  # ten standard errors from nothing
+    ten_errors_from_nothing = estimated(np.full(7, 100.0))
+    found = shrunk_to_prior(UNKNOWN, values, ten_errors_from_nothing, FILE)
     assert found[0] == pytest.approx(1000.0, rel=0.02)
 
 
 def test_new_effects_have_nothing_in_the_file():
-    found = steadied(UNKNOWN, VALUES, told(np.full(7, 2.0)), FILE)
+    found = shrunk_to_prior(UNKNOWN, VALUES, estimated(np.full(7, 2.0)), FILE)
     assert found[6] == VALUES[6]
     np.testing.assert_array_equal(in_file(FILE, UNKNOWN.entries), [100, 200, 300, 10, 20, 30, 0])

@@ -9,8 +9,8 @@ import synthetic
 from recordings import found, log, spoilt
 
 from hydro.core.recording.arrays import Recording, recording
-from hydro.core.recording.dead_reckoning import gone, rate_bias
-from hydro.core.recording.sensor_faults import freed
+from hydro.core.recording.dead_reckoning import pose_error, rate_bias
+from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.simulation.sensor_noise import PROFILES, Noise
 
 
@@ -20,8 +20,8 @@ def read(raw: pl.DataFrame) -> Recording:
 
 def test_without_noise_pose_and_velocities_go_the_same_way():
     record = read(log(Noise()))
-    for apart in gone(record, record.nu):
-        assert np.abs(apart - apart[0]).max() < 2e-3
+    for error in pose_error(record, record.nu):
+        assert np.abs(error - error[0]).max() < 2e-3
 
 
 @pytest.mark.parametrize("noise", [Noise(), *PROFILES.values()])
@@ -33,13 +33,14 @@ def test_rates_without_a_bias_have_none_whatever_their_scale_is(noise):
 
 
 @pytest.mark.parametrize("noise", list(PROFILES.values()))
-def test_a_gyro_s_bias_is_found_told_and_taken_off(noise):
+def test_a_gyro_s_bias_is_found_reported_and_taken_off(noise):
     raw = log(noise)
     wrong = spoilt(raw, p=raw["p"].to_numpy() + 0.02, r=raw["r"].to_numpy() - 0.01)
     assert rate_bias(read(wrong)) == pytest.approx([0.02, 0.0, -0.01], abs=1e-3)
-    kept, (told,) = freed(synthetic.vehicle(), wrong)
-    assert (told.verdict, told.members) == ("log_fault", ("p", "r"))
-    assert told.advice.startswith("p reads +0.0")
+    corrected = without_faults(synthetic.vehicle(), wrong)
+    kept, (fault,) = corrected.raw, corrected.faults
+    assert fault.columns == ("p", "r")
+    assert fault.message.startswith("p reads +0.0")
     np.testing.assert_allclose(kept["p"], raw["p"], atol=1e-3)
     np.testing.assert_array_equal(kept["q"], raw["q"])
     assert not found(kept).all.any()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from recordings import ROWS, found, log, spoilt
 
 from hydro.core.recording.arrays import VELOCITY
-from hydro.core.recording.sensor_faults import CHANNELS, freed
+from hydro.core.recording.sensor_faults import CHANNELS, without_faults
 from hydro.core.simulation.sensor_noise import PROFILES, Noise
 
 ORDINARY = PROFILES["ordinary"]
@@ -34,9 +34,9 @@ def test_a_sound_log_has_no_faults_even_of_a_slow_sensor_that_is_held(noise, eve
 
 def test_a_sound_log_stays_as_it_is():
     raw = log()
-    same, told_of = freed(synthetic.vehicle(), raw)
-    assert same.equals(raw)
-    assert told_of == ()
+    log_as_is = without_faults(synthetic.vehicle(), raw)
+    assert log_as_is.raw.equals(raw)
+    assert log_as_is.faults == ()
 
 
 @pytest.mark.parametrize("noise", [Noise(), ORDINARY])
@@ -64,15 +64,15 @@ def test_readings_that_jump_away_and_back_are_found_and_bridged(rows, burst, siz
     jumps = found(spoilt(raw, **{column: values})).jumps
     np.testing.assert_array_equal(jumps[:, CHANNELS.index(column)], truth)
     assert np.count_nonzero(jumps) == truth.sum()
-    mended, told_of = freed(synthetic.vehicle(), spoilt(raw, **{column: values}))
+    corrected = without_faults(synthetic.vehicle(), spoilt(raw, **{column: values}))
+    mended, (fault,) = corrected.raw, corrected.faults
     assert mended.height == raw.height
     away = (mended[column] - raw[column]).to_numpy()
     assert np.abs(away).max() < 0.12  # six of the greatest noise, beside what the motion does in four rows
     assert not away[~truth].any()
-    (one,) = told_of
-    assert (one.verdict, one.members) == ("log_fault", (column,))
-    assert f"{truth.sum()} rows" in one.advice
-    assert f"session a at {raw['t'][kept[0]]:.2f} s" in one.advice
+    assert fault.columns == (column,)
+    assert f"{truth.sum()} rows" in fault.message
+    assert f"session a at {raw['t'][kept[0]]:.2f} s" in fault.message
 
 
 @pytest.mark.parametrize("every", [1, 10])
@@ -85,11 +85,12 @@ def test_a_sensor_that_stands_still_is_found_and_its_rows_are_left_out(every):
     where = np.flatnonzero(stills.any(axis=1))
     assert 1000 - every <= where.min()
     assert where.max() <= 1200 + every
-    mended, (one,) = freed(synthetic.vehicle(), spoilt(raw, **columns))
-    assert mended.height == ROWS - where.size
-    assert one.members == ("u", "v", "w")
-    assert "stand still" in one.advice
-    assert not found(mended).all.any()
+    corrected = without_faults(synthetic.vehicle(), spoilt(raw, **columns))
+    (fault,) = corrected.faults
+    assert corrected.raw.height == corrected.record.rows == ROWS - where.size
+    assert fault.columns == ("u", "v", "w")
+    assert "stand still" in fault.message
+    assert not found(corrected.raw).all.any()
 
 
 def test_velocities_in_coarse_steps_that_stand_still_are_refuted_by_the_position():
@@ -116,6 +117,6 @@ def test_a_jump_of_a_heading_near_half_a_turn_is_bridged_across_it():
     sound = psi + 1e-3 * np.random.default_rng(0).standard_normal(ROWS)
     broken = sound.copy()
     broken[700] -= 1.0
-    mended = freed(synthetic.vehicle(), spoilt(raw, psi=broken))[0]
+    mended = without_faults(synthetic.vehicle(), spoilt(raw, psi=broken)).raw
     turned = np.angle(np.exp(1j * (mended["psi"].to_numpy() - sound)))
     assert np.abs(turned).max() < 0.01

@@ -1,16 +1,22 @@
-"""Left-out sessions against least squares that was never shown them."""
+"""Ties and shares, left-out sessions against least squares that was never shown them, and doubts."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.left_out import Fitted, folds, left_out_costs, scores
+from hydro.core.diagnosis import confidence
+from hydro.core.diagnosis.confidence import Fitted, doubted, folds, left_out_costs, scores, shared
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.identification.normal_equations import Normal
 
 SHOTS, ROWS = 60, 40
 SESSION = np.repeat([0, 1, 2, 3], 15)
+RESAMPLED = 120
+rng = np.random.default_rng(0)
 
 
 def drawn(seed: int = 0, columns: int = 3) -> tuple[np.ndarray, np.ndarray]:
@@ -92,3 +98,76 @@ def test_shots_that_left_all_bounds_count_for_nobody():
     assert np.isfinite(np.delete(costs, 7)).all()
     nothing = fitted(columns[..., :0], columns @ [0.5, 0.0, 0.0] + noise)
     assert scores(nothing, {"there": model}, SESSION)["there"].share > 0.9
+
+
+@dataclass
+class Rival:
+    """Only what a selection reads of a model."""
+
+    penalised: np.ndarray
+    normal: Normal
+
+
+def rival(costs: np.ndarray) -> Rival:
+    gram = rng.standard_normal((RESAMPLED, 3, 3))
+    return Rival(
+        costs,
+        Normal(gram @ gram.transpose(0, 2, 1), 100, np.ones((RESAMPLED, 1)), np.zeros((RESAMPLED, 0, 3))),
+    )
+
+
+def test_equal_rivals_are_selected_as_often():
+    costs = rng.chisquare(100, RESAMPLED)
+    one, other = costs + rng.normal(0, 1, RESAMPLED), costs + rng.normal(0, 1, RESAMPLED)
+    other += one.sum() / RESAMPLED - other.sum() / RESAMPLED
+    found = confidence.selection_frequency({"a": rival(one), "b": rival(other)}, "a")
+    assert set(found) == {"a", "b"}
+    assert found["a"] == pytest.approx(0.5, abs=0.1)
+    assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_a_clear_winner_stands_alone():
+    costs = rng.chisquare(100, RESAMPLED)
+    found = confidence.selection_frequency({"worse": rival(costs + 5.0), "best": rival(costs)}, "best")
+    assert found == {"best": 1.0}
+
+
+def test_the_interval_of_a_share_covers_it_as_often_as_promised():
+    covered = []
+    for seed in range(150):
+        draw = np.random.default_rng(seed)
+        excess = draw.exponential(10.0, RESAMPLED)
+        gain = excess * draw.uniform(0.1, 0.5, RESAMPLED)
+        share, low, high = confidence.explained_share(gain, excess, 1)
+        assert low <= share <= high
+        covered.append(low <= 0.3 <= high)
+    assert np.mean(covered) > 0.88
+
+
+def test_a_share_lies_between_nothing_and_everything():
+    assert confidence.explained_share(np.full(RESAMPLED, 3.0), np.full(RESAMPLED, 2.0), 4) == (1.0, 1.0, 1.0)
+    assert confidence.explained_share(np.full(RESAMPLED, -1.0), np.full(RESAMPLED, 2.0), 4)[0] == 0.0
+
+
+@pytest.mark.parametrize(("rest", "sure"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
+def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, sure):
+    named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")
+    found = doubted(named, [Finding("none_of_the_known", share=rest)])
+    assert found.confidence == pytest.approx(sure)
+    assert ("fly without feedback" in found.advice) == (rest >= 0.15)
+
+
+def test_effects_that_stand_for_one_another_share_what_they_explain_together():
+    lag = Finding("missing", "thruster_lag", share=0.05, low=0.04, high=0.06)
+    delay = Finding("missing", "command_delay", share=0.07, low=0.06, high=0.08)
+    first, second = shared([lag, delay], 0.96)
+    assert first.share + second.share == pytest.approx(0.96)
+    assert first.share / second.share == pytest.approx(5 / 7)
+    assert "96% together" in first.advice
+    assert "adds 5%" in first.advice
+
+
+def test_effects_that_stand_for_themselves_keep_their_shares():
+    both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
+    assert shared(both, 1.0) == both
+    assert shared([], 0.0) == []

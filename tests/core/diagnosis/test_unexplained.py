@@ -1,4 +1,4 @@
-"""Steady wrenches tell a missing force from noise of any size."""
+"""Steady wrenches tell a missing force from noise of any size, and what is left grows as it does."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.diagnosis import slow
+from hydro.core.diagnosis import unexplained
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.multiple_shooting import aim
@@ -24,8 +24,8 @@ def known(datasets) -> Vehicle:
     return files.read(datasets / "vehicles" / "auv151.toml")[0]
 
 
-def left(believed: Vehicle, flown: Vehicle, *, noise: float, told: float) -> float:
-    """Share that steady wrenches explain of 60 s with `noise` SIGMA, of which `told` SIGMA are believed."""
+def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> float:
+    """Share that steady wrenches explain of 60 s with `noise` SIGMA, `trusted` SIGMA of it believed."""
     t = np.arange(3000) * 0.02
     commands = {f"cmd_{i}": 0.4 * np.sin((0.3 + 0.07 * i) * t + i) for i in range(1, 9)}
     still = dict.fromkeys((*POSE, *VELOCITY), 0.0) | {"z": 5.0}
@@ -36,20 +36,21 @@ def left(believed: Vehicle, flown: Vehicle, *, noise: float, told: float) -> flo
     logged = motion.select(*POSE, *VELOCITY).to_numpy()
     logged = logged + noise * SIGMA * np.random.default_rng(1).standard_normal(logged.shape)
     record = recording(motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])), believed)
-    problem = OutputError.of(aim(record, sigma=told * SIGMA), believed)
-    return slow.share(problem.linearise(believed, list(slow.pulled(believed)), [1.0] * slow.WRENCH))
+    problem = OutputError.of(aim(record, sigma=trusted * SIGMA), believed)
+    disturbed = list(unexplained.steadily_disturbed(believed))
+    return unexplained.steady_disturbance(problem.linearise(believed, disturbed, [1.0] * unexplained.WRENCH))
 
 
-@pytest.mark.parametrize("told", [1.0, 0.5, 3.0])
-def test_noise_of_any_size_is_no_force(known, told):
-    assert abs(left(known, known, noise=1.0, told=told)) < 0.01
+@pytest.mark.parametrize("trusted", [1.0, 0.5, 3.0])
+def test_noise_of_any_size_is_no_force(known, trusted):
+    assert abs(left(known, known, noise=1.0, trusted=trusted)) < 0.01
 
 
 def test_a_current_that_the_model_has_not_is_a_force(known):
     current = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1}
     flown = msgspec.structs.replace(known, effect=(*known.effect, current))
-    assert left(known, flown, noise=1.0, told=1.0) > 0.3
-    assert left(flown, flown, noise=1.0, told=1.0) < 0.01
+    assert left(known, flown, noise=1.0, trusted=1.0) > 0.3
+    assert left(flown, flown, noise=1.0, trusted=1.0) < 0.01
 
 
 def test_pulls_are_steady_forces_and_moments(known):
@@ -61,6 +62,13 @@ def test_pulls_are_steady_forces_and_moments(known):
     at_rest = accelerations(candidate(known), record, record.eta, record.nu)[0]
     pushed = [
         accelerations(candidate(one), record, record.eta, record.nu)[0] - at_rest
-        for one in slow.pulled(known)
+        for one in unexplained.steadily_disturbed(known)
     ]
     assert np.linalg.matrix_rank(np.array(pushed), tol=1e-9) == 6
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 2.0])
+def test_how_a_force_grows(power):
+    speed = np.random.default_rng(0).uniform(0.1, 1.5, 400)
+    assert unexplained.growth(speed, (3.0 * speed**power) ** 2) == pytest.approx(power, abs=0.1)
+    assert unexplained.growth(np.full(400, 0.5), np.ones(400)) is None

@@ -1,0 +1,251 @@
+"""How sure is a name?  Which effects explain a recording as well as the best, and how much does one explain.
+
+Whole blocks of shots are weighed at random (Bayesian bootstrap, Rubin 1981): how often would each rival win,
+and within what limits does the share lie.
+
+And how well does an effect explain sessions that it was not fitted to?  Each rival is fitted anew without one
+session at a time, by the linear problem about its fit, and predicts the session left out.  What is gained
+there is no matter of having many parameters, nor of one session that is like no other.  A recording of fewer
+than three sessions is cut into stretches that are left out instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.model import Model
+from hydro.core.errors import DataError
+from hydro.core.identification.levenberg_marquardt import PRIOR
+from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.recording.arrays import Array, Rows
+
+RESAMPLES = 2000
+TIED = 0.02
+"""Part of the resamples that a rival must win to be named beside the best."""
+INTERVAL = (0.025, 0.975)
+SESSIONS = 3
+"""Sessions from which whole sessions are left out."""
+STRETCHES = 6
+"""Stretches of equal length that are left out in turn where there are fewer."""
+CONFIRMED = 0.5
+"""Part of what an effect explains that it must explain of sessions left out, or else a warning is due."""
+OVERLAP = 0.7
+"""Part of what findings explain together below which the sum of what each adds tells that they overlap."""
+IMITATED = 0.5
+"""What no effect explains, in units of what a finding explains, from which it casts doubt on the finding."""
+
+
+def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -> dict[str, float]:
+    """Part of the resamples in which each rival explains most for its parameters.
+
+    Args:
+        rivals: A model for each effect.
+        best: The effect whose residuals say how long a block is.
+        seed: Of the weights.
+
+    Returns:
+        The best and all that are tied with it, the most frequent winner first.
+    """
+    size = max(block_length(rivals[best].normal.score), 2)
+    blocks = _blocks(np.stack([model.penalised for model in rivals.values()], axis=1), size)
+    winner = np.argmin(_weights(len(blocks), seed) @ blocks, axis=1)
+    part = dict(zip(rivals, np.bincount(winner, minlength=len(rivals)) / RESAMPLES, strict=True))
+    tied = [name for name in rivals if part[name] >= TIED or name == best]
+    return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
+
+
+def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> tuple[float, float, float]:
+    """What part of an error is explained, with its 95 % interval.
+
+    Args:
+        gain: Squared residual explained in each shot, (S,).
+        excess: Squared residual beyond the noise in each shot, (S,).
+        pieces: Shots that make one block.
+        seed: Of the weights.
+    """
+    blocks = _blocks(np.column_stack([gain, excess]), max(pieces, 1))
+    drawn = _weights(len(blocks), seed) @ blocks
+    ratio = np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-9), 0.0, 1.0)
+    middle = float(np.clip(gain.sum() / max(excess.sum(), 1e-9), 0.0, 1.0))
+    low, high = np.quantile(ratio, INTERVAL)
+    return middle, float(min(low, middle)), float(max(high, middle))
+
+
+def _blocks(values: Array, size: int) -> Array:
+    """Sums over blocks of `size` rows of (S, K)."""
+    sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
+    return sums
+
+
+def _weights(blocks: int, seed: int) -> Array:
+    return np.random.default_rng(seed).dirichlet(np.ones(blocks), RESAMPLES)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model at its fit.
+
+    Attributes:
+        normal: The problem about its values, in units of the entries' scales.
+        amounts: How far each entry has moved from where it is without data, in scales, (P,).
+    """
+
+    normal: Normal
+    amounts: Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a rival explains of sessions left out.
+
+    Attributes:
+        share: Part of the error beyond the noise that it removes, over all of them, with
+        low: the lower and
+        high: the upper end of its 95 % interval.
+        by_fold: The same of each session or stretch, in order; below 0 where it makes the error larger, and
+            NaN where there is no error beyond the noise.
+    """
+
+    share: float
+    low: float
+    high: float
+    by_fold: Array
+
+
+def folds(session: ArrayLike) -> Rows:
+    """What to leave out together: the number of a session, or of a stretch, for each shot.
+
+    Args:
+        session: Number of each shot's session, (S,), in the order of the recording.
+
+    Raises:
+        DataError: There are fewer than two shots.
+    """
+    numbers = np.asarray(session, np.int64)
+    if len(numbers) < 2:
+        raise DataError("one shot alone has nothing to be left out; record a longer session")
+    names, label = np.unique(numbers, return_inverse=True)
+    if len(names) >= SESSIONS:
+        return np.asarray(label, np.int64)
+    stretches = min(STRETCHES, len(numbers))
+    return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
+
+
+def left_out_costs(fitted: Fitted, fold: Rows) -> Array:
+    """Squared residual of each shot, predicted by the fit to all other folds, (S,).
+
+    Entries that only the fold left out tells of go back to where they are without data.
+
+    Args:
+        fitted: The model.
+        fold: What is left out with each shot, (S,), of `folds`.
+    """
+    matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
+    prior = np.full(len(fitted.amounts), PRIOR**-2)
+    seen = np.isfinite(costs)
+    total, sums = matrix[seen].sum(axis=0) + np.diag(prior), score[seen].sum(axis=0)
+    for number in np.unique(fold):
+        out = (fold == number) & seen
+        rest, pull = total - matrix[out].sum(axis=0), sums - score[out].sum(axis=0)
+        step = np.linalg.solve(rest, pull - prior * fitted.amounts)
+        costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step
+    return costs
+
+
+def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> dict[str, Score]:
+    """Share of the error of sessions left out that each rival removes.
+
+    Args:
+        first: The model without any of them, its own effects fitted.
+        rivals: The model with each effect, by its name, over the same shots.
+        session: Number of each shot's session, (S,).
+
+    Returns:
+        One score per rival, the best first.
+    """
+    fold = folds(session)
+    before = left_out_costs(first, fold)
+    found: dict[str, Score] = {}
+    for name, rival in rivals.items():
+        after = left_out_costs(rival, fold)
+        both = np.isfinite(before) & np.isfinite(after)
+        gain, excess = (before - after)[both], before[both] - first.normal.freedom
+        found[name] = Score(
+            *explained_share(gain, excess, block_length(rival.normal.score[both])),
+            _by_fold(gain, excess, fold[both], int(fold.max()) + 1),
+        )
+    return dict(sorted(found.items(), key=lambda item: -item[1].share))
+
+
+def _by_fold(gain: Array, excess: Array, fold: Rows, count: int) -> Array:
+    """Share of each fold."""
+    gained, left = (np.bincount(fold, weights=part, minlength=count) for part in (gain, excess))
+    return np.where(left > 0.0, gained / np.where(left > 0.0, left, 1.0), np.nan)
+
+
+def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -> str:
+    """A warning where sessions that an effect was not fitted to do not bear it out; empty where they do.
+
+    Only the effect's own entries are fitted anew: of what the file has beside it one session may tell alone.
+
+    Args:
+        effect: Its name.
+        without: The model without it.
+        model: The model with it.
+        session: Number of each shot's session, (S,).
+    """
+    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    before = Fitted(without.normal.of([]), np.zeros(0))
+    after = Fitted(model.normal.of(own), np.zeros(len(own)))
+    elsewhere = scores(before, {effect: after}, session)[effect].share
+    here = (without.normal.cost - model.normal.cost) / max(without.excess, 1e-9)
+    if elsewhere >= CONFIRMED * min(here, 1.0):
+        return ""
+    return (
+        f"; one session alone tells of it: left out, it is predicted {elsewhere:.0%} better, not {here:.0%}"
+    )
+
+
+def shared(findings: Sequence[Finding], together: float) -> list[Finding]:
+    """The findings with what they explain together parted among them, where one can stand in for another.
+
+    Then each adds little to the others, and all they add is far less than what they explain.
+
+    Args:
+        findings: Each with what it adds to the others as its share.
+        together: What all of them explain.
+    """
+    added = sum(finding.share for finding in findings)
+    if added >= OVERLAP * together or added <= 0.0:
+        return list(findings)
+    names, parted = " and ".join(finding.effect for finding in findings), []
+    for one in findings:
+        low, share, high = (value * together / added for value in (one.low, one.share, one.high))
+        warning = (
+            f"; {names} explain {together:.0%} together, and each can stand for most of it: this one adds "
+            f"{one.share:.0%} to the others"
+        )
+        parted.append(replace(one, share=share, low=low, high=min(high, 1.0), advice=one.advice + warning))
+    return parted
+
+
+def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
+    """The finding, with a warning and less confidence where what no effect explains is of its own size.
+
+    Where commands answer to a disturbance, as a pilot's or a controller's do to waves, the recording holds
+    the disturbance and the answer together, and inertia or damping seem to be other than they are.
+    """
+    rest = sum(one.share for one in remaining)
+    if rest < IMITATED * finding.share:
+        return finding
+    warning = (
+        f"; {rest:.0%} of the error no effect explains, and this one may stand for part of it: where the "
+        "commands answer to waves or the like, fly without feedback before you trust its values"
+    )
+    sure = finding.confidence * finding.share / (finding.share + rest)
+    return replace(finding, confidence=sure, advice=finding.advice + warning)

@@ -1,0 +1,114 @@
+"""A vehicle fitted to short shots, and what the fit leaves: what a search goes through, one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
+from hydro.core.identification.levenberg_marquardt import Problem, descend
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.parameters import Free, free
+from hydro.core.recording.arrays import Array
+from hydro.core.vehicle.description import Vehicle
+
+Wanted = Sequence[str | Mapping[str, Any]]
+"""Effects to fit: names in the catalogue, or tables with values to begin from."""
+
+COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
+SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vehicle in the course of the search.
+
+    Attributes:
+        unknown: Its free entries.
+        values: Their fitted values, (P,).
+        problem: The shots, their initial states moved along.
+        normal: The problem about the values, in units of the entries' scales.
+    """
+
+    unknown: Free
+    values: Array
+    problem: Problem
+    normal: Normal
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with the fitted values."""
+        return self.unknown.at(self.values)
+
+    @property
+    def costs(self) -> Array:
+        """Squared residual of each shot, (S,)."""
+        return np.asarray(self.normal.gram[:, -1, -1])
+
+    @property
+    def excess(self) -> float:
+        """Squared residual beyond the noise."""
+        return max(self.normal.cost - self.normal.residuals, 0.0)
+
+    @property
+    def excesses(self) -> Array:
+        """Squared residual of each shot beyond the noise, (S,)."""
+        beyond: Array = self.costs - self.normal.freedom
+        return beyond
+
+    @property
+    def penalised(self) -> Array:
+        """Costs of the shots with a fine for each parameter (Schwarz 1978, a shot as one observation), (S,).
+
+        Of two effects of which one can be all that the other is, the smaller is named unless both tell more.
+        """
+        fine = np.log(len(self.costs)) * len(self.values) * max(self.normal.chi2, 1.0)
+        penalised: Array = self.costs + fine / len(self.costs)
+        return penalised
+
+
+def fit_model(
+    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int, share: float = SLOW
+) -> Model:
+    """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
+
+    Args:
+        vehicle: The vehicle.
+        effects: What is fitted.
+        problem: The shots.
+        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
+        iterations: Steps at most; with 0 the values stay as they are.
+        share: Of what is left: a step that would take less ends the fit.
+
+    Raises:
+        DataError: The predicted motion diverges.
+    """
+    if effects:
+        unknown = free(vehicle, effects, reach=reach)
+        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
+    else:
+        unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
+        normal = problem.linearise(vehicle, [], [])
+    if not np.isfinite(normal.cost):
+        raise DataError(
+            "the vehicle's predicted motion diverges within two seconds; check its damping, "
+            "or begin with `hydro fit --effect linear_damping`"
+        )
+    return Model(unknown, values, problem, normal)
+
+
+def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    """Effects of the file that are fitted anew first: all but inertia, known best, and repeated ones."""
+    names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
+    several = repeated_effects(vehicle)
+    return tuple(name for name in names if CATALOGUE[name].kind != "inertia" and name not in several)
+
+
+def repeated_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
+    names = [str(effect["name"]) for effect in vehicle.effect]
+    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)

@@ -1,0 +1,50 @@
+"""What a diagnosis adds to a vehicle, and what it cannot add."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended, tables
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as files
+
+CURRENT = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.15}
+
+
+def tied() -> Diagnosis:
+    parameters, errors = {"v_N": 0.2, "v_E": -1e-7, "v_D": 0.0}, {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
+    members = ("ocean_current", "tether")
+    one = Finding("cannot_tell_apart", members[0], members, 0.8, 0.7, 0.9, 0.6, 0.001, parameters, errors)
+    return Diagnosis((one, Finding("not_excited", "body_lift", ("body_lift",))), Vehicle, (9.0, 5.0, 1.0))
+
+
+def test_what_a_diagnosis_adds():
+    (table,) = tables(tied().frame())
+    assert table == {
+        "name": "ocean_current",
+        "v_N": 0.2,
+        "v_E": -1e-7,
+        "v_D": 0.0,
+        "standard_error": {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01},
+    }
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [("tether", "tied with ocean_current"), ("payload", "no finding payload"), ("body_lift", "no finding")],
+)
+def test_what_it_cannot_add(wanted, words):
+    with pytest.raises(DataError, match=words):
+        tables(tied().frame(), [wanted])
+
+
+def test_tables_take_the_place_of_their_name(datasets):
+    known = files.read(datasets / "vehicles" / "auv151.toml")[0]
+    matrix = np.eye(6).tolist()
+    new = extended(known, [CURRENT, {"name": "linear_damping", "diagonal": None, "matrix": matrix}])
+    assert new.effects("linear_damping") == ({"name": "linear_damping", "matrix": matrix},)
+    assert new.effects("ocean_current") == (CURRENT,)
+    assert msgspec.structs.replace(new, effect=known.effect) == known
