@@ -34,6 +34,7 @@ from hydro.core.diagnosis.search import (
     own_effects,
 )
 from hydro.core.diagnosis.sensor_tests import kinematic_tests
+from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
@@ -142,7 +143,7 @@ def aimed(vehicle: Vehicle, record: Recording) -> OutputError:
             return OutputError(multiple_shooting.some(problem.shots, kept))
     raise DataError(
         f"the vehicle's predicted motion grows beyond all bounds within {SECONDS[-1]:g} s; check its "
-        "damping, or begin with `hydro fit --effect linear_damping`"
+        f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
     )
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
 from hydro.core.diagnosis.sensor_tests import KinematicTest, shown, vetoed
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, descend, linear_step, moved
@@ -377,7 +378,7 @@ def fitted(
     if not np.isfinite(normal.cost):
         raise DataError(
             "the vehicle's predicted motion grows beyond all bounds within two seconds; check its damping, "
-            "or begin with `hydro fit --effect linear_damping`"
+            f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return Model(unknown, values, problem, normal)
 

@@ -12,25 +12,23 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
+from hydro.core.effects.surroundings import steady_pull
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.recording.arrays import Array
 from hydro.core.vehicle.description import Vehicle
 
-FAR = 1e4
-"""Distance of an anchor whose pull is as good as steady [m]."""
 LITTLE = 0.01  # of the vehicle's weight
 WRENCH = 6
 
 
 def pulled(vehicle: Vehicle) -> Iterator[Vehicle]:
     """The vehicle under a small steady pull: three at CO along north, east and down, three off CO."""
-    pull = LITTLE * vehicle.rigid_body.mass * vehicle.environment.gravity / FAR
+    pull = LITTLE * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for arm in (0.0, lever):
         for way in range(3):
-            anchor, attachment = FAR * np.eye(3)[way], arm * np.eye(3)[(way + 1) % 3]
-            cable = {"k": pull, "slack": 0.0, "attachment": attachment.tolist(), "anchor": anchor.tolist()}
-            yield msgspec.structs.replace(vehicle, effect=(*vehicle.effect, {"name": "tether"} | cable))
+            table = steady_pull(pull, np.eye(3)[way], arm * np.eye(3)[(way + 1) % 3])
+            yield msgspec.structs.replace(vehicle, effect=(*vehicle.effect, table))
 
 
 def share(normal: Normal) -> float:
