@@ -111,6 +111,7 @@ LINEAR_DAMPING = Effect(
     advice=Advice(parted_by=(COASTING,)),
     roles=frozenset({Role.HULL_WATER}),
 )
+
 EFFECTS = (
     LINEAR_DAMPING,
     Effect(

@@ -104,6 +104,7 @@ ADDED_MASS = Effect(
     advice=Advice(parted_by=(CHIRP,)),
     roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING}),
 )
+
 EFFECTS = (
     ADDED_MASS,
     Effect(

@@ -120,4 +120,5 @@ FLUID_MEMORY = Effect(
     advice=Advice(parted_by=(CHIRP,)),
     roles=frozenset({Role.HULL_WATER}),
 )
+
 EFFECTS = (FLUID_MEMORY,)

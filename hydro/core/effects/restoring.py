@@ -130,6 +130,7 @@ PAYLOAD = Effect(
     identification=Identification(starts=light_or_heavy, coarse=payloads),
     advice=Advice(parted_by=(TILTS,)),
 )
+
 EFFECTS = (
     Effect(
         name="net_buoyancy",

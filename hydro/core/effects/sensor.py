@@ -126,6 +126,7 @@ SENSOR_DELAY = Effect(
     kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
     advice=Advice(parted_by=(DISTANCES, CHIRP), saying=a_sample_late),
 )
+
 EFFECTS = (
     Effect(
         name="sensor_scale",

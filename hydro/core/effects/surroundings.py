@@ -223,6 +223,7 @@ SURFACE_SUCTION = Effect(
     ),
     advice=Advice(parted_by=(TILTS,)),
 )
+
 EFFECTS = (
     Effect(
         name="ocean_current",
