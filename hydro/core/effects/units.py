@@ -7,6 +7,7 @@ L, at speeds about 1 m/s: what is left of metres and seconds beside them counts 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -46,10 +47,10 @@ def dimension(unit: str) -> Dimension:
     total = np.zeros(4, int)
     for place, part in enumerate(unit.split("/")):
         for factor in part.split() or [""]:
-            name, _, power = factor.partition("^")
-            if name not in BASE or not (power or "1").isdigit():
+            read = re.fullmatch(r"(\w+)(?:\^(\d+))?", factor)
+            if read is None or read[1] not in BASE:
                 raise ValueError(f"unit {unit!r}: {factor!r} is none of {', '.join(BASE)} with a whole power")
-            total += (-1 if place else 1) * int(power or "1") * np.array(BASE[name])
+            total += (-1 if place else 1) * int(read[2] or "1") * np.array(BASE[read[1]])
     return Dimension(*(int(power) for power in total))
 
 
