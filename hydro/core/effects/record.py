@@ -94,7 +94,7 @@ class Parameter:
         size = self.scale[part] if self.scale else None
         if size is None:
             return plain_size(self.unit[part], vehicle)
-        return size if isinstance(size, float) else size(vehicle)
+        return size(vehicle) if callable(size) else size
 
     def _part(self, index: Index) -> int:
         """Which of the units an entry has."""
