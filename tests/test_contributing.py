@@ -9,8 +9,10 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -54,7 +56,7 @@ def run(copy: Path, *line: object) -> str:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -85,3 +87,67 @@ def test_its_closed_form_holds_and_a_vehicle_file_flies_with_it(copy: Path) -> N
         run(copy, "-m", "hydro.cli", "simulate", name, "commands.parquet", "-o", "raw.parquet")
         speeds.append(pl.read_parquet(copy / "raw.parquet")["u"][-1])
     assert 0.1 < speeds[1] < 0.9 * speeds[0]
+
+
+CUBIC = [300.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+NOISE = {**dict.fromkeys("xyz", 0.01), **dict.fromkeys("uvw", 0.005)}
+"""Standard deviations [m, m/s] of position and velocity; of angles and rates 0.001."""
+
+
+@pytest.fixture(scope="module")
+def recorded(copy: Path) -> Path:
+    """80 s at 25 Hz of a vehicle with the new effect, from rest to full speed on every axis, with noise."""
+    vehicle = (copy / "datasets" / "vehicles" / "auv151.toml").read_text()
+    (copy / "hidden.toml").write_text(f'{vehicle}\n[[effect]]\nname = "cubic_damping"\ndiagonal = {CUBIC}\n')
+    t = np.arange(2000) * 0.04
+    ahead = 0.9 * np.sin(2.0 * np.pi * t / 27.0) * (0.4 + 0.6 * np.sin(2.0 * np.pi * t / 80.0) ** 2)
+    commands = {
+        f"cmd_{i + 1}": (ahead if i < 4 else 0.0) + 0.3 * np.sin(2.0 * np.pi * t / (5.0 + 1.3 * i) + i)
+        for i in range(8)
+    }
+    pl.DataFrame({"session": ["a"] * len(t), "t": t, **commands}).write_parquet(copy / "flown.parquet")
+    run(copy, "-m", "hydro.cli", "simulate", "hidden.toml", "flown.parquet", "-o", "motion.parquet")
+    motion, rng = pl.read_parquet(copy / "motion.parquet"), np.random.default_rng(1)
+    motion.with_columns(
+        pl.col(name) + NOISE.get(name, 0.001) * rng.standard_normal(len(t))
+        for name in motion.columns
+        if name not in ("session", "t", *commands)
+    ).write_parquet(copy / "measured.parquet")
+    return copy
+
+
+def near_the_truth(values: list[float], errors: list[float]) -> bool:
+    """Whether every axis is found within three standard errors."""
+    return bool((np.abs(np.array(values) - CUBIC) <= 3.0 * np.array(errors)).all())
+
+
+@pytest.mark.slow
+def test_a_fit_finds_its_values(recorded: Path) -> None:
+    fit = ("fit", "datasets/vehicles/auv151.toml", "measured.parquet", "--effect", "cubic_damping")
+    run(recorded, "-m", "hydro.cli", *fit, "-o", "fitted.toml")
+    table = tomllib.loads((recorded / "fitted.toml").read_text())["effect"][-1]
+    assert table["name"] == "cubic_damping"
+    assert near_the_truth(table["diagonal"], table["standard_error"]["diagonal"])
+
+
+@pytest.mark.slow
+def test_a_diagnosis_names_it_first(recorded: Path) -> None:
+    diagnose = ("diagnose", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "found.parquet")
+    run(recorded, "-m", "hydro.cli", *diagnose)
+    first = pl.read_parquet(recorded / "found.parquet").row(0, named=True)
+    assert first["verdict"] in ("missing", "cannot_tell_apart")
+    assert first["effect"] == "cubic_damping"
+    values, errors = (
+        tomllib.loads(f"t = {first[name]}")["t"]["diagonal"] for name in ("parameters", "standard_errors")
+    )
+    assert near_the_truth(values, errors)
+
+
+@pytest.mark.slow
+def test_an_explanation_adds_it(recorded: Path) -> None:
+    run(
+        recorded,
+        *("-m", "hydro.cli", "explain", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "study"),
+    )
+    added = tomllib.loads((recorded / "study" / "vehicle-1.toml").read_text())["effect"]
+    assert "cubic_damping" in [table["name"] for table in added]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.shell import STREAM, Output, about, noise_for, progress, refuse_terminal, write
+from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def collect(
         typer.Option(
             metavar="EFFECT",
             help="An effect that acts without standing in the vehicle file, such as "
-            "'ocean_current={v_N=0.3, v_E=0.1}'; repeat for several.",
+            f"'{examples.TO_HIDE}'; repeat for several.",
         ),
     ] = None,
     truth: Annotated[
@@ -132,8 +133,7 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
             given = {}
         if not given or not all(isinstance(values, dict) for values in given.values()):
             raise UsageError(
-                f"--hide {text!r}: not an effect with its parameters; write it like "
-                "'ocean_current={v_N=0.3, v_E=0.1}'"
+                f"--hide {text!r}: not an effect with its parameters; write it like '{examples.TO_HIDE}'"
             )
         for name, values in given.items():
             if name not in CATALOGUE:
@@ -162,6 +162,7 @@ def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], cont
     """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
     import tomlkit
 
+    from hydro.core.effects.inertia import ADDED_MASS
     from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION
     from hydro.io.files import write_bytes
 
@@ -174,7 +175,7 @@ def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], cont
         "skin_friction": SKIN_FRICTION,
         "facets": subject.facets.shape[1],
         "volume": subject.hull.volume,
-        "added_mass": subject.added_mass.tolist(),
+        ADDED_MASS.name: subject.added_mass.tolist(),
     }
     document.add("panel", tomlkit.item(panel))
     effects = tomlkit.aot()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.shell import STREAM, Measured, Output, about, noise_for, progress, read
+from hydro.core.effects import examples
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def fit(
         typer.Option(
             metavar="EFFECT",
             help="An effect to fit, by its name in `hydro effects`; with .matrix or the like where it has "
-            "several forms; as 'tether={anchor=[0, 0, 5]}' with values to begin from. Repeat for several.",
+            f"several forms; as '{examples.TO_FIT_FROM}' with values to begin from. Repeat for several.",
         ),
     ] = None,
     method: Annotated[
@@ -64,7 +65,7 @@ def fit(
     from hydro.io import vehicle as vehicles
 
     if not effect:
-        raise UsageError("fit: name what to fit, such as --effect linear_damping; see hydro effects")
+        raise UsageError(f"fit: name what to fit, such as --effect {examples.TO_FIT}; see hydro effects")
     wanted = [_wanted(text) for text in effect]
     sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
     known, text = vehicles.read(vehicle)
@@ -114,7 +115,7 @@ def _wanted(text: str) -> str | dict[str, Any]:
     except tomllib.TOMLDecodeError:
         table = None
     if not isinstance(table, dict):
-        raise UsageError(f"--effect {text!r}: not a name, nor a table like 'tether={{anchor=[0, 0, 5]}}'")
+        raise UsageError(f"--effect {text!r}: not a name, nor a table like '{examples.TO_FIT_FROM}'")
     return {**table, "name": name.strip()}
 
 
@@ -138,5 +139,5 @@ def _show(found: Fit) -> None:
 
 COMMANDS = {
     fit: "hydro fit datasets/stonefish/vehicle.toml datasets/stonefish/sample.parquet "
-    "--effect quadratic_damping -o vehicle2.toml",
+    f"--effect {examples.TO_FIT} -o vehicle2.toml",
 }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.shell import STREAM, Output, about, print_table, read, refuse_terminal, write
+from hydro.core.effects import examples
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -133,5 +134,5 @@ def _print_effect(effect: Effect) -> None:
 COMMANDS = {
     simulate: "hydro simulate datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
     "-o simulated.parquet",
-    effects: "hydro effects ocean_current",
+    effects: f"hydro effects {examples.TO_LOOK_UP}",
 }

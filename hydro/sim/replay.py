@@ -47,19 +47,19 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
-        water: Without a residual model: `none` of the water's effects, `added_mass` in the mass matrix,
+        water: Without a residual model: `none` of the water's effects, its `inertia` in the mass matrix,
             MuJoCo's own `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
 
     name: str
     model: str = "none"
     network: TrainedModel | None = None
-    water: Literal["none", "added_mass", "ellipsoid", "effects"] = "none"
+    water: Literal["none", "inertia", "ellipsoid", "effects"] = "none"
 
 
 BASELINES = (
     Variant("MJ0"),
-    Variant("MJ0+M_A", water="added_mass"),
+    Variant("MJ0+M_A", water="inertia"),
     Variant("MJ0+ellipsoid", water="ellipsoid"),
 )
 """MuJoCo with restoring forces and thrusters alone (C_RB is native), with M_A in its mass matrix besides, and
@@ -216,7 +216,7 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
         return residual(vehicle, network, effects=_needs_effects(variant.network))
     if variant.water == "effects":
         return wet(vehicle)
-    return dry(vehicle, added_mass=variant.water == "added_mass", ellipsoid=variant.water == "ellipsoid")
+    return dry(vehicle, added_mass=variant.water == "inertia", ellipsoid=variant.water == "ellipsoid")
 
 
 def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:

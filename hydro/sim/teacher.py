@@ -25,9 +25,11 @@ from numpy.typing import ArrayLike
 
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
+from hydro.core.effects.catalogue import with_role
+from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
-from hydro.core.effects.record import Array
+from hydro.core.effects.record import Array, Role
 from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import observe
 from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan
@@ -45,20 +47,8 @@ SUBSTEPS = 10
 """Integration steps per row: 500 Hz."""
 DEPTH = 50.0
 """Depth [m] by default: walks stray by some 20 m from the light hold, and should not break the surface."""
-REPLACED = frozenset(
-    {
-        "added_mass",
-        "added_mass_coupling",
-        "added_mass_coriolis",
-        "linear_damping",
-        "quadratic_damping",
-        "coupled_damping",
-        "crossflow_drag",
-        "cross_axis_drag",
-        "fluid_memory",
-    }
-)
-"""Effects of a file that panels and ellipsoid stand in for; `body_lift`, of fins, is not among them."""
+REPLACED = frozenset(with_role(Role.HULL_WATER))
+"""Effects of a file that panels and ellipsoid stand in for; the lift of fins is not among them."""
 MOTION_COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 Report = Callable[[int], None]
@@ -116,7 +106,7 @@ def teacher(
     _require_size(hull, vehicle)
     validate(vehicle)
     kept = [table for table in vehicle.effect if table["name"] not in REPLACED]
-    ellipsoid = {"name": "added_mass", "matrix": _ellipsoid_added_mass(vehicle).tolist()}
+    ellipsoid = {"name": ADDED_MASS.name, "matrix": _ellipsoid_added_mass(vehicle).tolist()}
     believed = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid))
     actual = msgspec.structs.replace(vehicle, effect=(*believed.effect, *(dict(table) for table in hidden)))
     validate(actual)

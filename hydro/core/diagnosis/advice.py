@@ -2,67 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
 
-ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
-QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
-PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
-
-MANOEUVRES: tuple[tuple[frozenset[str], str], ...] = (
-    (
-        frozenset({"ocean_current", "tether", "sensor_bias"}),
-        "hold one thrust and turn slowly through all headings: a current stays in the north and east, a "
-        "tether pulls toward its anchor, a bias turns with the vehicle",
-    ),
-    (
-        frozenset({"thruster_lag", "command_delay", "sensor_delay", "added_mass", "fluid_memory"}),
-        "a chirp on surge, sway and yaw from 0.05 to 2 Hz: lag, delay and added mass part in how they grow "
-        "with frequency",
-    ),
-    (
-        frozenset(
-            {
-                "added_mass_coriolis",
-                "body_lift",
-                "added_mass_coupling",
-                "coupled_damping",
-                "crossflow_drag",
-                "cross_axis_drag",
-                "sensor_lever_arm",
-            }
-        ),
-        "straight runs at several drift angles, at half and at full speed, then turns on the spot",
-    ),
-    (
-        frozenset({"net_buoyancy", "buoyancy_offset", "payload", "surface_suction"}),
-        "hold still at tilts of 10 to 20 degrees in roll and pitch, both ways, at two depths",
-    ),
-    (
-        frozenset({"sensor_scale", "sensor_misalignment", "sensor_bias", "sensor_delay", "ocean_current"}),
-        "straight runs ahead and sideways, there and back, over distances known from the pose",
-    ),
-    (
-        frozenset(
-            {
-                "thruster_gain",
-                "thruster_asymmetry",
-                "thruster_deadband",
-                "thruster_curve",
-                "thruster_inflow",
-                "linear_damping",
-                "quadratic_damping",
-            }
-        ),
-        "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust",
-    ),
-)
-"""Effects that are taken for one another, and the motion that parts them."""
 
 
 def separating(members: Sequence[str], flight: Flight | None = None) -> str:
@@ -74,7 +22,8 @@ def separating(members: Sequence[str], flight: Flight | None = None) -> str:
     """
     if flight is not None and flight.difference > 0.0:
         return f"to tell them apart: {_predicted(flight)}"
-    count, words = max((len(group & set(members)), words) for group, words in MANOEUVRES)
+    parted = Counter(motion for name in set(members) for motion in CATALOGUE[name].advice.parted_by)
+    count, words = max(((count, motion) for motion, count in parted.items()), default=(0, ""))
     if count >= 2:
         return f"to tell them apart: {words}"
     needs = "; ".join(f"for {name}, {CATALOGUE[name].excitation}" for name in members)
@@ -98,28 +47,11 @@ def _predicted(flight: Flight) -> str:
 
 
 def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
-    """What adding a missing effect means; a delay of a sample is none of the vehicle's."""
-    if effect in ("command_delay", "sensor_delay") and abs(float(parameters["d"])) <= ONE_SAMPLE * dt:
-        return (
-            "no more than one sample: most likely a convention of the log (whether a command is logged "
-            "before or after it acts), not the vehicle; settle it in the log before believing lag or delay"
-        )
-    if effect == "thruster_lag" and -HALF * dt <= float(parameters["dT"]) < 0.0:
-        return (
-            "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a "
-            "row, or integrates by Euler's rule at the log's rate; nothing of the vehicle, nothing to shift"
-        )
-    if effect == "thruster_lag" and -QUICKER * dt <= float(parameters["dT"]) < 0.0:
-        return (
-            "thrusters quicker by about one sample: most likely the log writes a command one row after it "
-            "acts; shift the command columns up by one row and diagnose again"
-        )
-    if effect == "thruster_curve" and abs(abs(float(parameters["da"])) - 1.0) < PLAIN:
-        curve = "quadratic" if float(parameters["da"]) > 0.0 else "linear"
-        return (
-            f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] of the file, and '
-            "diagnose again; `hydro add` does it as well"
-        )
+    """What adding a missing effect means, or what its record says that such values mean instead."""
+    saying = CATALOGUE[effect].advice.saying
+    words = saying(parameters, dt) if saying is not None else None
+    if words is not None:
+        return words
     return f"add it with `hydro add`; {CATALOGUE[effect].definition}"
 
 

@@ -32,6 +32,7 @@ from hydro.core.diagnosis.manoeuvres import best, plain, showing
 from hydro.core.diagnosis.model import fit_model, own_effects
 from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Progress, Search
 from hydro.core.diagnosis.unexplained import unexplained
+from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
@@ -113,7 +114,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
             return OutputError(multiple_shooting.some(problem.shots, stable))
     raise DataError(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
-        "damping, or begin with `hydro fit --effect linear_damping`"
+        f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
     )
 
 

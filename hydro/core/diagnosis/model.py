@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import Problem, descend
 from hydro.core.identification.normal_equations import Normal
@@ -96,7 +97,7 @@ def fit_model(
     if not np.isfinite(normal.cost):
         raise DataError(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
-            "or begin with `hydro fit --effect linear_damping`"
+            f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return Model(unknown, values, problem, normal)
 

@@ -32,11 +32,9 @@ from hydro.core.recording.arrays import Array, Recording, noise
 from hydro.core.vehicle.frames import rotation
 
 ENTRIES = {
-    "sensor_scale": ("axes", SCALE),
-    "sensor_misalignment": ("alpha", ANGLES),
-    "sensor_delay": ("d", slice(DELAY, DELAY + 1)),
-    "sensor_lever_arm": ("r", LEVER),
-    "sensor_bias": ("b", BIAS),
+    name: (effect.kinematics.parameter, effect.kinematics.place)
+    for name, effect in CATALOGUE.items()
+    if effect.kinematics is not None
 }
 """Parameter of each effect, and its place in the row that describes a velocity log."""
 
@@ -46,13 +44,6 @@ VETO = 1e-4
 """Probability of chance up to which a claim is refuted."""
 SEEN = 0.9
 """Probability with which an error as large as `KinematicTest.visible` shows."""
-NEGLIGIBLE = {
-    "sensor_scale": 0.005,
-    "sensor_misalignment": 0.005,
-    "sensor_lever_arm": 0.01,
-    "sensor_bias": 0.003,
-}
-"""Sizes [1, rad, m, m/s] that nobody would put right; of a delay, half a sample."""
 
 HORIZON = (0.25, 20.0)  # s, bounds of the time over which dead reckoning is trusted
 PIECE = 2.0  # s, of one piece of the normal equations
@@ -102,7 +93,8 @@ class KinematicTest:
     def table(self) -> dict[str, Any]:
         """The estimate as an `[[effect]]` table."""
         name = ENTRIES[self.effect][0]
-        value = float(self.estimate[0]) if name == "d" else self.estimate.tolist()
+        number = CATALOGUE[self.effect].parameter(name).shape == ()
+        value = float(self.estimate[0]) if number else self.estimate.tolist()
         return {"name": self.effect, name: value}
 
     @property
@@ -124,8 +116,8 @@ class KinematicTest:
 def shown(test: KinematicTest) -> bool:
     """Whether kinematics shows an effect clearly: by more than chance, and by more than does not matter."""
     size, error = test.estimate, test.standard_error
-    if test.effect == "sensor_delay" and size[0] < 0.0:  # the pose is late, not the log
-        return False
+    if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
+        return False  # what no log can have: the pose is late, not the log
     clear = np.abs(size) > test.negligible + norm.isf(0.5 * SHOWN) * error
     return test.p_value <= SHOWN and bool(clear.any())
 
@@ -176,10 +168,17 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
     rough = ROUGH if (sigma[:3] > RARE * given[:3]).any() else 1.0
     return {
         name: KinematicTest(
-            name, log[place], spread[place, place], blocks, rough * NEGLIGIBLE.get(name, 0.5 * record.dt)
+            name, log[place], spread[place, place], blocks, rough * _negligible(name, record.dt)
         )
         for name, (_, place) in ENTRIES.items()
     }
+
+
+def _negligible(effect: str, dt: float) -> float:
+    """Size of an error that nobody would put right; half a sample where the record has none."""
+    kinematics = CATALOGUE[effect].kinematics
+    size = kinematics.negligible if kinematics is not None else None
+    return 0.5 * dt if size is None else size
 
 
 def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, Normal]:

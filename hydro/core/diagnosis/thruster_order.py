@@ -17,8 +17,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from hydro.core.diagnosis.model import own_effects
+from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
+from hydro.core.effects.record import Role
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
@@ -34,7 +36,7 @@ GROSS = 0.5
 """Part of what the accelerations leave unexplained that another order of the columns must explain."""
 MOSTLY = 0.75
 """Part of the recording's stretches in which it must do so."""
-BESIDE = ("ocean_current", "net_buoyancy", "buoyancy_offset", "added_mass", "coupled_damping")
+BESIDE = with_role(Role.OFTEN_LACKING)
 """Effects that a file often lacks, so that they do not hide an exchange."""
 REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""

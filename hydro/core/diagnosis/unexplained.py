@@ -17,6 +17,7 @@ from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Baseline, Outcome
+from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.misfit import Misfit, Motion, force
 from hydro.core.evaluation.regimes import Pieces, families
@@ -29,8 +30,6 @@ STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be a finding."""
 LEFT = 0.05
 """Share of the error beyond the noise which it must reach besides."""
-DISTANCE = 1e4
-"""Of an anchor whose pull is as good as steady [m]."""
 PULL = 0.01  # of the vehicle's weight
 WRENCH = 6
 LEAST_PIECES = 50
@@ -79,13 +78,12 @@ def _steady_share(model: Model) -> float:
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
     """The vehicle under a small steady pull: three at CO along north, east and down, three off CO."""
-    pull = PULL * vehicle.rigid_body.mass * vehicle.environment.gravity / DISTANCE
+    pull = PULL * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
     for arm in (0.0, lever):
         for way in range(3):
-            anchor, attachment = DISTANCE * np.eye(3)[way], arm * np.eye(3)[(way + 1) % 3]
-            cable = {"k": pull, "slack": 0.0, "attachment": attachment.tolist(), "anchor": anchor.tolist()}
-            yield msgspec.structs.replace(vehicle, effect=(*vehicle.effect, {"name": "tether"} | cable))
+            cable = steady_pull(pull, np.eye(3)[way], arm * np.eye(3)[(way + 1) % 3])
+            yield msgspec.structs.replace(vehicle, effect=(*vehicle.effect, cable))
 
 
 def steady_disturbance(normal: Normal) -> float:

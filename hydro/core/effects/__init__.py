@@ -1,19 +1,26 @@
-"""The catalogue of physical effects: one family per file, one record and one kernel per effect."""
+"""The catalogue of physical effects: one family per file, one record and one kernel per effect.
+
+What is named here is loaded when it is first asked for, so that `core.effects.examples` loads nothing.
+"""
 
 from __future__ import annotations
 
-from hydro.core.effects.catalogue import (
-    CATALOGUE,
-    added_mass_matrix,
-    current,
-    inertia_matrix,
-    thruster_table,
-    velocity_log,
-)
-from hydro.core.effects.columns import effect_forces, effect_wrenches
-from hydro.core.effects.program import Program, assemble
-from hydro.core.effects.record import Effect, Parameter
-from hydro.core.effects.validate import validate
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hydro.core.effects.catalogue import (
+        CATALOGUE,
+        added_mass_matrix,
+        current,
+        inertia_matrix,
+        thruster_table,
+        velocity_log,
+    )
+    from hydro.core.effects.columns import effect_forces, effect_wrenches
+    from hydro.core.effects.program import Program, assemble
+    from hydro.core.effects.record import Effect, Parameter
+    from hydro.core.effects.sums import validate
 
 __all__ = [
     "CATALOGUE",
@@ -30,3 +37,17 @@ __all__ = [
     "validate",
     "velocity_log",
 ]
+
+_MODULES = ("record", "catalogue", "columns", "program", "sums")
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """The first of the modules that has it."""
+        if name in __all__:
+            for module in _MODULES:
+                found = import_module(f"{__name__}.{module}")
+                if hasattr(found, name):
+                    globals()[name] = getattr(found, name)
+                    return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,8 +6,27 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from hydro.core.effects.record import Array, Effect, Fill, Parameter
+from collections.abc import Mapping
+from typing import Any
+
+from hydro.core.effects.parting import CHIRP, COASTING
+from hydro.core.effects.record import (
+    Advice,
+    Array,
+    Effect,
+    Fill,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+)
+from hydro.core.effects.sayings import a_sample_late
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
+
+LEAST_POWER, MOST_POWER = 0.5, 4.0
+"""Bounds of the power of a thrust curve."""
+QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
+PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 
 
 def thruster_gain(p: Array, table: Array) -> None:
@@ -53,6 +72,57 @@ def thruster_inflow(p: Array, table: Array) -> None:
     table[:, INFLOW] += p[0]
 
 
+def possible_lag(index: Index, rest: Rest) -> tuple[float, float]:
+    """Down to no lag, or as near as the source's own steps come; up to 3 s."""
+    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in rest.vehicle.thruster]
+    return -max(min(shortest, default=0.0), 0.0), 3.0
+
+
+def possible_delay(index: Index, rest: Rest) -> tuple[float, float]:
+    """Down to no delay, up to 2 s."""
+    return -min((t.delay for t in rest.vehicle.thruster), default=0.0), 2.0
+
+
+def possible_band(index: Index, rest: Rest) -> tuple[float, float]:
+    """From no dead band to nine tenths of the command."""
+    bands = [t.deadband for t in rest.vehicle.thruster] or [0.0]
+    return -min(bands), 0.9 - max(bands)
+
+
+def possible_power(index: Index, rest: Rest) -> tuple[float, float]:
+    """Powers of the curve from the root to the fourth."""
+    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in rest.vehicle.thruster] or [1.0]
+    return LEAST_POWER - min(powers), MOST_POWER - max(powers)
+
+
+def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
+    """A lag that is less by up to a sample and a half is the log's doing."""
+    quicker = -float(parameters["dT"])
+    if 0.0 < quicker <= HALF * dt:
+        return (
+            "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a "
+            "row, or integrates by Euler's rule at the log's rate; nothing of the vehicle, nothing to shift"
+        )
+    if 0.0 < quicker <= QUICKER * dt:
+        return (
+            "thrusters quicker by about one sample: most likely the log writes a command one row after it "
+            "acts; shift the command columns up by one row and diagnose again"
+        )
+    return None
+
+
+def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
+    """A whole power is the other curve that a file can name."""
+    power = float(parameters["da"])
+    if abs(abs(power) - 1.0) >= PLAIN:
+        return None
+    curve = "quadratic" if power > 0.0 else "linear"
+    return (
+        f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] of the file, and '
+        "diagnose again; `hydro add` does it as well"
+    )
+
+
 def _effect(
     name: str,
     fill: Fill,
@@ -61,6 +131,8 @@ def _effect(
     excitation: str,
     lookalikes: tuple[str, ...],
     parameter: Parameter,
+    advice: Advice,
+    identification: Identification = Identification(),  # noqa: B008
 ) -> Effect:
     """An actuator effect: all have one parameter and one function."""
     return Effect(
@@ -73,6 +145,8 @@ def _effect(
         lookalikes=lookalikes,
         parameters=(parameter,),
         actuator=fill,
+        advice=advice,
+        identification=identification,
     )
 
 
@@ -85,6 +159,7 @@ EFFECTS = (
         "every thruster used apart from the others",
         ("quadratic_damping", "thruster_asymmetry", "buoyancy_offset"),
         Parameter("g", ("1",), "relative gain of each thruster", ("thrusters",), low=-1.0, required=True),
+        Advice(parted_by=(COASTING,)),
     ),
     _effect(
         "thruster_asymmetry",
@@ -94,6 +169,7 @@ EFFECTS = (
         "thrust of both signs on every thruster",
         ("thruster_gain", "net_buoyancy"),
         Parameter("a", ("1",), "share of reverse thrust lost", high=1.0),
+        Advice(parted_by=(COASTING,)),
     ),
     _effect(
         "thruster_lag",
@@ -102,7 +178,8 @@ EFFECTS = (
         "Yoerger, Cooke and Slotine (1990)",
         "steps and fast sweeps of the commands",
         ("command_delay", "added_mass", "fluid_memory"),
-        Parameter("dT", ("s",), "added time constant"),
+        Parameter("dT", ("s",), "added time constant", limits=possible_lag),
+        Advice(parted_by=(CHIRP,), saying=a_sample_early),
     ),
     _effect(
         "command_delay",
@@ -111,7 +188,9 @@ EFFECTS = (
         "pure transport delay",
         "steps and fast sweeps of the commands",
         ("thruster_lag", "sensor_delay"),
-        Parameter("d", ("s",), "added delay"),
+        Parameter("d", ("s",), "added delay", limits=possible_delay),
+        Advice(parted_by=(CHIRP,), saying=a_sample_late),
+        Identification(step=1e-2),
     ),
     _effect(
         "thruster_deadband",
@@ -120,7 +199,17 @@ EFFECTS = (
         "Yoerger, Cooke and Slotine (1990); paper (10)",
         "small commands of both signs",
         ("thruster_gain", "linear_damping"),
-        Parameter("d", ("1",), "added half-width of the dead band", low=-1.0, high=1.0),
+        Parameter(
+            "d",
+            ("1",),
+            "added half-width of the dead band",
+            low=-1.0,
+            high=1.0,
+            scale=(0.1,),
+            limits=possible_band,
+        ),
+        Advice(parted_by=(COASTING,)),
+        Identification(step=5e-2, resolution=1e-4),
     ),
     _effect(
         "thruster_curve",
@@ -129,7 +218,13 @@ EFFECTS = (
         "Fossen (2011), section 12.3 (thrust and the square of propeller speed)",
         "commands from small to full on every thruster",
         ("thruster_gain", "thruster_deadband", "quadratic_damping"),
-        Parameter("da", ("1",), "added to the power of the curve: 1 makes a linear one quadratic"),
+        Parameter(
+            "da",
+            ("1",),
+            "added to the power of the curve: 1 makes a linear one quadratic",
+            limits=possible_power,
+        ),
+        Advice(parted_by=(COASTING,), saying=another_curve),
     ),
     _effect(
         "thruster_inflow",
@@ -139,5 +234,6 @@ EFFECTS = (
         "the same thrust at several speeds, ahead and astern",
         ("linear_damping", "quadratic_damping"),
         Parameter("c", ("s/m",), "relative loss per speed at full thrust"),
+        Advice(parted_by=(COASTING,)),
     ),
 )

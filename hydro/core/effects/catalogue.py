@@ -8,13 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
-from hydro.core.effects.record import Array, Effect
+from hydro.core.effects.record import Array, Effect, Role
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
 FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
+
+
+def with_role(role: Role) -> tuple[str, ...]:
+    """Names of the effects that have a role."""
+    return tuple(name for name, effect in CATALOGUE.items() if role in effect.roles)
 
 
 class Entry(NamedTuple):

@@ -6,12 +6,18 @@ therefore positive for a force that opposes motion.
 
 from __future__ import annotations
 
+import math
+
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import COASTING, DRIFT
+from hydro.core.effects.record import Advice, Array, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.units import of_mass, of_moment
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
+FRICTION = (of_mass(0.3), of_moment(0.5))  # plain in a linear damping
+FRICTION_MATRIX = (FRICTION[0], None, FRICTION[1])
 ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
 
 
@@ -74,22 +80,40 @@ def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
                 k += 1
 
 
-EFFECTS = (
-    Effect(
-        name="linear_damping",
-        family="damping",
-        kind="wrench",
-        definition="-D_L nu_r",
-        source="Fossen (2011), section 6.4",
-        excitation="slow motion on every axis, and coasting down",
-        lookalikes=("quadratic_damping", "thruster_inflow", "fluid_memory"),
-        parameters=(
-            Parameter("diagonal", ("N s/m", "N m s"), "diagonal of D_L", (6,)),
-            Parameter("matrix", LINEAR, "all of D_L", (6, 6)),
+def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
+    """Nothing on the diagonal that would leave it below 0 in sum with the rest of the file."""
+    if len(set(index)) > 1:
+        return -math.inf, math.inf
+    return -float(rest.linear[index[0], index[0]]), math.inf
+
+
+def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
+    """Likewise of quadratic damping."""
+    return -float(rest.quadratic[index[0]]), math.inf
+
+
+LINEAR_DAMPING = Effect(
+    name="linear_damping",
+    family="damping",
+    kind="wrench",
+    definition="-D_L nu_r",
+    source="Fossen (2011), section 6.4",
+    excitation="slow motion on every axis, and coasting down",
+    lookalikes=("quadratic_damping", "thruster_inflow", "fluid_memory"),
+    parameters=(
+        Parameter(
+            "diagonal", ("N s/m", "N m s"), "diagonal of D_L", (6,), scale=FRICTION, limits=keeps_linear
         ),
-        one_of=("diagonal", "matrix"),
-        kernel=linear,
+        Parameter("matrix", LINEAR, "all of D_L", (6, 6), scale=FRICTION_MATRIX, limits=keeps_linear),
     ),
+    one_of=("diagonal", "matrix"),
+    kernel=linear,
+    advice=Advice(parted_by=(COASTING,)),
+    roles=frozenset({Role.HULL_WATER}),
+)
+
+EFFECTS = (
+    LINEAR_DAMPING,
     Effect(
         name="quadratic_damping",
         family="damping",
@@ -104,8 +128,20 @@ EFFECTS = (
             "thruster_inflow",
             "thruster_gain",
         ),
-        parameters=(Parameter("diagonal", ("N s^2/m^2", "N m s^2"), "diagonal of D_Q", (6,), required=True),),
+        parameters=(
+            Parameter(
+                "diagonal",
+                ("N s^2/m^2", "N m s^2"),
+                "diagonal of D_Q",
+                (6,),
+                required=True,
+                scale=(of_mass(1.0), of_moment(1.0)),
+                limits=keeps_quadratic,
+            ),
+        ),
         kernel=quadratic,
+        advice=Advice(parted_by=(COASTING,)),
+        roles=frozenset({Role.HULL_WATER}),
     ),
     Effect(
         name="coupled_damping",
@@ -117,6 +153,8 @@ EFFECTS = (
         lookalikes=("body_lift", "crossflow_drag", "added_mass_coupling", "sensor_lever_arm"),
         parameters=tuple(Parameter(f"D{i}{j}", ("N s",), f"D[{i},{j}]") for i, j in COUPLED),
         kernel=coupled,
+        advice=Advice(parted_by=(DRIFT,)),
+        roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING, Role.COUPLING}),
     ),
     Effect(
         name="cross_axis_drag",
@@ -132,9 +170,13 @@ EFFECTS = (
                 ("N s^2/m^2" if i < 3 else "N s^2",),
                 f"{'XYZKMN'[i]} per abs({'uvw'[j]}) {'uvwpqr'[i]}",
                 low=0.0,
+                # A moment per rate and speed, not one per speed squared.
+                scale=(of_mass(1.0) if i < 3 else of_moment(1.0),),
             )
             for i, j in ACROSS
         ),
         kernel=across,
+        advice=Advice(parted_by=(DRIFT,)),
+        roles=frozenset({Role.HULL_WATER}),
     ),
 )

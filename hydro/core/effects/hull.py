@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import DRIFT
+from hydro.core.effects.record import Advice, Array, Effect, Index, Limits, Parameter, Rest, Role
+from hydro.core.effects.units import of_mass, of_mixed
 
 SECTIONS = 32
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))
@@ -57,6 +61,15 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
     tau[4] -= speed * (p[6] * w + p[7] * q)
 
 
+def keeps_crossflow(which: int) -> Limits:
+    """Nothing that would leave a coefficient below 0 in sum with the rest of the file."""
+
+    def limits(index: Index, rest: Rest) -> tuple[float, float]:
+        return -float(rest.crossflow[which]), math.inf
+
+    return limits
+
+
 EFFECTS = (
     Effect(
         name="crossflow_drag",
@@ -67,10 +80,20 @@ EFFECTS = (
         excitation="sway together with yaw, heave together with pitch rate, at strong drift angles",
         lookalikes=("quadratic_damping", "coupled_damping", "cross_axis_drag"),
         parameters=(
-            Parameter("Cd_y", ("1",), "drag coefficient of the hull's side"),
-            Parameter("Cd_z", ("1",), "drag coefficient of the hull's bottom"),
+            Parameter(
+                "Cd_y", ("1",), "drag coefficient of the hull's side", scale=(1.0,), limits=keeps_crossflow(0)
+            ),
+            Parameter(
+                "Cd_z",
+                ("1",),
+                "drag coefficient of the hull's bottom",
+                scale=(1.0,),
+                limits=keeps_crossflow(1),
+            ),
         ),
         kernel=crossflow_drag,
+        advice=Advice(parted_by=(DRIFT,)),
+        roles=frozenset({Role.HULL_WATER}),
     ),
     Effect(
         name="body_lift",
@@ -85,9 +108,11 @@ EFFECTS = (
                 f"L{i}{j}",
                 ("kg/m" if i == j < 3 else "kg m" if i == j else "kg",),
                 f"force {'XYZKMN'[i]} per speed and {'uvwpqr'[j]}",
+                scale=(of_mass(0.5) if i == j < 3 else of_mixed(0.1) if i == j else None,),
             )
             for i, j in LIFT
         ),
         kernel=body_lift,
+        advice=Advice(parted_by=(DRIFT,)),
     ),
 )

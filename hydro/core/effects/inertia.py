@@ -7,13 +7,19 @@ that its Coriolis terms do no work.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import ADDED_MASS, RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.layout import ADDED_MASS as M_A
+from hydro.core.effects.layout import RELATIVE_VELOCITY
+from hydro.core.effects.parting import CHIRP, DRIFT
+from hydro.core.effects.record import Advice, Array, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.units import of_mixed
 
 UNITS = ("kg", "kg m", "kg m^2")
+BETWEEN = of_mixed(0.1)  # plain between a force and an angular acceleration
 COUPLED = ((1, 5), (2, 4), (0, 4), (1, 3), (0, 2))
 
 
@@ -51,12 +57,12 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     a0 = a1 = a2 = b0 = b1 = b2 = 0.0
     for j in range(6):
         n = s[RELATIVE_VELOCITY + j]
-        a0 += c[ADDED_MASS + j] * n
-        a1 += c[ADDED_MASS + 6 + j] * n
-        a2 += c[ADDED_MASS + 12 + j] * n
-        b0 += c[ADDED_MASS + 18 + j] * n
-        b1 += c[ADDED_MASS + 24 + j] * n
-        b2 += c[ADDED_MASS + 30 + j] * n
+        a0 += c[M_A + j] * n
+        a1 += c[M_A + 6 + j] * n
+        a2 += c[M_A + 12 + j] * n
+        b0 += c[M_A + 18 + j] * n
+        b1 += c[M_A + 24 + j] * n
+        b2 += c[M_A + 30 + j] * n
     kappa = p[0]
     tau[0] -= kappa * (q1 * a2 - q2 * a1)
     tau[1] -= kappa * (q2 * a0 - q0 * a2)
@@ -66,22 +72,41 @@ def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     tau[5] -= kappa * (u * a1 - v * a0 + q0 * b1 - q1 * b0)
 
 
-EFFECTS = (
-    Effect(
-        name="added_mass",
-        family="inertia",
-        kind="inertia",
-        definition="-M_A nu_r_dot - C_A(nu_r) nu_r",
-        source="Fossen (2011), section 6.3, theorem 3.2",
-        excitation="accelerations of both signs on every axis",
-        lookalikes=("fluid_memory", "thruster_lag", "payload"),
-        parameters=(
-            Parameter("diagonal", ("kg", "kg m^2"), "diagonal of M_A", (6,)),
-            Parameter("matrix", UNITS, "all of M_A, symmetric", (6, 6)),
+def keeps_diagonal(index: Index, rest: Rest) -> tuple[float, float]:
+    """Nothing on the diagonal that would leave it below 0 in sum with the rest of the file."""
+    if len(set(index)) > 1:
+        return -math.inf, math.inf
+    return -float(rest.added_mass[index[0], index[0]]), math.inf
+
+
+ADDED_MASS = Effect(
+    name="added_mass",
+    family="inertia",
+    kind="inertia",
+    definition="-M_A nu_r_dot - C_A(nu_r) nu_r",
+    source="Fossen (2011), section 6.3, theorem 3.2",
+    excitation="accelerations of both signs on every axis",
+    lookalikes=("fluid_memory", "thruster_lag", "payload"),
+    parameters=(
+        Parameter("diagonal", ("kg", "kg m^2"), "diagonal of M_A", (6,), limits=keeps_diagonal),
+        Parameter(
+            "matrix",
+            UNITS,
+            "all of M_A, symmetric",
+            (6, 6),
+            scale=(None, BETWEEN, None),
+            limits=keeps_diagonal,
+            symmetric=True,
         ),
-        one_of=("diagonal", "matrix"),
-        inertia=symmetric_or_diagonal,
     ),
+    one_of=("diagonal", "matrix"),
+    inertia=symmetric_or_diagonal,
+    advice=Advice(parted_by=(CHIRP,)),
+    roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING}),
+)
+
+EFFECTS = (
+    ADDED_MASS,
     Effect(
         name="added_mass_coupling",
         family="inertia",
@@ -91,10 +116,17 @@ EFFECTS = (
         excitation="sway with yaw acceleration, heave with pitch, surge with pitch, sway with roll",
         lookalikes=("coupled_damping", "sensor_lever_arm", "payload"),
         parameters=tuple(
-            Parameter(f"M{i}{j}", ("kg" if j < 3 else "kg m",), f"M_A[{i},{j}] and M_A[{j},{i}]")
+            Parameter(
+                f"M{i}{j}",
+                ("kg" if j < 3 else "kg m",),
+                f"M_A[{i},{j}] and M_A[{j},{i}]",
+                scale=(None if j < 3 else BETWEEN,),
+            )
             for i, j in COUPLED
         ),
         inertia=couplings,
+        advice=Advice(parted_by=(DRIFT,)),
+        roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
     ),
     Effect(
         name="added_mass_coriolis",
@@ -106,5 +138,7 @@ EFFECTS = (
         lookalikes=("body_lift", "coupled_damping"),
         parameters=(Parameter("kappa", ("1",), "share of C_A that is missing (or, below 0, too much)"),),
         kernel=coriolis_excess,
+        advice=Advice(parted_by=(DRIFT,)),
+        roles=frozenset({Role.HULL_WATER}),
     ),
 )

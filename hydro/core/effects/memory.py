@@ -2,9 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import CHIRP
+from hydro.core.effects.record import (
+    Advice,
+    Array,
+    Effect,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+    Role,
+    Shape,
+    Shapes,
+    Table,
+)
+from hydro.core.effects.shapes import along
+from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.vehicle.description import Vehicle
+
+RATES = (0.3, 1.0, 3.0, 8.0)
+COARSE_RATES = (0.5, 4.0)
+LEAST_RATE, QUICKEST = 1e-3, 25.0  # 1/s, of what the sample time of a log still shows
 
 
 @jit
@@ -38,23 +60,65 @@ def states(p: Array) -> int:
     return 6 * (p.size // 7)
 
 
-EFFECTS = (
-    Effect(
-        name="fluid_memory",
-        family="memory",
-        kind="wrench",
-        definition="-K (nu_r - a x), x' = nu_r - a x, x(0) = nu_r/a",
-        source="Cummins (1962); Fossen (2011), section 5.4",
-        excitation="accelerations over times both shorter and longer than 1/a",
-        lookalikes=("added_mass", "linear_damping", "thruster_lag"),
-        parameters=(
-            Parameter(
-                "K", ("N s/m", "N m s"), "strength, six axes per rate", ("rates", 6), 0.0, required=True
-            ),
-            Parameter("rates", ("1/s",), "rates of decay a", ("rates",), low=1e-3, required=True),
+def at_rates(rates: Sequence[float]) -> Shapes:
+    """Six strengths for each of some rates."""
+
+    def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+        for rate in rates:
+            yield along(FLUID_MEMORY, "K", absent(rate), vehicle)
+
+    return shapes
+
+
+def absent(rate: float) -> Table:
+    """A memory of one rate and no strength."""
+    return {"name": FLUID_MEMORY.name, "K": [[0.0] * 6], "rates": [rate]}
+
+
+def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
+    """Rates that a log can show."""
+    return LEAST_RATE, QUICKEST
+
+
+FLUID_MEMORY = Effect(
+    name="fluid_memory",
+    family="memory",
+    kind="wrench",
+    definition="-K (nu_r - a x), x' = nu_r - a x, x(0) = nu_r/a",
+    source="Cummins (1962); Fossen (2011), section 5.4",
+    excitation="accelerations over times both shorter and longer than 1/a",
+    lookalikes=("added_mass", "linear_damping", "thruster_lag"),
+    parameters=(
+        Parameter(
+            "K",
+            ("N s/m", "N m s"),
+            "strength, six axes per rate",
+            ("rates", 6),
+            0.0,
+            required=True,
+            scale=(of_mass(0.3), of_moment(0.5)),
         ),
-        kernel=fluid_memory,
-        states=states,
-        start=steady_past,
+        Parameter(
+            "rates",
+            ("1/s",),
+            "rates of decay a",
+            ("rates",),
+            low=LEAST_RATE,
+            required=True,
+            scale=(1.0,),
+            limits=up_to_quickest,
+        ),
     ),
+    kernel=fluid_memory,
+    states=states,
+    start=steady_past,
+    identification=Identification(
+        starts=lambda vehicle, reach: [absent(rate) for rate in RATES],
+        coarse=at_rates(COARSE_RATES),
+        fine=at_rates(RATES),
+    ),
+    advice=Advice(parted_by=(CHIRP,)),
+    roles=frozenset({Role.HULL_WATER}),
 )
+
+EFFECTS = (FLUID_MEMORY,)

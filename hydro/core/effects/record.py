@@ -4,22 +4,49 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.effects.units import Size, dimension, plain_size
 from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Vehicle
 
 Array = NDArray[np.float64]
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
 Fill = Callable[[Array, Array], None]
+Index = tuple[int, ...]
+Table = dict[str, Any]
 
 BOOKKEEPING = frozenset({"name", "standard_error", "fit"})
 """Keys of an `[[effect]]` table that are no parameters: what a fit leaves beside its values."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What a vehicle file amounts to without the effects that are fitted: it bounds their increments.
+
+    Attributes:
+        vehicle: The vehicle, its thrusters and hull.
+        added_mass: M_A in sum, (6, 6).
+        linear: Linear damping in sum, (6, 6).
+        quadratic: Diagonal of quadratic damping in sum, (6,).
+        crossflow: Cross-flow coefficients in sum, (2,).
+    """
+
+    vehicle: Vehicle
+    added_mass: Array
+    linear: Array
+    quadratic: Array
+    crossflow: Array
+
+
+Limits = Callable[[Index, Rest], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -35,6 +62,10 @@ class Parameter:
         low: Least admissible value (inclusive).
         high: Greatest admissible value (inclusive).
         required: False where leaving it out means 0.
+        scale: A plainly visible size for each unit, a number or a rule; None, and all that are left out,
+            follow from the unit (`core.effects.units`).
+        limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
+        symmetric: Whether a matrix has only the entries on and above its diagonal for free.
     """
 
     name: str
@@ -44,6 +75,114 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     required: bool = False
+    scale: tuple[Size | None, ...] = ()
+    limits: Limits | None = None
+    symmetric: bool = False
+
+    def __post_init__(self) -> None:
+        """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""
+        for unit in self.unit:
+            dimension(unit)
+
+    def unit_at(self, index: Index) -> str:
+        """Unit of one entry."""
+        return self.unit[self._part(index)]
+
+    def scale_at(self, index: Index, vehicle: Vehicle) -> float:
+        """A plainly visible size of one entry on this vehicle."""
+        part = self._part(index)
+        size = self.scale[part] if self.scale else None
+        if size is None:
+            return plain_size(self.unit[part], vehicle)
+        return size(vehicle) if callable(size) else size
+
+    def _part(self, index: Index) -> int:
+        """Which of the units an entry has."""
+        if len(self.unit) == 3:
+            return sum(i >= 3 for i in index)
+        return int(index[-1] >= 3) if len(self.unit) == 2 else 0
+
+
+class Role(Enum):
+    """What other parts of the program see in an effect beside its equation."""
+
+    HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
+    OFTEN_LACKING = "often lacking in a file, and so free while the order of the thrusters is tested"
+    COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """An effect with the parameters in which it is not linear held at some values, as columns.
+
+    Attributes:
+        tables: The `[[effect]]` table with a little of each column.
+        steps: That little, in units in which 1 is plain to see.
+        begin: Amounts (columns,) to the table that a fit begins from.
+    """
+
+    tables: tuple[Table, ...]
+    steps: tuple[float, ...]
+    begin: Callable[[Array], Table]
+
+
+Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
+"""Shapes of an effect on a vehicle, with the positions (N, 3) of the recording where they are known."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """How an effect is looked for in a recording; as it is, one that is linear in all of its parameters.
+
+    Attributes:
+        form: Which of `one_of` is tried on a vehicle without the effect; by default the first.
+        step: Share of the scale that derivatives are taken over: larger where the effect has kinks.
+        resolution: Share of the scale to which it is searched for, where it acts on a row of the log or
+            does not; 0 of others.
+        starts: Tables to begin from where one beginning is not as good as another.
+        coarse: A few shapes that tell whether an effect that is not linear is worth a closer look.
+        fine: More of them, which tell where to begin.
+    """
+
+    form: str | None = None
+    step: float = 1e-3
+    resolution: float = 0.0
+    starts: Callable[[Vehicle, Array | None], list[Table]] | None = None
+    coarse: Shapes | None = None
+    fine: Shapes | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether one column per parameter is all there is to it."""
+        return self.coarse is None
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """How an error of the velocity log shows in pose against velocity.
+
+    Attributes:
+        parameter: The parameter that is estimated.
+        place: Its numbers in the row of `core.effects.sensor`.
+        negligible: Size that nobody would put right; None is half a sample.
+    """
+
+    parameter: str
+    place: slice
+    negligible: float | None = None
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to say about an effect that was found.
+
+    Attributes:
+        parted_by: Motions of `core.effects.parting` that part it from others.
+        saying: Fitted parameters and sample time [s] to what else they may mean; None where they mean it.
+    """
+
+    parted_by: tuple[str, ...] = ()
+    saying: Callable[[Mapping[str, Any], float], str | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +209,10 @@ class Effect:
         sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
         states: Number of internal states for a packed parameter vector.
         start: `start(p, c, s, x)` sets them for a motion that has been steady until now.
+        identification: How it is looked for.
+        kinematics: How kinematics alone shows it; None of all that are no error of the velocity log.
+        advice: What is said of it.
+        roles: What else it is to other parts of the program.
     """
 
     name: str
@@ -88,6 +231,14 @@ class Effect:
     sensor: Fill | None = None
     states: Callable[[Array], int] | None = None
     start: Callable[[Array, Array, Array, Array], None] | None = None
+    identification: Identification = Identification()
+    kinematics: Kinematics | None = None
+    advice: Advice = Advice()
+    roles: frozenset[Role] = frozenset()
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name."""
+        return next(parameter for parameter in self.parameters if parameter.name == name)
 
     @property
     def description(self) -> str:

@@ -5,11 +5,28 @@ The third row of R, [R20, R21, R22], is the world's downward direction seen from
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, ROTATION
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import TILTS
+from hydro.core.effects.record import (
+    Advice,
+    Array,
+    Effect,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+    Role,
+    Shape,
+    Table,
+)
+from hydro.core.effects.shapes import LEVER
+from hydro.core.effects.units import of_weight
+from hydro.core.vehicle.description import Vehicle
 
 
 @jit
@@ -59,6 +76,61 @@ def point_mass(p: Array, matrix: Array) -> None:
     matrix += mass * arm.T @ arm
 
 
+def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
+    """Places within two lengths of CO."""
+    return -2.0 * rest.vehicle.hull.length, 2.0 * rest.vehicle.hull.length
+
+
+def light_or_heavy(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """A little weight, and a little lift: about no weight at all, its place would mean nothing."""
+    weight = of_weight(0.005)(vehicle)
+    return [{"w": weight}, {"w": -weight}]
+
+
+def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+    """Weight, its three moments and the dry mass: linear in w, w x, w y, w z and m."""
+    weight = of_weight(0.01)(vehicle)
+    mass, lever = 0.3 * vehicle.rigid_body.mass, LEVER * vehicle.hull.length
+    little = 0.01
+    at_origin = {"name": PAYLOAD.name, "w": little * weight}
+    pairs = [at_origin | {axis: lever} for axis in ("x", "y", "z")]
+    dry = {"name": PAYLOAD.name, "mass": little * mass}
+
+    def begin(amounts: Array) -> Table:
+        total = float(amounts[:4].sum())
+        heavy = total if abs(total) > 1e-3 else 1e-3
+        places = np.clip(amounts[1:4] / heavy * lever, -vehicle.hull.length, vehicle.hull.length)
+        return {
+            "name": PAYLOAD.name,
+            "w": heavy * weight,
+            **dict(zip(("x", "y", "z"), places.tolist(), strict=True)),
+            "mass": max(float(amounts[4]), 0.0) * mass,
+        }
+
+    yield Shape((at_origin, *pairs, dry), (little,) * 5, begin)
+
+
+PAYLOAD = Effect(
+    name="payload",
+    family="restoring",
+    kind="wrench",
+    definition="[R^T [0, 0, w]; r x R^T [0, 0, w]], and m [I, -S(r); S(r), -S(r)^2] in M",
+    source="Fossen (2011), eqs. 3.44, 4.6",
+    excitation="slow roll and pitch for the weight, accelerations for the dry mass",
+    lookalikes=("net_buoyancy", "buoyancy_offset", "added_mass"),
+    parameters=(
+        Parameter("w", ("N",), "weight in water"),
+        Parameter("x", ("m",), "position forward", limits=near_the_hull),
+        Parameter("y", ("m",), "position to starboard", limits=near_the_hull),
+        Parameter("z", ("m",), "position down", limits=near_the_hull),
+        Parameter("mass", ("kg",), "dry mass, inertia only", low=0.0),
+    ),
+    kernel=payload,
+    inertia=point_mass,
+    identification=Identification(starts=light_or_heavy, coarse=payloads),
+    advice=Advice(parted_by=(TILTS,)),
+)
+
 EFFECTS = (
     Effect(
         name="net_buoyancy",
@@ -70,6 +142,8 @@ EFFECTS = (
         lookalikes=("payload", "surface_suction", "ocean_current"),
         parameters=(Parameter("dB", ("N",), "extra buoyancy"),),
         kernel=net_buoyancy,
+        advice=Advice(parted_by=(TILTS,)),
+        roles=frozenset({Role.OFTEN_LACKING}),
     ),
     Effect(
         name="buoyancy_offset",
@@ -80,28 +154,13 @@ EFFECTS = (
         excitation="slow roll and pitch, or trim angles at rest",
         lookalikes=("payload", "thruster_gain"),
         parameters=(
-            Parameter("dx", ("m",), "centre of buoyancy moved forward"),
-            Parameter("dy", ("m",), "centre of buoyancy moved to starboard"),
-            Parameter("dz", ("m",), "centre of buoyancy moved down"),
+            Parameter("dx", ("m",), "centre of buoyancy moved forward", scale=(0.02,)),
+            Parameter("dy", ("m",), "centre of buoyancy moved to starboard", scale=(0.02,)),
+            Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,)),
         ),
         kernel=buoyancy_offset,
+        advice=Advice(parted_by=(TILTS,)),
+        roles=frozenset({Role.OFTEN_LACKING}),
     ),
-    Effect(
-        name="payload",
-        family="restoring",
-        kind="wrench",
-        definition="[R^T [0, 0, w]; r x R^T [0, 0, w]], and m [I, -S(r); S(r), -S(r)^2] in M",
-        source="Fossen (2011), eqs. 3.44, 4.6",
-        excitation="slow roll and pitch for the weight, accelerations for the dry mass",
-        lookalikes=("net_buoyancy", "buoyancy_offset", "added_mass"),
-        parameters=(
-            Parameter("w", ("N",), "weight in water"),
-            Parameter("x", ("m",), "position forward"),
-            Parameter("y", ("m",), "position to starboard"),
-            Parameter("z", ("m",), "position down"),
-            Parameter("mass", ("kg",), "dry mass, inertia only", low=0.0),
-        ),
-        kernel=payload,
-        inertia=point_mass,
-    ),
+    PAYLOAD,
 )

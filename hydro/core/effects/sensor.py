@@ -10,7 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
+from hydro.core.effects.record import (
+    Advice,
+    Array,
+    Effect,
+    Identification,
+    Index,
+    Kinematics,
+    Parameter,
+    Rest,
+)
+from hydro.core.effects.sayings import a_sample_late
 from hydro.core.vehicle.frames import rotation
 
 # The log as a row of numbers, filled by the effects.
@@ -20,6 +31,9 @@ DELAY = 6
 LEVER = slice(7, 10)
 BIAS = slice(10, 13)
 LOG = 13
+
+LONGEST_DELAY = 0.5
+"""Greatest delay of a velocity log that is looked for [s]."""
 
 
 def sensor_scale(p: Array, log: Array) -> None:
@@ -93,6 +107,26 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
 
 
+def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
+    """A log that writes down what was, not what will be."""
+    return 0.0, LONGEST_DELAY
+
+
+SENSOR_DELAY = Effect(
+    name="sensor_delay",
+    family="sensor",
+    kind="sensor",
+    definition="v(t - d)",
+    source="pure delay",
+    excitation="fast changes of velocity with the pose known",
+    lookalikes=("command_delay", "thruster_lag"),
+    parameters=(Parameter("d", ("s",), "age of a reading", low=0.0, limits=up_to_longest),),
+    sensor=sensor_delay,
+    identification=Identification(step=1e-2),
+    kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
+    advice=Advice(parted_by=(DISTANCES, CHIRP), saying=a_sample_late),
+)
+
 EFFECTS = (
     Effect(
         name="sensor_scale",
@@ -103,11 +137,14 @@ EFFECTS = (
         excitation="straight runs over known distances",
         lookalikes=("ocean_current", "sensor_bias"),
         parameters=(
-            Parameter("s", ("1",), "relative error, all axes", low=-0.9),
-            Parameter("axes", ("1",), "relative error of each axis", (3,), low=-0.9),
+            Parameter("s", ("1",), "relative error, all axes", low=-0.9, scale=(0.1,)),
+            Parameter("axes", ("1",), "relative error of each axis", (3,), low=-0.9, scale=(0.1,)),
         ),
         one_of=("s", "axes"),
         sensor=sensor_scale,
+        identification=Identification(form="axes"),
+        kinematics=Kinematics("axes", SCALE, negligible=0.005),
+        advice=Advice(parted_by=(DISTANCES,)),
     ),
     Effect(
         name="sensor_misalignment",
@@ -119,18 +156,10 @@ EFFECTS = (
         lookalikes=("ocean_current", "sensor_bias"),
         parameters=(Parameter("alpha", ("rad",), "roll, pitch, yaw of the log against the body", (3,)),),
         sensor=sensor_misalignment,
+        kinematics=Kinematics("alpha", ANGLES, negligible=0.005),
+        advice=Advice(parted_by=(DISTANCES,)),
     ),
-    Effect(
-        name="sensor_delay",
-        family="sensor",
-        kind="sensor",
-        definition="v(t - d)",
-        source="pure delay",
-        excitation="fast changes of velocity with the pose known",
-        lookalikes=("command_delay", "thruster_lag"),
-        parameters=(Parameter("d", ("s",), "age of a reading", low=0.0),),
-        sensor=sensor_delay,
-    ),
+    SENSOR_DELAY,
     Effect(
         name="sensor_lever_arm",
         family="sensor",
@@ -141,6 +170,8 @@ EFFECTS = (
         lookalikes=("added_mass_coupling", "coupled_damping"),
         parameters=(Parameter("r", ("m",), "position of the log", (3,)),),
         sensor=sensor_lever_arm,
+        kinematics=Kinematics("r", LEVER, negligible=0.01),
+        advice=Advice(parted_by=(DRIFT,)),
     ),
     Effect(
         name="sensor_bias",
@@ -152,5 +183,7 @@ EFFECTS = (
         lookalikes=("ocean_current", "sensor_scale"),
         parameters=(Parameter("b", ("m/s",), "constant error of each axis", (3,)),),
         sensor=sensor_bias,
+        kinematics=Kinematics("b", BIAS, negligible=0.003),
+        advice=Advice(parted_by=(DISTANCES, HEADINGS)),
     ),
 )

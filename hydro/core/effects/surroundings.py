@@ -3,11 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.parting import DISTANCES, HEADINGS, TILTS
+from hydro.core.effects.record import (
+    Advice,
+    Array,
+    Effect,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+    Role,
+    Shape,
+    Table,
+)
 from hydro.core.effects.restoring import push_down
+from hydro.core.effects.shapes import LEVER, along
+from hydro.core.effects.units import of_weight
+from hydro.core.vehicle.description import Vehicle
+
+LITTLE = 0.01  # of the plain stiffness, in a column
+FAR = 1e4
+"""Distance of an anchor whose pull is as good as steady [m]."""
+DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
+LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
 
 def ocean_current(p: Array, current: Array) -> None:
@@ -57,6 +81,149 @@ def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     push_down(s, -force, c[at], c[at + 1], c[at + 2], tau)
 
 
+def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
+    """Points within a length of CO."""
+    return -rest.vehicle.hull.length, rest.vehicle.hull.length
+
+
+def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """Anchors amid the recorded track and on its edges, cables that pull always or far out only."""
+    track = np.zeros((1, 3)) if reach is None else reach
+    middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
+    anchors = [middle, track[0]]
+    anchors += [middle + sign * half[i] * np.eye(3)[i] for i in range(3) for sign in (-1.0, 1.0)]
+    found = []
+    for anchor in anchors:
+        distance = np.linalg.norm(track - anchor, axis=1)
+        for slack in np.quantile(distance, [0.0, 0.5]):
+            found.append(_cable(of_weight(0.002)(vehicle), float(slack), np.zeros(3), anchor))
+    return found
+
+
+def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+    """A cable without slack: the stiffness k, k times the anchor, and the moments of k at one anchor.
+
+    Without slack the force is k (anchor - position), linear in all of them, so that anchors amid the track
+    and to three sides of it stand for any.
+    """
+    length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
+    lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
+    side = max(float(np.ptp(reach, axis=0).max()), 2.0) if reach is not None else 2.0
+
+    def cable(k: float, anchor: Array, attachment: Array) -> Table:
+        return _cable(k, 0.0, attachment, anchor)
+
+    def begin(amounts: Array) -> Table:
+        stiff = max(float(amounts.sum()), 1e-3)
+        anchor = held + np.clip(amounts[1:4] / stiff, -3.0, 3.0) * side
+        attachment = np.clip(np.clip(amounts[4:] / stiff, -4.0, 4.0) * lever, -length, length)
+        return cable(stiff * stiffness, anchor, attachment)
+
+    little = LITTLE * stiffness
+    tables = [cable(little, held + side * way, np.zeros(3)) for way in (np.zeros(3), *np.eye(3))]
+    tables += [cable(little, held, lever * way) for way in np.eye(3)]
+    yield Shape(tuple(tables), (LITTLE,) * 7, begin)
+
+
+def with_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+    """For each anchor and slack, the stiffness k and its moments k a about CO: linear in all four."""
+    length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
+    lever = LEVER * length
+    for start in cables(vehicle, reach):
+
+        def cable(k: float, attachment: Array, start: Table = start) -> Table:
+            return _cable(k, start["slack"], attachment, np.array(start["anchor"]))
+
+        def begin(amounts: Array, cable: Callable[[float, Array], Table] = cable) -> Table:
+            stiff = max(float(amounts.sum()), 1e-3)
+            return cable(stiff * stiffness, np.clip(amounts[1:] / stiff * lever, -length, length))
+
+        tables = tuple(cable(LITTLE * stiffness, lever * way) for way in (np.zeros(3), *np.eye(3)))
+        yield Shape(tables, (LITTLE,) * 4, begin)
+
+
+def steady_pull(force: float, way: Array, attachment: Array) -> Table:
+    """A cable whose anchor is so far off that it pulls alike everywhere.
+
+    Args:
+        force: Pull [N].
+        way: Direction, NED, (3,), of length 1.
+        attachment: Point on the body [m], (3,).
+    """
+    return _cable(force / FAR, 0.0, attachment, FAR * way)
+
+
+def _cable(k: float, slack: float, attachment: Array, anchor: Array) -> Table:
+    return {
+        "name": TETHER.name,
+        "k": k,
+        "slack": slack,
+        "attachment": attachment.tolist(),
+        "anchor": anchor.tolist(),
+    }
+
+
+def shallow_to_deep(index: Index, rest: Rest) -> tuple[float, float]:
+    """Depths of decay that a recording can show."""
+    return SHALLOWEST, DEEPEST
+
+
+def absent(decay: float) -> Table:
+    """A suction of no force."""
+    return {"name": SURFACE_SUCTION.name, "A": 0.0, "decay": decay}
+
+
+def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+    """The force at the surface for each depth of decay."""
+    for decay in DECAYS:
+        yield along(SURFACE_SUCTION, "A", absent(decay), vehicle)
+
+
+TETHER = Effect(
+    name="tether",
+    family="surroundings",
+    kind="wrench",
+    definition="k max(0, distance - slack) toward the anchor, at the attachment",
+    source="Hooke's law for a straight massless cable",
+    excitation="excursions beyond the slack in several directions",
+    lookalikes=("ocean_current", "net_buoyancy"),
+    parameters=(
+        Parameter("k", ("N/m",), "stiffness", low=0.0, scale=(of_weight(0.005),)),
+        Parameter("slack", ("m",), "length before it pulls", low=0.0, scale=(5.0,)),
+        Parameter("attachment", ("m",), "point on the body", (3,), limits=on_the_hull),
+        Parameter("anchor", ("m",), "fixed end, NED", (3,), required=True, scale=(10.0,)),
+    ),
+    kernel=tether,
+    identification=Identification(step=1e-2, starts=cables, coarse=without_slack, fine=with_slack),
+    advice=Advice(parted_by=(HEADINGS,)),
+)
+SURFACE_SUCTION = Effect(
+    name="surface_suction",
+    family="surroundings",
+    kind="wrench",
+    definition="A exp(-max(z, 0)/decay) upward in the world at the centre of buoyancy",
+    source="empirical: free-surface effects decay exponentially with depth",
+    excitation="slow passages at several depths near the surface",
+    lookalikes=("net_buoyancy",),
+    parameters=(
+        Parameter("A", ("N",), "force at the surface"),
+        Parameter(
+            "decay",
+            ("m",),
+            "depth over which it falls to 1/e",
+            low=LEAST_DECAY,
+            required=True,
+            scale=(1.0,),
+            limits=shallow_to_deep,
+        ),
+    ),
+    kernel=surface_suction,
+    identification=Identification(
+        starts=lambda vehicle, reach: [absent(decay) for decay in DECAYS], coarse=suctions
+    ),
+    advice=Advice(parted_by=(TILTS,)),
+)
+
 EFFECTS = (
     Effect(
         name="ocean_current",
@@ -72,35 +239,9 @@ EFFECTS = (
             Parameter("v_D", ("m/s",), "downward velocity of the water"),
         ),
         flow=ocean_current,
+        advice=Advice(parted_by=(HEADINGS, DISTANCES)),
+        roles=frozenset({Role.OFTEN_LACKING}),
     ),
-    Effect(
-        name="tether",
-        family="surroundings",
-        kind="wrench",
-        definition="k max(0, distance - slack) toward the anchor, at the attachment",
-        source="Hooke's law for a straight massless cable",
-        excitation="excursions beyond the slack in several directions",
-        lookalikes=("ocean_current", "net_buoyancy"),
-        parameters=(
-            Parameter("k", ("N/m",), "stiffness", low=0.0),
-            Parameter("slack", ("m",), "length before it pulls", low=0.0),
-            Parameter("attachment", ("m",), "point on the body", (3,)),
-            Parameter("anchor", ("m",), "fixed end, NED", (3,), required=True),
-        ),
-        kernel=tether,
-    ),
-    Effect(
-        name="surface_suction",
-        family="surroundings",
-        kind="wrench",
-        definition="A exp(-max(z, 0)/decay) upward in the world at the centre of buoyancy",
-        source="empirical: free-surface effects decay exponentially with depth",
-        excitation="slow passages at several depths near the surface",
-        lookalikes=("net_buoyancy",),
-        parameters=(
-            Parameter("A", ("N",), "force at the surface"),
-            Parameter("decay", ("m",), "depth over which it falls to 1/e", low=1e-3, required=True),
-        ),
-        kernel=surface_suction,
-    ),
+    TETHER,
+    SURFACE_SUCTION,
 )

@@ -18,6 +18,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, sensitivity, weak_form
 from hydro.core.identification.candidate import candidate
@@ -168,7 +169,7 @@ def fit(
     if method == "output":
         progress("output error", 0.2)
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
-            entry.effect == "sensor_delay" for entry in unknown.entries
+            entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
         )
         shots = multiple_shooting.aim(
             record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most
@@ -260,7 +261,7 @@ def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tupl
             return begin, problem
     raise DataError(
         "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
-        "linear_damping too"
+        f"{LINEAR_DAMPING.name} too"
     )
 
 

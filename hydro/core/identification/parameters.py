@@ -1,8 +1,7 @@
 """What can be fitted of a vehicle: the entries of named effects as one vector, and back.
 
-An entry has a natural scale, by dimensional analysis from the vehicle's mass m, mean moment of inertia J and
-length L: a size at which it would be plain to see.  It makes entries comparable and says what a standard
-error is large against.
+An entry has a natural scale, a size at which it would be plain to see: what its record says, or dimensional
+analysis (`core.effects.units`).  It makes entries comparable and says what a standard error is large against.
 """
 
 from __future__ import annotations
@@ -17,28 +16,17 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.effects import CATALOGUE, Effect, Parameter
+from hydro.core.effects import CATALOGUE, Effect, Parameter, sensor
 from hydro.core.effects.catalogue import added_mass_matrix
-from hydro.core.effects.record import BOOKKEEPING
-from hydro.core.effects.validate import damping_in_sum
+from hydro.core.effects.record import BOOKKEEPING, Rest
+from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 
 Array = NDArray[np.float64]
 
-LEAST_POWER, MOST_POWER = 0.5, 4.0
-"""Bounds of the power of a thrust curve."""
-LONGEST_SENSOR_DELAY = 0.5
+LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
 """Greatest delay of a velocity log that is looked for [s]."""
-ROUGH = {"thruster_deadband": 5e-2, "command_delay": 1e-2, "sensor_delay": 1e-2, "tether": 1e-2}
-"""Share of the scale that derivatives are taken over where an effect has kinks; of others, a thousandth."""
-RESOLUTION = {"thruster_deadband": 1e-4}
-"""Share of the scale to which an effect is searched for that acts on a row of the log or does not."""
-GRIDS: dict[str, tuple[dict[str, Any], ...]] = {
-    "fluid_memory": tuple({"K": [[0.0] * 6], "rates": [rate]} for rate in (0.3, 1.0, 3.0, 8.0)),
-    "surface_suction": tuple({"A": 0.0, "decay": decay} for decay in (0.5, 1.5, 4.0)),
-}
-"""Where to begin with an effect that the vehicle has not, where one beginning is not as good as another."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +89,7 @@ class Free:
                 current = next(iter(self.vehicle.effects(entry.effect)))
                 table[entry.parameter] = np.array(current[entry.parameter], float).tolist()
             _put(table[entry.parameter], entry.index, float(value))
-            if (entry.effect, entry.parameter) == ("added_mass", "matrix"):
+            if CATALOGUE[entry.effect].parameter(entry.parameter).symmetric:
                 _put(table[entry.parameter], entry.index[::-1], float(value))
         changed = tuple({**e, **tables.get(e["name"], {})} for e in self.vehicle.effect)
         return msgspec.structs.replace(self.vehicle, effect=changed)
@@ -219,30 +207,10 @@ def _beginnings(
     record: Effect, alternative: str | None, vehicle: Vehicle, reach: Array | None
 ) -> list[dict[str, Any]]:
     """Tables to begin from, of an effect that the vehicle has not."""
-    if record.name in GRIDS:
-        return [dict(table) for table in GRIDS[record.name]]
-    if record.name == "payload":
-        weight = 0.005 * vehicle.rigid_body.mass * vehicle.environment.gravity
-        return [{"w": weight}, {"w": -weight}]
-    if record.name == "tether":
-        return _tethers(vehicle, reach)
+    if record.identification.starts is not None:
+        return record.identification.starts(vehicle, reach)
     chosen = alternative or (record.one_of[0] if record.one_of else None)
     return [{chosen: None}] if chosen else [{}]
-
-
-def _tethers(vehicle: Vehicle, reach: Array | None) -> list[dict[str, Any]]:
-    """Anchors amid the recorded track and on its edges, cables that pull always or far out only."""
-    track = np.zeros((1, 3)) if reach is None else reach
-    middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
-    anchors = [middle, track[0]]
-    anchors += [middle + sign * half[i] * np.eye(3)[i] for i in range(3) for sign in (-1.0, 1.0)]
-    found = []
-    for anchor in anchors:
-        distance = np.linalg.norm(track - anchor, axis=1)
-        for slack in np.quantile(distance, [0.0, 0.5]):
-            k = 0.002 * vehicle.rigid_body.mass * vehicle.environment.gravity
-            found.append({"k": k, "slack": float(slack), "anchor": anchor.tolist()})
-    return found
 
 
 def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
@@ -281,114 +249,42 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
     """Free entries of a complete table; a symmetric matrix has those on and above its diagonal."""
     record, found = CATALOGUE[table["name"]], []
+    search, others = record.identification, _rest(vehicle, rest)
     for parameter in record.parameters:
         if parameter.name not in table:
             continue
-        shape = np.shape(table[parameter.name])
-        for index in np.ndindex(*shape):
-            if (record.name, parameter.name) == ("added_mass", "matrix") and index[0] > index[1]:
+        for index in np.ndindex(*np.shape(table[parameter.name])):
+            if parameter.symmetric and index[0] > index[1]:
                 continue
-            unit = unit_at(parameter, index)
-            scale = SCALES.get((record.name, parameter.name)) or _natural(unit, vehicle)
-            low, high = _limits(record.name, parameter, index, vehicle, rest)
-            step = scale * ROUGH.get(record.name, 1e-3)
-            sharp = RESOLUTION.get(record.name, 0.0)
-            found.append(Entry(record.name, parameter.name, index, unit, scale, low, high, step, sharp))
+            scale = parameter.scale_at(index, vehicle)
+            low, high = parameter.low, parameter.high
+            if parameter.limits is not None:
+                low, high = parameter.limits(index, others)
+            found.append(
+                Entry(
+                    effect=record.name,
+                    parameter=parameter.name,
+                    index=index,
+                    unit=parameter.unit_at(index),
+                    scale=scale,
+                    low=low,
+                    high=high,
+                    step=scale * search.step,
+                    resolution=search.resolution,
+                )
+            )
     return found
+
+
+def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
+    """What the rest of the vehicle file amounts to."""
+    linear, quadratic, drag = damping_in_sum(rest)
+    return Rest(vehicle, added_mass_matrix(rest), linear, quadratic, drag)
 
 
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
     """Unit of one entry of a parameter."""
-    units = parameter.unit
-    if len(units) == 3:
-        return units[sum(i >= 3 for i in index)]
-    return units[index[-1] >= 3] if len(units) == 2 else units[0]
-
-
-SCALES = {
-    ("buoyancy_offset", "dx"): 0.02,
-    ("buoyancy_offset", "dy"): 0.02,
-    ("buoyancy_offset", "dz"): 0.02,
-    ("tether", "slack"): 5.0,
-    ("tether", "anchor"): 10.0,
-    ("surface_suction", "decay"): 1.0,
-    ("thruster_deadband", "d"): 0.1,
-    ("sensor_scale", "s"): 0.1,
-    ("sensor_scale", "axes"): 0.1,
-    ("crossflow_drag", "Cd_y"): 1.0,
-    ("crossflow_drag", "Cd_z"): 1.0,
-}
-"""Scales that the unit alone does not give."""
-
-
-def _natural(unit: str, vehicle: Vehicle) -> float:
-    """A plainly visible size of a quantity of this unit on this vehicle, at speeds about 1 m/s."""
-    body, length = vehicle.rigid_body, vehicle.hull.length
-    m = body.mass
-    J = float(np.trace(np.array(body.inertia))) / 3.0
-    cross = float(np.sqrt(m * J))  # between a force and a moment
-    return {
-        "1": 0.3,
-        "m": 0.3 * length,
-        "rad": 0.1,
-        "s": 0.1,
-        "s/m": 0.1,
-        "1/s": 1.0,
-        "m/s": 0.2,
-        "N": 0.01 * m * vehicle.environment.gravity,
-        "N/m": 0.005 * m * vehicle.environment.gravity,
-        "kg": 0.3 * m,
-        "kg m": 0.1 * cross,
-        "kg m^2": 0.3 * J,
-        "kg/m": 0.5 * m,
-        "N s/m": 0.3 * m,
-        "N s": 0.3 * cross,
-        "N m s": 0.5 * J,
-        "N s^2/m^2": 1.0 * m,
-        "N s^2": 1.0 * J,  # a moment per rate and speed, not one per speed squared
-        "N m s^2": 1.0 * J,
-    }[unit]
-
-
-def _limits(
-    name: str, parameter: Parameter, index: tuple[int, ...], vehicle: Vehicle, rest: Vehicle
-) -> tuple[float, float]:
-    """Bounds of an entry: the catalogue's, and those that the sum with the rest of the file must keep."""
-    low, high = parameter.low, parameter.high
-    if len(index) == 2 and index[0] != index[1] and parameter.name == "matrix":
-        return low, high
-    axis = index[0] if index else 0
-    linear, quadratic, drag = damping_in_sum(rest)
-    if name == "linear_damping":
-        low = -float(linear[axis, axis])
-    elif name == "quadratic_damping":
-        low = -float(quadratic[axis])
-    elif name == "crossflow_drag":
-        low = -float(drag[0 if parameter.name == "Cd_y" else 1])
-    elif name == "added_mass":
-        low = -float(added_mass_matrix(rest)[axis, axis])
-    elif name == "fluid_memory" and parameter.name == "rates":
-        high = 25.0
-    elif name == "surface_suction" and parameter.name == "decay":
-        low, high = 0.1, 30.0
-    elif name == "sensor_delay":
-        high = LONGEST_SENSOR_DELAY
-    elif name == "thruster_lag":
-        shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster]
-        low, high = -max(min(shortest, default=0.0), 0.0), 3.0
-    elif name == "command_delay":
-        low, high = -min((t.delay for t in vehicle.thruster), default=0.0), 2.0
-    elif name == "thruster_deadband":
-        bands = [t.deadband for t in vehicle.thruster] or [0.0]
-        low, high = -min(bands), 0.9 - max(bands)
-    elif name == "thruster_curve":
-        powers = [2.0 if t.curve == "quadratic" else 1.0 for t in vehicle.thruster] or [1.0]
-        low, high = LEAST_POWER - min(powers), MOST_POWER - max(powers)
-    elif name == "payload" and parameter.name in ("x", "y", "z"):
-        low, high = -2.0 * vehicle.hull.length, 2.0 * vehicle.hull.length
-    elif parameter.name == "attachment":
-        low, high = -vehicle.hull.length, vehicle.hull.length
-    return low, high
+    return parameter.unit_at(index)
 
 
 def _put(nested: list[Any], index: tuple[int, ...], value: float) -> None:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
-from hydro.core.effects import validate
+from hydro.core.effects import CATALOGUE, validate
 from hydro.core.effects.catalogue import added_mass_matrix
-from hydro.core.effects.validate import damping_in_sum
+from hydro.core.effects.record import Role
+from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.identification.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
@@ -126,4 +127,4 @@ def _drawn_back(unknown: Free, values: Array) -> Array:
 def _couples(entry: Entry) -> bool:
     """Whether an entry stands off the diagonal of a matrix."""
     off = len(entry.index) == 2 and entry.index[0] != entry.index[1] and entry.parameter == "matrix"
-    return off or entry.effect in ("coupled_damping", "added_mass_coupling")
+    return off or Role.COUPLING in CATALOGUE[entry.effect].roles

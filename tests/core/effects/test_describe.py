@@ -44,8 +44,8 @@ def test_zero_is_absence():
         (Parameter("a", ("N",), ""), "N", "1", "any"),
         (Parameter("a", ("N", "N m"), "", (6,), low=0.0), "N (X Y Z), N m (K M N)", "6", ">= 0"),
         (
-            Parameter("a", ("A", "B", "C"), "", (6, 6), high=2.0),
-            "A (X Y Z), B (mixed), C (K M N)",
+            Parameter("a", ("kg", "kg m", "kg m^2"), "", (6, 6), high=2.0),
+            "kg (X Y Z), kg m (mixed), kg m^2 (K M N)",
             "6 x 6",
             "<= 2",
         ),

@@ -1,0 +1,16 @@
+"""Motions that part effects which are taken for one another; a record names those that part its effect."""
+
+from __future__ import annotations
+
+HEADINGS = (
+    "hold one thrust and turn slowly through all headings: a current stays in the north and east, a "
+    "tether pulls toward its anchor, a bias turns with the vehicle"
+)
+CHIRP = (
+    "a chirp on surge, sway and yaw from 0.05 to 2 Hz: lag, delay and added mass part in how they grow "
+    "with frequency"
+)
+DRIFT = "straight runs at several drift angles, at half and at full speed, then turns on the spot"
+TILTS = "hold still at tilts of 10 to 20 degrees in roll and pitch, both ways, at two depths"
+DISTANCES = "straight runs ahead and sideways, there and back, over distances known from the pose"
+COASTING = "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust"

@@ -1,0 +1,98 @@
+"""Units as powers of kilogram, metre, second and radian, and how large a quantity of a unit plainly is.
+
+A size is plain where it would be seen at once: a third of the vehicle's mass or length, a hundredth of its
+weight.  It follows from the dimension alone, with the vehicle's mass m, mean moment of inertia J and length
+L, at speeds about 1 m/s: what is left of metres and seconds beside them counts as 1.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hydro.core.vehicle.description import Vehicle
+
+Size = float | Callable[[Vehicle], float]
+"""A plain size, or the rule for it."""
+
+
+class Dimension(NamedTuple):
+    """Powers of kg, m, s and rad."""
+
+    mass: int = 0
+    length: int = 0
+    time: int = 0
+    angle: int = 0
+
+
+BASE = {
+    "1": Dimension(),
+    "kg": Dimension(mass=1),
+    "m": Dimension(length=1),
+    "s": Dimension(time=1),
+    "rad": Dimension(angle=1),
+    "N": Dimension(mass=1, length=1, time=-2),
+}
+
+
+def dimension(unit: str) -> Dimension:
+    """Powers of a unit such as `N s^3/m^3`: factors apart by blanks, what follows a slash divides.
+
+    Raises:
+        ValueError: A factor that is not one of `BASE` with a whole power.
+    """
+    total = np.zeros(4, int)
+    for place, part in enumerate(unit.split("/")):
+        for factor in part.split() or [""]:
+            read = re.fullmatch(r"(\w+)(?:\^(\d+))?", factor)
+            if read is None or read[1] not in BASE:
+                raise ValueError(f"unit {unit!r}: {factor!r} is none of {', '.join(BASE)} with a whole power")
+            total += (-1 if place else 1) * int(read[2] or "1") * np.array(BASE[read[1]])
+    return Dimension(*(int(power) for power in total))
+
+
+def plain_size(unit: str, vehicle: Vehicle) -> float:
+    """A plainly visible size of a quantity of this unit on this vehicle.
+
+    Inertia and damping, kg m^b s^c, go with m, sqrt(m J) and J for b <= 0, 1 and 2; static forces with the
+    weight; lengths with L.
+    """
+    mass, length, time, angle = dimension(unit)
+    if mass == 1 and time == -2:
+        return of_weight(0.01)(vehicle) * vehicle.hull.length ** (length - 1)
+    if mass:
+        return 0.3 * _inertia(max(length, 0), vehicle) ** mass
+    if time:
+        return 0.1 if time > 0 else 0.2
+    return float((0.1 if angle else 0.3) * vehicle.hull.length**length)
+
+
+def of_mass(share: float) -> Size:
+    """A share of the vehicle's mass."""
+    return lambda vehicle: share * _inertia(0, vehicle)
+
+
+def of_mixed(share: float) -> Size:
+    """A share of the geometric mean of mass and moment of inertia: between a force and a moment."""
+    return lambda vehicle: share * _inertia(1, vehicle)
+
+
+def of_moment(share: float) -> Size:
+    """A share of the vehicle's mean moment of inertia."""
+    return lambda vehicle: share * _inertia(2, vehicle)
+
+
+def of_weight(share: float) -> Callable[[Vehicle], float]:
+    """A share of the vehicle's weight."""
+    return lambda vehicle: share * vehicle.rigid_body.mass * vehicle.environment.gravity
+
+
+def _inertia(length: int, vehicle: Vehicle) -> float:
+    """The vehicle's inertia in kg m^length: m, sqrt(m J), J, and on by the radius of gyration."""
+    m, J = vehicle.rigid_body.mass, float(np.trace(np.array(vehicle.rigid_body.inertia))) / 3.0
+    if length < 2:
+        return float(np.sqrt(m * J)) if length else m
+    return float(J * (J / m) ** (0.5 * (length - 2)))
