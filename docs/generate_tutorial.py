@@ -1,8 +1,8 @@
-"""Run the commands of docs/tutorial.md and put what they print into its output blocks; `make docs` runs it and a test compares.
+"""Run the commands of docs/tutorial.md and put what they print into the page; a test compares.
 
-An indented block of the page is a shell command line, run in one temporary folder beside `datasets`. A ```text block after it is
-what it prints on a terminal. In such a block a line `…` stands for lines left out: as many lines as stand before it are kept from
-the beginning, as many as follow it from the end.
+An indented block of the page is a shell command line, run in one temporary folder beside `datasets`. A
+```text block after it is what it prints on a terminal. In such a block a line `…` stands for lines left out:
+as many lines as stand before it are kept from the beginning, as many as follow it from the end.
 """
 
 from __future__ import annotations

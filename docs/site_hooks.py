@@ -1,4 +1,4 @@
-"""What the site shows besides docs/: README as its home, "Add an effect" of CONTRIBUTING, and the list of decisions.
+"""What the site shows besides docs/: README as its home, "Add an effect" of CONTRIBUTING, the decisions.
 
 On GitHub the same pages link to files beside docs/; those links become the bare file names here.
 """
@@ -51,6 +51,8 @@ def own_effect() -> str:
 
 def decisions() -> str:
     """A list of all decisions by their titles."""
-    titles = {path.name: path.read_text().splitlines()[0].lstrip("# ") for path in (ROOT / "docs/adr").glob("*.md")}
+    titles = {
+        path.name: path.read_text().splitlines()[0].lstrip("# ") for path in (ROOT / "docs/adr").glob("*.md")
+    }
     lines = [f"- [{title}](adr/{name})" for name, title in sorted(titles.items())]
     return "# Decisions\n\nWhy it is as it is, one page each.\n\n" + "\n".join(lines) + "\n"

@@ -34,7 +34,9 @@ def test_the_page_is_current() -> None:
 
 def test_every_result_table_is_shown() -> None:
     assert re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", PAGE) != []
-    assert set(re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", PAGE)) == {path.name for path in RESULTS}
+    assert set(re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", PAGE)) == {
+        path.name for path in RESULTS
+    }
 
 
 @pytest.mark.parametrize("path", RESULTS, ids=lambda path: path.stem)
