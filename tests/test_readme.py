@@ -107,7 +107,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl"}
     for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
         done = subprocess.run(
-            line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=600
+            line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
         )
         assert done.returncode == 0, done.stderr.decode()[-3000:]
     assert {"study", "report.html", "vehicle.toml", "labels.parquet", "replay.parquet", "flight.png"} <= {
