@@ -104,17 +104,28 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     shell, python = snippets(README)
     both = shorter(f"{shell}\0{python}")
     shell, python = both.split("\0")
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl"}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
+    printed = []
     for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
         done = subprocess.run(
             line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
         )
         assert done.returncode == 0, done.stderr.decode()[-3000:]
+        printed.append((done.stdout + done.stderr).decode(errors="replace"))
     assert {"study", "report.html", "vehicle.toml", "labels.parquet", "replay.parquet", "flight.png"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }
     assert (checkout / "runs" / "study" / "vehicle-2.toml").exists(), "the README names it"
-    assert "X_res" in done.stdout.decode()
+    assert "X_res" in printed[1]
+    held_out = printed[0].split("held-out data", 1)[1]
+    rows = re.findall(r"^(\d \w+.*?|noise alone) +((?:[\d.]+ *)+)$", README, re.MULTILINE)
+    assert len(rows) == 4
+    for name, numbers in rows:
+        found = re.search(rf"^{name} +((?:[\d.]+ *)+)$", held_out, re.MULTILINE)
+        assert found, f"explain prints no row {name}"
+        assert [*map(float, found[1].split())] == pytest.approx([*map(float, numbers.split())], rel=0.05), (
+            name
+        )
 
 
 def test_the_first_command_comes_within_a_screen() -> None:
