@@ -6,10 +6,10 @@ STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
 
-.PHONY: help install demo test browser lint types docs wheel clean
+.PHONY: help install demo test browser lint types docs site wheel wheel-test clean
 
 help:            ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
 
 install: $(STAMP)     ## create .venv and install hydro with its development tools
 
@@ -38,13 +38,21 @@ lint: $(STAMP)        ## style and import rules
 types: $(STAMP)       ## static types: strict in hydro/core and hydro/io
 	$(BIN)/mypy
 
-docs: $(STAMP)        ## regenerate docs/cli.md and docs/theory.md from the code itself
+docs: $(STAMP)        ## regenerate the pages that are made from code, result tables and the tutorial's commands
 	$(BIN)/python docs/generate_cli.py
 	$(BIN)/python docs/generate_theory.py
+	$(BIN)/python docs/generate_benchmarks.py
+	$(BIN)/python docs/generate_tutorial.py
+
+site: $(STAMP)        ## build the documentation into site/, to be opened from disk
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 wheel: $(STAMP)       ## build dist/*.whl
 	$(BIN)/python -m build --wheel
 
+wheel-test: $(STAMP)  ## install the wheel alone, outside the checkout, and run it
+	$(BIN)/python -m pytest tests/test_wheel.py
+
 clean:                ## remove everything that the targets above made
-	rm -rf $(VENV) $(DEMO) dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(DEMO) dist build site .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

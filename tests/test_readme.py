@@ -1,12 +1,15 @@
-"""What the README tells a newcomer to type exists: its commands, options, targets, files and functions."""
+"""What the README tells a newcomer to type exists and runs: commands, options, targets, files, functions."""
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
-import polars as pl
 import pytest
 
 import hydro
@@ -64,15 +67,68 @@ def test_functions_exist() -> None:
     assert named <= set(hydro.__all__)
 
 
-def test_the_query_runs(tmp_path: Path, datasets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    raw = hydro.read(datasets / "stonefish" / "replay90.parquet", "raw")
-    labels = hydro.labels(raw, hydro.vehicle(datasets / "stonefish" / "vehicle.toml"))
-    hydro.write(labels, tmp_path / "labels.parquet", "labels")
-    monkeypatch.chdir(tmp_path)
-    query = next(
-        block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "scan_parquet" in block
+def shorter(snippets: str) -> str:
+    """The same with the options that the README names for a first try; what installs is only planned."""
+    changes = (
+        (r"^make ", "make -n "),
+        (r"--epochs 20", "--epochs 1"),
+        (r"epochs=20", "epochs=1"),
+        (r"^(hydro rl train .*?)(?= *#|$)", r"\1 --steps 400"),
+        (r"^(hydro rl eval .*?)(?= *#|$)", r"\1 --episodes 4"),
     )
-    printed: list[pl.DataFrame] = []
-    exec(query, {"print": printed.append})
-    assert printed[0].columns == ["session", "X_res", "Y_res", "Z_res"]
-    assert printed[0].height == 1
+    for pattern, change in changes:
+        snippets, count = re.subn(pattern, change, snippets, flags=re.MULTILINE)
+        assert count, f"the README has no {pattern} any more"
+    return snippets
+
+
+def snippets(text: str) -> tuple[str, str]:
+    """All shell and all Python of the README, each pasted one after the other."""
+    outside = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+    shell = "".join(f"{line}\n" for line in re.findall(r"^ {4}(\S.*)$", outside, re.MULTILINE))
+    python = "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+    return shell, python
+
+
+@pytest.mark.slow
+def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
+    checkout = tmp_path / "checkout"
+    binaries = checkout / ".venv" / "bin"
+    binaries.mkdir(parents=True)
+    shutil.copytree(ROOT / "datasets", checkout / "datasets")
+    shutil.copy(ROOT / "Makefile", checkout)
+    shutil.copy(ROOT / "pyproject.toml", checkout)
+    (binaries / "hydro").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hydro.cli "$@"\n')
+    (binaries / "hydro").chmod(0o755)
+    (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')
+    shell, python = snippets(README)
+    both = shorter(f"{shell}\0{python}")
+    shell, python = both.split("\0")
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
+    printed = []
+    for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
+        done = subprocess.run(
+            line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
+        )
+        assert done.returncode == 0, done.stderr.decode()[-3000:]
+        printed.append((done.stdout + done.stderr).decode(errors="replace"))
+    assert {"study", "report.html", "vehicle.toml", "labels.parquet", "replay.parquet", "flight.png"} <= {
+        path.name for path in (checkout / "runs").iterdir()
+    }
+    assert (checkout / "runs" / "study" / "vehicle-2.toml").exists(), "the README names it"
+    assert "X_res" in printed[1]
+    held_out = printed[0].split("held-out data", 1)[1]
+    rows = re.findall(r"^(\d \w+.*?|noise alone) +((?:[\d.]+ *)+)$", README, re.MULTILINE)
+    assert len(rows) == 4
+    for name, numbers in rows:
+        found = re.search(rf"^{name} +((?:[\d.]+ *)+)$", held_out, re.MULTILINE)
+        assert found, f"explain prints no row {name}"
+        assert [*map(float, found[1].split())] == pytest.approx([*map(float, numbers.split())], rel=0.05), (
+            name
+        )
+
+
+def test_the_first_command_comes_within_a_screen() -> None:
+    lines = README.splitlines()
+    first = next(number for number, line in enumerate(lines, 1) if line.startswith("    hydro "))
+    assert first <= 50

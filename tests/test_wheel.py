@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -17,7 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 WHERE = """
 import hydro, json
 from hydro.io import schema
-print(json.dumps({"hydro": hydro.__file__, "schemas": str(schema.FOLDER)}))
+raw = [field.name for field in schema.load("raw").fields]
+print(json.dumps({"hydro": hydro.__file__, "schemas": str(schema.FOLDER), "raw": raw}))
 """
 
 
@@ -63,7 +65,10 @@ def test_the_wheel_alone_checks_its_bundled_data(installed: Path, tmp_path: Path
     where = json.loads(run(installed / "bin" / "python", "-c", WHERE, cwd=tmp_path).stdout)
     package = Path(where["hydro"]).parent
     assert package.is_relative_to(installed)
+    version = run(installed / "bin" / "hydro", "--version", cwd=tmp_path)
+    assert re.search(r"\d+\.\d+\.\d+", version.stdout), version.stderr
     assert Path(where["schemas"]) == package / "_schemas"
+    assert {"session", "t", "u", "r", "cmd_{n}"} <= set(where["raw"])
     data = package / "_datasets" / "stonefish"
     files = [data / name for name in ("sample.parquet", "replay90.parquet", "vehicle.toml")]
     files += [

@@ -9,7 +9,7 @@ Three things differ from the paper. The learning rate rises over the first twent
 falls to nothing as a half cosine, where the paper's waits for plateaus from 1e-3 on; batches are of 512 rows
 at most; and the weight decay is decoupled from the gradient (AdamW). As a part of the gradient it is all that
 moves weights where the error's own has become small, and bends the wrench enough to be seen in a replay.
-docs/benchmarks.md has what each is worth.
+docs/adr/0010 has what each is worth.
 
 From a noisy log networks are trained blind to accelerations (`trusted_accelerations`), and with a weight
 decay that keeps them from learning the noise of their labels: 25,000 updates then do no harm.

@@ -37,7 +37,7 @@ class Sonar:
     """A fan of beams from the hull's skin, level in the body, from port to starboard.
 
     They look around the hull: a policy without memory hits with flank and stern what has left its bow's sight
-    (docs/benchmarks.md).
+    (docs/adr/0009).
 
     Attributes:
         fan: Angle between the outermost beams [rad].

@@ -1,7 +1,7 @@
 """What a network is given of observations: numbers of size one, and of ranges how near they are.
 
 A policy that sees ranges as they are learns slowly to keep clear of pillars: between touching one and passing
-by lies a hundredth of a sonar's reach, and the walls far away make up the rest (docs/benchmarks.md).
+by lies a hundredth of a sonar's reach, and the walls far away make up the rest (docs/adr/0008).
 """
 
 from __future__ import annotations

@@ -1,0 +1,69 @@
+"""Write docs/benchmarks.md from its template and the kept results; `make docs` runs it and a test compares.
+
+A result table is benchmarks/results/NAME.csv: first what was measured, as it is to be read, then its
+origin. A line `{{table:NAME}}` of docs/benchmarks.template.md becomes the table with its origin above it.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+PAGE = Path(__file__).with_name("benchmarks.md")
+TEMPLATE = Path(__file__).with_name("benchmarks.template.md")
+RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
+
+ORIGIN = ("commit", "recorded", "date", "command", "seeds")
+"""The code that was measured, the commit that recorded the figure, its day, the command line, the seeds."""
+
+
+def page() -> str:
+    """The whole page."""
+    return re.sub(
+        r"^\{\{table:(\w+)\}\}$", lambda found: table(found[1]), TEMPLATE.read_text(), flags=re.MULTILINE
+    )
+
+
+def results(name: str) -> list[dict[str, str]]:
+    """Rows of a result table, every cell as it is written."""
+    with (RESULTS / f"{name}.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def table(name: str) -> str:
+    """A result table in Markdown, the line on its origin before it."""
+    rows = results(name)
+    columns = [column for column in rows[0] if column not in ORIGIN]
+    lines = [columns, ["---"] * len(columns), *([row[column] for column in columns] for row in rows)]
+    return "\n".join([_origin(name, rows), "", *(f"| {' | '.join(map(_cell, line))} |" for line in lines)])
+
+
+def _cell(text: str) -> str:
+    """A cell's text; an interval stays on one line."""
+    return re.sub(r" to (?=[\d.-]+[)\]])", "\u00a0to\u00a0", text.strip())
+
+
+def _origin(name: str, rows: list[dict[str, str]]) -> str:
+    """One line below the words on the table: file, command lines, seeds, days and commits."""
+    said = {key: _unique(row[key] for row in rows) for key in ORIGIN}
+    recorded = ", ".join(sorted(said["date"])) + (
+        f" in {', '.join(said['recorded'])}" if said["recorded"] else ""
+    )
+    parts = [f"[{name}.csv](../benchmarks/results/{name}.csv)", f"recorded {recorded}"]
+    parts += [f"code of {', '.join(said['commit'])}"] if said["commit"] else []
+    parts += [f"seeds {said['seeds'][0]}"] if len(said["seeds"]) == 1 else []
+    parts += (
+        [f"`{said['command'][0]}`"] if len(said["command"]) == 1 else ["command lines and seeds in the file"]
+    )
+    return "<br>" + ": ".join([parts[0], "; ".join(parts[1:])])
+
+
+def _unique(values: Iterable[str]) -> list[str]:
+    """What differs, in its order, without what is empty, not recorded or not used."""
+    return [value for value in dict.fromkeys(values) if value not in ("", "not recorded", "not used")]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())

@@ -1,0 +1,81 @@
+"""Figures stand once: the page of benchmarks is made from the result tables, and the README quotes them."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = sorted((ROOT / "benchmarks" / "results").glob("*.csv"))
+PAGE = (ROOT / "docs" / "benchmarks.md").read_text()
+README = " ".join((ROOT / "README.md").read_text().split())
+GENERATOR = runpy.run_path(str(ROOT / "docs" / "generate_benchmarks.py"))
+
+
+def cell(table: str, column: str, **where: str) -> str:
+    """The one cell of a result table in a row where columns (`_` for a blank) begin as told."""
+    (found,) = [
+        row[column]
+        for row in GENERATOR["results"](table)
+        if all(row[key.replace("_", " ")].startswith(value) for key, value in where.items())
+    ]
+    return found
+
+
+def test_the_page_is_current() -> None:
+    assert GENERATOR["page"]() == PAGE, "run `make docs`"
+    assert len(PAGE.splitlines()) <= 200
+    assert "{{" not in PAGE
+
+
+def test_every_result_table_is_shown() -> None:
+    assert re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", PAGE) != []
+    assert set(re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", PAGE)) == {
+        path.name for path in RESULTS
+    }
+
+
+@pytest.mark.parametrize("path", RESULTS, ids=lambda path: path.stem)
+def test_figures_say_where_they_come_from(path: Path) -> None:
+    rows = GENERATOR["results"](path.stem)
+    assert rows
+    for row in rows:
+        assert None not in row, "more cells than columns"
+        assert set(GENERATOR["ORIGIN"]) < set(row)
+        assert date(2026, 11, 1) <= date.fromisoformat(row["date"]) <= date.today()
+        assert row["command"]
+        for commit in (row["commit"], row["recorded"]):
+            assert re.fullmatch(r"[0-9a-f]{7,40}|", commit), commit
+
+
+def test_the_readme_quotes_the_result_tables() -> None:
+    one = cell("hidden_effects", "shown", hidden="one effect")
+    two = cell("hidden_effects", "shown", hidden="two effects of at least")
+    alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
+    assert alarms == "0"
+    assert f"right in {one.split(',')[0]} studies, two at once exactly in {two.split(',')[0]}" in README
+    assert f"false alarm in {studies}" in README
+    slalom, planned = "8 pillars, no plan", "8 pillars, planned way"
+    teacher = {
+        name: cell("rl_pillars", slalom, flown_by=name, in_the="teacher").split("%")[0] + " %"
+        for name in ("R_0", "R_effects, as given", "R_effects, identified", "R_PhysFeat")
+    }
+    assert re.search(
+        rf"without water forces {teacher['R_0']} arrive, .* numbers {teacher['R_effects, as given']}, "
+        rf".* data {teacher['R_effects, identified']}, .* data {teacher['R_PhysFeat']} ",
+        README,
+    )
+    pilot = cell("rl_pillars", planned, flown_by="pilot", in_the="teacher")
+    best = max(
+        float(row[planned].split("%")[0])
+        for row in GENERATOR["results"]("rl_pillars")
+        if row["in the"] == "teacher" and "%" in row[planned]
+    )
+    assert f"that pilot arrives in {pilot} tasks in the teacher" in README
+    assert f"({best:g} % at best)" in README
+    without = cell("rl_pillars", slalom, flown_by="pilot", in_the="student").split(" (")[0]
+    assert f"by hand arrives in {without} without a plan" in README

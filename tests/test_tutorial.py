@@ -1,0 +1,46 @@
+"""docs/tutorial.md shows what its commands print."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+GENERATOR = runpy.run_path(str(DOCS / "generate_tutorial.py"))
+TEXT = (DOCS / "tutorial.md").read_text()
+NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?")
+ROUNDING = 0.05
+"""How far numbers may be apart: computers differ in the last figures, and networks more than that."""
+
+
+def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
+    """A text's words without blanks and rules, and its numbers."""
+    numbers = [float(number.replace(",", "")) for number in NUMBER.findall(text)]
+    return re.sub("─+", "", NUMBER.sub("#", text)).split(), numbers
+
+
+@pytest.mark.slow
+def test_the_tutorial_shows_what_its_commands_print() -> None:
+    shown, printed = (words_and_numbers(text) for text in (TEXT, GENERATOR["page"](TEXT)))
+    assert printed[0] == shown[0], "run `make docs`"
+    assert printed[1] == pytest.approx(shown[1], rel=ROUNDING), "run `make docs`"
+
+
+def test_a_stale_figure_is_seen() -> None:
+    stale = TEXT.replace("347 with", "1.48e+03 with")
+    assert stale != TEXT
+    words, numbers = words_and_numbers(stale)
+    assert words == words_and_numbers(TEXT)[0]
+    assert numbers != pytest.approx(words_and_numbers(TEXT)[1], rel=ROUNDING)
+
+
+def test_an_excerpt_keeps_its_parts() -> None:
+    printed = "a 1\nb 2\nc 3\nd 4\ne 5\nf 6\n"
+    assert GENERATOR["excerpt"](printed, "x\n…\nd 9\ne 9\n…\ny\n") == "a 1\n…\nd 4\ne 5\n…\nf 6\n"
+    assert GENERATOR["excerpt"](printed, "…\ny\ny\n") == "…\ne 5\nf 6\n"
+    assert GENERATOR["excerpt"](printed, "anything\n") == printed
+    with pytest.raises(ValueError, match="begins with 'z'"):
+        GENERATOR["excerpt"](printed, "…\nz\n…\n")
