@@ -9,7 +9,7 @@ from hydro.core import compiled
 LOADED = """
 import sys, pathlib import hydro.core.identification.multiple_shooting, hydro.core.distillation.labels,
 hydro.sim.bridge.callbacks, hydro.sim.teacher_plant import hydro.rl.environment.action,
-hydro.rl.environment.judge for name, module in sorted(sys.modules.items()):
+hydro.rl.environment.step for name, module in sorted(sys.modules.items()):
     if name.startswith("hydro.") and getattr(module, "__file__", None):
         print(module.__file__)
 """
