@@ -43,32 +43,40 @@ Stage = Annotated[
 Pillars = Annotated[int | None, typer.Option(min=0, help="Pillars of stage 2 and 3; default: likewise.")]
 
 
+TrainingFolder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")
+]
+ConditionName = Annotated[
+    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
+]
+ResidualModel = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
+]
+Steps = Annotated[int, typer.Option(min=1, help="Control steps of all vehicles together at most.")]
+Start = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="RUN",
+        help="Begin with what another training has learnt, under whatever physics; not with its levels.",
+    ),
+]
+Choices = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
+]
+
+
 def train(
     vehicle: ModelFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")],
-    condition: Annotated[
-        str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
-    ] = "R_effects",
-    model: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
-    ] = None,
+    output: TrainingFolder,
+    condition: ConditionName = "R_effects",
+    model: ResidualModel = None,
     seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
-    steps: Annotated[
-        int, typer.Option(min=1, help="Control steps of all vehicles together at most.")
-    ] = 500_000,
-    start: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RUN",
-            help="Begin with what another training has learnt, under whatever physics; not with its levels.",
-        ),
-    ] = None,
-    choices: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
-    ] = None,
+    steps: Steps = 500_000,
+    start: Start = None,
+    choices: Choices = None,
 ) -> None:
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
 

@@ -9,27 +9,32 @@ import typer
 
 from hydro.commands.shell import ModelFile, message, print_table, runner
 
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")]
+Models = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="Residual model of a condition; repeat for several."),
+]
+Conditions = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="Only this condition; repeat for several.")
+]
+Choices = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training; repeat."),
+]
+
 
 def study(
     context: typer.Context,
     vehicle: ModelFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")],
-    model: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Residual model of a condition; repeat for several."),
-    ] = None,
-    condition: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Only this condition; repeat for several.")
-    ] = None,
+    output: Folder,
+    model: Models = None,
+    condition: Conditions = None,
     seeds: Annotated[int, typer.Option(min=1, help="Trainings of each condition.")] = 5,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 3,
     steps: Annotated[int, typer.Option(min=1, help="Steps of each training at most.")] = 2_000_000,
     episodes: Annotated[int, typer.Option(min=1, help="Tasks of each test.")] = 200,
     workers: Annotated[int, typer.Option(min=1, help="Steps side by side, each a process.")] = 1,
-    choices: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Another choice of every training; repeat."),
-    ] = None,
+    choices: Choices = None,
 ) -> None:
     """Train every condition with several seeds, fly every policy in both simulators, and compare.
 

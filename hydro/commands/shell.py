@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -55,6 +55,7 @@ NoiseSpec = Annotated[
         "'{velocity=0.02, rate=0.003}' in m/s and rad/s; by default found from the data.",
     ),
 ]
+Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
 VehicleFile = Annotated[
     Path | None,
     typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data's footer."),

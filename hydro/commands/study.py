@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, message, noise_for, print_table, runner
+from hydro.commands.shell import (
+    PREDICTION_TITLE,
+    REPLAY_TITLE,
+    Device,
+    message,
+    noise_for,
+    print_table,
+    runner,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -22,53 +30,65 @@ MINUTES_TITLE = (
 )
 
 
+Raw = Annotated[Path, typer.Argument(metavar="RAW", show_default=False, help="Recording to train on.")]
+Replayed = Annotated[
+    Path, typer.Option(metavar="RAW", help="Recording of a sequence to replay, such as replay90.")
+]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")]
+Tested = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="RAW", help="Recording of other sessions to test on; default: the split's test part."
+    ),
+]
+VehicleOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Vehicle file; default: the one in the recordings' footers."),
+]
+Models = Annotated[
+    list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model; repeat for several.")
+]
+Epochs = Annotated[
+    int | None,
+    typer.Option(min=1, help="Passes over the training data at most; default: that of `hydro train`."),
+]
+Minutes = Annotated[
+    list[float] | None,
+    typer.Option(metavar="MIN", help="Also train on so many minutes alone; repeat for several."),
+]
+Noise = Annotated[
+    str,
+    typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
+]
+Fitted = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Vehicle file with fitted effects: fly them alone, and with a network."
+    ),
+]
+Workers = Annotated[
+    int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
+]
+Quick = Annotated[bool, typer.Option("--quick", help="See that it runs: three models, one seed, one epoch.")]
+
+
 def study(
     context: typer.Context,
     what: Annotated[Literal["models"], typer.Argument(help="What is studied: the residual models.")],
-    raw: Annotated[Path, typer.Argument(metavar="RAW", show_default=False, help="Recording to train on.")],
-    replay: Annotated[
-        Path, typer.Option(metavar="RAW", help="Recording of a sequence to replay, such as replay90.")
-    ],
-    folder: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")],
-    test: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RAW", help="Recording of other sessions to test on; default: the split's test part."
-        ),
-    ] = None,
-    vehicle: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Vehicle file; default: the one in the recordings' footers."),
-    ] = None,
-    model: Annotated[
-        list[str] | None, typer.Option("--model", metavar="NAME", help="Only this model; repeat for several.")
-    ] = None,
+    raw: Raw,
+    replay: Replayed,
+    folder: Folder,
+    test: Tested = None,
+    vehicle: VehicleOption = None,
+    model: Models = None,
     seeds: Annotated[int, typer.Option(min=1, help="Networks of each model.")] = 5,
-    epochs: Annotated[
-        int | None,
-        typer.Option(min=1, help="Passes over the training data at most; default: that of `hydro train`."),
-    ] = None,
-    minutes: Annotated[
-        list[float] | None,
-        typer.Option(metavar="MIN", help="Also train on so many minutes alone; repeat for several."),
-    ] = None,
-    noise: Annotated[
-        str,
-        typer.Option(metavar="SPEC", help="Noise added to the training data alone: none, ordinary, dvl, …."),
-    ] = "none",
-    effects: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Vehicle file with fitted effects: fly them alone, and with a network."
-        ),
-    ] = None,
-    device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
-    workers: Annotated[
-        int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
-    ] = 1,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="See that it runs: three models, one seed, one epoch.")
-    ] = False,
+    epochs: Epochs = None,
+    minutes: Minutes = None,
+    noise: Noise = "none",
+    effects: Fitted = None,
+    device: Device = "cpu",
+    workers: Workers = 1,
+    quick: Quick = False,
 ) -> None:
     """Train, evaluate and replay all residual models, several seeds each, and compare how they rank.
 
