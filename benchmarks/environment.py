@@ -46,8 +46,8 @@ from hydro.rl.environment import conditions, tasks
 from hydro.rl.environment.action import ACTIONS, command_kernel
 from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet
-from hydro.rl.environment.judge import sense_kernel
 from hydro.rl.environment.observation import OBSERVATIONS
+from hydro.rl.environment.step import sense_kernel
 
 SUBSTEPS = 20
 WIDTHS = {"mlp": (12, *PHYSFEAT[1:]), "physfeat": PHYSFEAT}
@@ -62,7 +62,8 @@ def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
         if kind is not None and kind not in WIDTHS:
             continue
         model = None if kind is None else random_model(kind, WIDTHS[kind])
-        plant = conditions.plant(condition, vehicle, settings, count, model, threads=threads)
+        known = conditions.Condition(condition, model)
+        plant = conditions.plant(known, vehicle, settings, count, threads=threads)
         found[condition] = Fleet(settings, plant)
         found[condition].set_level(tasks.PILLARS, settings.world.pillars)
         found[condition].reset()
@@ -114,10 +115,9 @@ def profile(fleet: Fleet, seconds: float) -> dict[str, float]:
         "motion in NED and FRD": lambda: plant._read(fleet._all),
         "random numbers": lambda: fleet._noise.standard_normal((fleet.count, OBSERVATIONS)),
         "sonar and observations": lambda: sense_kernel(
-            fleet._all, fleet._bounds, *fleet._senses, plant.pose, plant.velocity, plant.specific_force,
-            fleet.targets, fleet.pillars, fleet._sigma, noise, fleet._rotation, fleet._least, fleet._seen,
+            fleet._all, fleet._senses, fleet._motion, fleet._scenes, noise, fleet._least, fleet._seen
         ),
-    }  # fmt: skip
+    }
     found = {"whole step": timed(work, seconds)}
     fleet.reset()
     found |= {name: timed(part, seconds) for name, part in parts.items()}

@@ -32,10 +32,11 @@ from torchrl.modules import MLP, ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
 from hydro.rl.environment.observation import ENCODING, OBSERVATIONS
-from hydro.rl.training.sac import Choices, Learner
+from hydro.rl.training.config import SACConfig
+from hydro.rl.training.sac import Learner
 
 ACTIONS, FILLED = 6, 100_000
-CHOICES = Choices(horizon=1)  # of random transitions, nothing follows one another
+CHOICES = SACConfig(horizon=1)  # of random transitions, nothing follows one another
 
 
 def transitions() -> dict[str, Tensor]:

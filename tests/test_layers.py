@@ -1,17 +1,22 @@
-"""Imports point one way: cli -> commands -> {rl -> sim, learn, report} -> io -> core."""
+"""Imports point one way: between layers, between the packages of each, and never in a circle."""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
+from collections.abc import Callable, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "hydro"
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "hydro"
 ABOVE_IO = {"sim", "learn", "report"}
 MAY_IMPORT = {
     "cli": {"commands", "core"},
-    "commands": {"commands", "rl", *ABOVE_IO, "io", "core"},
+    "commands": {"commands", "study", "rl", *ABOVE_IO, "io", "core"},
+    "study": {"study", "rl", *ABOVE_IO, "io", "core"},
     "rl": {"rl", "sim", "io", "core"},
     "sim": {"sim", "io", "core"},
     "learn": {"learn", "io", "core"},
@@ -20,7 +25,33 @@ MAY_IMPORT = {
     "core": {"core"},
     "api": {"rl", *ABOVE_IO, "io", "core"},
     "__init__": {"api"},
+    "__main__": {"cli"},
 }
+LEVELS = {
+    "hydro.core": (
+        ("diagnosis",),
+        ("evaluation",),
+        ("identification",),
+        ("distillation",),
+        ("simulation",),
+        ("logs",),
+        ("recording",),
+        ("effects",),
+        ("vehicle",),
+        ("errors", "compiled", "columns"),
+    ),
+    "hydro.sim": (
+        ("film", "replay", "teacher_plant"),
+        ("plant", "scene", "teacher"),
+        ("student",),
+        ("bridge",),
+        ("residual",),
+    ),
+    "hydro.rl": (("training",), ("environment",)),
+}
+"""Packages and modules of a layer, topmost first: each may import what stands below its own line."""
+MOST_MODULES = 15
+"""In a package of core: more than that, and nobody finds anything."""
 ONLY_IN = {
     "torch": {"learn", "rl", "io/model.py"},
     "torchrl": {"rl"},
@@ -45,6 +76,7 @@ HEAVY = {
     "rich",
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
+Graph = dict[str, set[str]]
 
 
 def layer(path: Path) -> str:
@@ -64,6 +96,77 @@ def imported(tree: ast.AST) -> list[str]:
     return names
 
 
+def graph(root: Path, *packages: str) -> Graph:
+    """Which of the modules under some packages of a folder import which others of them."""
+    files = {_name(root, path): path for package in packages for path in (root / package).rglob("*.py")}
+    found = {}
+    for name, path in files.items():
+        names = imported(ast.parse(path.read_text()))
+        if not (path.parent / "__init__.py").exists():  # scripts know those beside them by their bare names
+            names += [f"{name.rpartition('.')[0]}.{each}" for each in names]
+        reached = {_module(each, files) for each in names}
+        found[name] = {other for other in reached if other not in (None, name)}
+    return found
+
+
+def _name(root: Path, path: Path) -> str:
+    """A module's name, a package's that of its folder."""
+    return ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _module(name: str, known: Mapping[str, object]) -> str | None:
+    """The module that an imported name is or stands in."""
+    while name and name not in known:
+        name = name.rpartition(".")[0]
+    return name or None
+
+
+def upward(modules: Graph, top: str, levels: tuple[tuple[str, ...], ...]) -> list[str]:
+    """Imports within `top` that do not point to a lower level, and what has no level at all."""
+    height = {part: -row for row, parts in enumerate(levels) for part in parts}
+    found = []
+    for name, reached in modules.items():
+        for other in (each for each in reached if _part(each, top) not in ("", _part(name, top))):
+            here, there = _part(name, top), _part(other, top)
+            if here and not (here in height and there in height and height[here] > height[there]):
+                found.append(f"{name} -> {other}")
+    return sorted(found)
+
+
+def _part(name: str, top: str) -> str:
+    """The package or module directly under `top` that a module is or stands in; nothing elsewhere."""
+    return name.removeprefix(f"{top}.").split(".")[0] if name.startswith(f"{top}.") else ""
+
+
+def circle(modules: Graph, of: Callable[[str], str] = str) -> list[str]:
+    """A circle of imports between modules, or between what `of` makes of them; empty without one."""
+    arrows: Graph = {}
+    for name, reached in modules.items():
+        arrows.setdefault(of(name), set()).update(of(each) for each in reached)
+    try:
+        TopologicalSorter({name: reached - {name} for name, reached in arrows.items()}).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def package(name: str) -> str:
+    """The package that a module stands in; the module itself at the top, as `hydro.cli`."""
+    folder = name if (ROOT / Path(*name.split("."))).is_dir() else name.rpartition(".")[0]
+    return folder if "." in folder else name
+
+
+def sizes(folder: Path) -> Counter[str]:
+    """Modules in every package under a folder, `__init__` aside."""
+    modules = (path for path in folder.rglob("*.py") if path.name != "__init__.py")
+    return Counter(path.parent.relative_to(folder.parent).as_posix() for path in modules)
+
+
+@pytest.fixture(scope="module")
+def modules() -> Graph:
+    return graph(ROOT, "hydro", "benchmarks")
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_imports_point_one_way(path: Path) -> None:
     names = imported(ast.parse(path.read_text()))
@@ -71,6 +174,43 @@ def test_imports_point_one_way(path: Path) -> None:
     assert reached <= MAY_IMPORT[layer(path)], (
         f"{layer(path)} must not import {reached - MAY_IMPORT[layer(path)]}"
     )
+
+
+@pytest.mark.parametrize("top", LEVELS)
+def test_imports_within_a_layer_point_down(top: str, modules: Graph) -> None:
+    assert upward(modules, top, LEVELS[top]) == []
+
+
+@pytest.mark.parametrize("top", LEVELS)
+def test_every_part_of_a_layer_has_its_level_and_is_there(top: str, modules: Graph) -> None:
+    there = {_part(name, top) for name in modules} - {""}
+    assert there == {part for parts in LEVELS[top] for part in parts}
+
+
+def test_no_modules_and_no_packages_import_one_another_in_a_circle(modules: Graph) -> None:
+    assert circle(modules) == []
+    assert circle({name: each for name, each in modules.items() if name.startswith("hydro")}, package) == []
+
+
+def test_hydro_knows_no_benchmark(modules: Graph) -> None:
+    arrows = [(name, other) for name, reached in modules.items() for other in reached]
+    assert [arrow for arrow in arrows if arrow[0].startswith("hydro") and "benchmarks" in arrow[1]] == []
+    assert any(name.startswith("benchmarks") and other.startswith("hydro") for name, other in arrows)
+
+
+def test_no_test_imports_another() -> None:
+    tests = {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
+    assert Path(__file__).stem in tests
+    for path in (ROOT / "tests").rglob("*.py"):
+        names = imported(ast.parse(path.read_text()))
+        assert not [name for name in names if tests & set(name.split("."))], path
+
+
+def test_packages_of_core_are_small() -> None:
+    counted = sizes(PACKAGE / "core")
+    print(*(f"{count:3d} {name}" for name, count in counted.most_common()), sep="\n")
+    assert counted
+    assert {name: count for name, count in counted.items() if count > MOST_MODULES} == {}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -96,3 +236,55 @@ def test_the_rule_is_not_vacuous() -> None:
     assert {layer(path) for path in MODULES} >= {"cli", "commands", "core", "io", "learn", "sim", "report"}
     sample = ast.parse("import torch\nfrom hydro.sim import student\ndef f():\n    import mujoco.batch")
     assert imported(sample) == ["torch", "hydro.sim.student", "mujoco.batch"]
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Callable[[str, str], Graph]:
+    """A tree of two packages, the upper importing the lower; `plant` adds a line to a file."""
+    for name, text in {
+        "app/__init__.py": "",
+        "app/upper/__init__.py": "",
+        "app/upper/a.py": "from app.upper import b\nfrom app.lower.c import thing\n",
+        "app/upper/b.py": "",
+        "app/lower/__init__.py": "",
+        "app/lower/c.py": "from app.lower import d\nthing = d\n",
+        "app/lower/d.py": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+
+    def plant(name: str, line: str) -> Graph:
+        file = tmp_path / name
+        file.write_text(file.read_text() + line)
+        return graph(tmp_path, "app")
+
+    return plant
+
+
+ORDER = (("upper",), ("lower",))
+
+
+def test_a_clean_tree_passes(planted: Callable[[str, str], Graph]) -> None:
+    clean = planted("app/lower/d.py", "")
+    assert clean["app.upper.a"] == {"app.upper.b", "app.lower.c", "app.upper"} - {"app.upper"}
+    assert upward(clean, "app", ORDER) == []
+    assert circle(clean) == []
+    assert circle(clean, lambda name: name.rpartition(".")[0]) == []
+
+
+def test_a_planted_upward_import_is_seen_even_within_a_function(
+    planted: Callable[[str, str], Graph],
+) -> None:
+    bent = planted("app/lower/d.py", "def f():\n    from app.upper.b import x\n")
+    assert upward(bent, "app", ORDER) == ["app.lower.d -> app.upper.b"]
+    assert upward(bent, "app", (("upper", "lower"),)) != [], "nothing points sideways"
+    assert circle(bent) == []
+    assert set(circle(bent, lambda name: name.rpartition(".")[0])) == {"app.upper", "app.lower"}
+
+
+def test_a_planted_circle_of_modules_is_seen(planted: Callable[[str, str], Graph]) -> None:
+    assert set(circle(planted("app/lower/d.py", "import app.lower.c\n"))) == {"app.lower.c", "app.lower.d"}
+
+
+def test_a_package_without_a_level_is_seen(planted: Callable[[str, str], Graph]) -> None:
+    assert upward(planted("app/upper/b.py", ""), "app", (("upper",),)) == ["app.upper.a -> app.lower.c"]

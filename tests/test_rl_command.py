@@ -67,6 +67,16 @@ def test_training_tells_its_choices_and_how_it_goes(
     assert steps.to_list() == [40, 80, 120, 160]
 
 
+def test_a_choice_under_its_name_of_before_is_taken_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["train", VEHICLE, "--steps", 80, *SMALL, "-o", tmp_path / "run"]
+    assert rl(*line, "--set", "ladder.ready=0.8") == 0
+    told = capsys.readouterr().err
+    assert told.count("--set ladder.ready is called curriculum.ready now") == 1
+    assert re.search(r"curriculum\.ready +0\.8", told)
+
+
 def test_every_table_is_sound_and_knows_its_origin(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for path in sorted(run.glob("*.parquet")):
         assert cli.main(["check", str(path)]) == 0

@@ -8,10 +8,14 @@ import polars as pl
 import pytest
 
 from hydro import cli
-from hydro.commands.steps import Runner, Step, here
-from hydro.commands.study import Data, Run, _beside_effects, _rounds
+from hydro.commands.shell import here, message
 from hydro.core.evaluation.metrics import SCHEMA
 from hydro.report.seeds import ranking, seeds_together
+from hydro.study.models import Recordings, Study, _beside_effects, _rounds
+from hydro.study.steps import Runner, Step, StepFailed, apart
+from hydro.study.summary import Run
+
+PLAIN = Recordings(Path("raw"), Path("replay"), None, None, "none")
 
 
 class Copier:
@@ -46,7 +50,7 @@ def run(chain, workers: int = 1) -> list[str]:
     """What a new process would run."""
     folder, steps = chain
     root = Copier()
-    assert Runner(folder, here(root)).run(steps, workers) == len(root.ran)
+    assert Runner(folder, here(root), message).run(steps, workers) == len(root.ran)
     return root.ran
 
 
@@ -64,7 +68,7 @@ def test_a_failure_ends_a_study_and_what_was_made_before_stays(chain, workers):
     folder, steps = chain
     broken = Step(("copy", str(folder / "none"), str(folder / "e")), (folder / "b",), (folder / "e",))
     with pytest.raises(FileNotFoundError):
-        Runner(folder, here(Copier())).run([steps[0], broken], workers)
+        Runner(folder, here(Copier()), message).run([steps[0], broken], workers)
     assert run((folder, steps[:1]), workers) == []
 
 
@@ -72,7 +76,7 @@ def test_what_ran_beside_a_failure_is_not_lost(chain):
     folder, steps = chain
     broken = Step(("copy", str(folder / "none"), str(folder / "e")), (folder / "a",), (folder / "e",))
     with pytest.raises(FileNotFoundError):
-        Runner(folder, here(Copier())).run([broken, steps[0]], 2)
+        Runner(folder, here(Copier()), message).run([broken, steps[0]], 2)
     assert run((folder, steps[:1])) == []
 
 
@@ -80,7 +84,7 @@ def test_how_long_it_takes_is_told_by_steps_alike(chain, capsys, monkeypatch):
     folder, steps = chain
     clock = iter([0.0, 50.0, 100.0, 300.0, 300.0, 301.0])
     monkeypatch.setattr("time.perf_counter", lambda: next(clock))
-    Runner(folder, here(Copier())).run(steps)
+    Runner(folder, here(Copier()), message).run(steps)
     told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("  ")]
     assert told == [
         "  50.0 s: b; steps left: 2, some 2 min",
@@ -109,7 +113,7 @@ def test_what_has_not_changed_is_not_run_again(chain):
 
 def test_an_interrupted_study_goes_on(chain):
     folder, steps = chain
-    Runner(folder, here(Copier())).run(steps[:1])
+    Runner(folder, here(Copier()), message).run(steps[:1])
     assert run(chain) == ["c", "d"]
 
 
@@ -155,11 +159,11 @@ def test_ranking_counts_a_diverged_flight_as_the_worst():
 
 
 def test_every_model_gets_its_first_seed_before_any_gets_its_second():
-    rounds = _rounds(("mlp", "moe"), 2, (1.0, 3.0))
+    rounds = _rounds(Study(Path("out"), PLAIN, models=("mlp", "moe"), seeds=2, minutes=(1.0, 3.0)))
     names = [[run.name for run in runs] for runs in rounds]
     assert names[:2] == [["mlp-seed0", "moe-seed0"], ["mlp-seed1", "moe-seed1"]]
     assert names[2] == ["mlp-seed0-1min", "moe-seed0-1min", "mlp-seed0-3min", "moe-seed0-3min"]
-    assert [len(runs) for runs in _rounds(("mlp",), 3, ())] == [1, 1, 1]
+    assert [len(runs) for runs in _rounds(Study(Path("out"), PLAIN, models=("mlp",), seeds=3))] == [1, 1, 1]
 
 
 def test_names_tell_runs_apart():
@@ -168,8 +172,8 @@ def test_names_tell_runs_apart():
 
 
 def test_a_network_beside_effects_learns_what_they_leave_and_flies_with_them():
-    data = Data(Path("raw"), Path("replay"), Path("test"), None, "dvl", Path("fitted.toml"))
-    labels, _, train, replay = _beside_effects(data, Path("out"), epochs=2, device="cpu")
+    data = Recordings(Path("raw"), Path("replay"), Path("test"), None, "dvl", Path("fitted.toml"))
+    labels, _, train, replay = _beside_effects(Study(Path("out"), data, epochs=2))
     assert labels.line[1] == "out/noisy.parquet"
     assert {"--subtract", "effects", "--noise", "dvl", "fitted.toml"} <= set(labels.line)
     assert labels.reads == (Path("out/noisy.parquet"), Path("fitted.toml"))
@@ -178,10 +182,14 @@ def test_a_network_beside_effects_learns_what_they_leave_and_flies_with_them():
         "effects",
         "effects+MJ4",
     ]
-    assert _beside_effects(Data(Path("raw"), Path("replay"), None, None, "none"), Path("out"), **FREE) == []
+    assert _beside_effects(Study(Path("out"), PLAIN)) == []
 
 
-FREE = {"epochs": None, "device": "cpu"}
+def test_a_step_that_fails_in_its_own_process_ends_the_study_with_its_exit_code(capfd):
+    with pytest.raises(StepFailed, match="hydro labels no-such-file") as told:
+        apart(Step(("labels", "no-such-file", "-o", "x"), (), ()))
+    assert told.value.exit_code == 1
+    assert "no-such-file" in capfd.readouterr().err
 
 
 def test_noise_needs_data_without_to_test_on(tmp_path, capsys):

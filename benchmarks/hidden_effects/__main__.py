@@ -24,6 +24,7 @@ from typing import Any
 import polars as pl
 
 from benchmarks.hidden_effects import cases, report, study, vehicles
+from benchmarks.hidden_effects.scoring import score
 
 KEY = ("kind", "seed", "source", "seconds")
 Task = tuple[cases.Case, float, Path, bool, float]
@@ -110,8 +111,17 @@ def parser() -> argparse.ArgumentParser:
     two = commands.add_parser("report", help="sum up results, as Markdown")
     two.add_argument("results", type=Path, nargs="+")
     two.add_argument("--plot", type=Path, help="draw the confusion matrix, as .png or .svg")
-    two.set_defaults(action=lambda chosen: report.show(read(chosen.results), chosen.plot))
+    two.set_defaults(action=lambda chosen: show(read(chosen.results), chosen.plot))
     return top
+
+
+def show(table: pl.DataFrame, plot: Path | None) -> None:
+    """Print the summary, and draw the confusion matrix where wanted."""
+    print(report.summary(table), end="")
+    if plot is not None:
+        from benchmarks.hidden_effects.figure import confusions
+
+        confusions([score(row) for row in table.to_dicts() if not row["failure"]], plot)
 
 
 def main() -> None:

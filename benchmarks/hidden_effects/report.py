@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -42,15 +41,6 @@ def summary(table: pl.DataFrame) -> str:
         ]
         parts += [f"### Failed: {len(failed)} of {len(rows)}", "\n".join(texts)]
     return "\n\n".join(parts) + "\n"
-
-
-def show(table: pl.DataFrame, plot: Path | None) -> None:
-    """Print the summary, and draw the confusion matrix where wanted."""
-    print(summary(table), end="")
-    if plot is not None:
-        from benchmarks.hidden_effects.figure import confusions
-
-        confusions([score(row) for row in table.to_dicts() if not row["failure"]], plot)
 
 
 Column = tuple[str, Callable[[Sequence[Score]], str]]

@@ -17,36 +17,50 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hydro.core.vehicle.description import Vehicle
+    from hydro.io.table import Artefact
     from hydro.sim.teacher import Teacher
 
 ROWS = 857_542
 """Rows that the paper recorded (IV-A)."""
 
 
+TeacherKind = Annotated[
+    Literal["panel"], typer.Option(help="Who computes the water's forces: panels on the hull.")
+]
+Rows = Annotated[
+    int | None,
+    typer.Option(
+        min=1, show_default=False, help=f"Rows at 50 Hz; by default the paper's {ROWS:,}, or one replay."
+    ),
+]
+Excitation = Annotated[
+    Literal["hybrid", "sweeps", "coupled", "walks", "replay90"],
+    typer.Option(help="The paper's mixture, one part of it, or its 90 s replay sequence."),
+]
+Noise = Annotated[
+    str,
+    typer.Option(
+        metavar="SPEC",
+        help="none, ordinary, dvl, or 1-sigma values: '{velocity=0.02, rate=0.003, position=0.05, "
+        "attitude=0.002}' in m/s, rad/s, m, rad.",
+    ),
+]
+Truth = Annotated[str | None, typer.Option(metavar="FILE", help="Where to write what was hidden, as TOML.")]
+Depth = Annotated[
+    float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks stray some 20 m.")
+]
+Threads = Annotated[
+    int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default, the cores.")
+]
+
+
 def collect(
     vehicle: Annotated[Path, typer.Option("--vehicle", metavar="FILE", help="Vehicle file.")],
-    teacher: Annotated[
-        Literal["panel"], typer.Option(help="Who computes the water's forces: panels on the hull.")
-    ] = "panel",
-    rows: Annotated[
-        int | None,
-        typer.Option(
-            min=1, show_default=False, help=f"Rows at 50 Hz; by default the paper's {ROWS:,}, or one replay."
-        ),
-    ] = None,
-    excitation: Annotated[
-        Literal["hybrid", "sweeps", "coupled", "walks", "replay90"],
-        typer.Option(help="The paper's mixture, one part of it, or its 90 s replay sequence."),
-    ] = "hybrid",
+    teacher: TeacherKind = "panel",
+    rows: Rows = None,
+    excitation: Excitation = "hybrid",
     seed: Annotated[int, typer.Option(min=0, help="Seed of sessions, demands, headings and noise.")] = 0,
-    noise: Annotated[
-        str,
-        typer.Option(
-            metavar="SPEC",
-            help="none, ordinary, dvl, or 1-sigma values: '{velocity=0.02, rate=0.003, position=0.05, "
-            "attitude=0.002}' in m/s, rad/s, m, rad.",
-        ),
-    ] = "none",
+    noise: Noise = "none",
     hide: Annotated[
         list[str] | None,
         typer.Option(
@@ -55,15 +69,9 @@ def collect(
             f"'{examples.TO_HIDE}'; repeat for several.",
         ),
     ] = None,
-    truth: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Where to write what was hidden, as TOML.")
-    ] = None,
-    depth: Annotated[
-        float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks stray some 20 m.")
-    ] = 50.0,
-    threads: Annotated[
-        int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default, the cores.")
-    ] = None,
+    truth: Truth = None,
+    depth: Depth = 50.0,
+    threads: Threads = None,
     output: Output = STREAM,
 ) -> None:
     """Record a vehicle in the embedded simulator: the data that a residual model learns from.
@@ -72,46 +80,79 @@ def collect(
     they come from panels on the hull and the added mass of its ellipsoid, and the file's own added mass and
     damping are ignored. What is hidden stands in the file of --truth alone, never in the recording.
     """
-    from hydro.core.simulation.excitation import RATE, REPLAY, REPLAY_SECONDS
-    from hydro.io import mesh, table
-    from hydro.io import vehicle as vehicles
-    from hydro.sim import teacher as sim
-
     refuse_terminal(output)
-    hidden, sigma = _hidden(hide or []), noise_for(noise)
-    known, text = vehicles.read(vehicle)
-    surface = mesh.read_obj(vehicle.parent / known.hull.mesh) if known.hull.mesh is not None else None
-    with about(str(vehicle)):
-        subject = sim.teacher(known, mesh=surface)
-    if hidden:
-        subject = _with_hidden(known, surface, hidden)
-    count = rows or (round(REPLAY_SECONDS * RATE) if excitation == REPLAY else ROWS)
-    if subject.ignored and sys.stderr.isatty():
-        replaced = ", ".join(subject.ignored)
-        typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
-    with progress("collect") as update, about(str(vehicle)):
-        frame = sim.collect(
-            subject,
-            count,
-            seed,
-            excitation=excitation,
-            noise=sigma,
-            depth=depth,
-            threads=threads,
-            report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
-        )
-    parameters = {
-        "teacher": teacher,
-        "rows": count,
-        "excitation": excitation,
-        "noise": dataclasses.asdict(sigma),
-        "depth": depth,
-        "ignored": list(subject.ignored),
-    }
-    artefact = table.make("raw", frame, stage="collect", parameters=parameters, seed=seed, vehicle_text=text)
+    given = _Given(vehicle, teacher, rows, excitation, seed, noise, depth, threads)
+    hidden = _hidden(hide or [])
+    subject, artefact = _recorded(given, hidden)
     if truth is not None:
         _write_truth(truth, subject, hidden, artefact.provenance.content)
     write(artefact, output)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Given:
+    """What `collect` was called with, but for what is hidden and where results go."""
+
+    vehicle: Path
+    teacher: str
+    rows: int | None
+    excitation: Literal["hybrid", "sweeps", "coupled", "walks", "replay90"]
+    seed: int
+    noise: str
+    depth: float
+    threads: int | None
+
+
+def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Artefact]:
+    """The teacher with hidden effects, and its recording."""
+    from hydro.core.simulation.excitation import RATE, REPLAY, REPLAY_SECONDS
+    from hydro.io import table
+    from hydro.sim import teacher as sim
+
+    sigma = noise_for(given.noise)
+    subject, text = _teacher(given.vehicle, hidden)
+    count = given.rows or (round(REPLAY_SECONDS * RATE) if given.excitation == REPLAY else ROWS)
+    with progress("collect") as update, about(str(given.vehicle)):
+        frame = sim.collect(
+            subject,
+            count,
+            given.seed,
+            excitation=given.excitation,
+            noise=sigma,
+            depth=given.depth,
+            threads=given.threads,
+            report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
+        )
+    parameters = {
+        "teacher": given.teacher,
+        "rows": count,
+        "excitation": given.excitation,
+        "noise": dataclasses.asdict(sigma),
+        "depth": given.depth,
+        "ignored": list(subject.ignored),
+    }
+    made = table.make(
+        "raw", frame, stage="collect", parameters=parameters, seed=given.seed, vehicle_text=text
+    )
+    return subject, made
+
+
+def _teacher(file: Path, hidden: list[dict[str, Any]]) -> tuple[Teacher, str]:
+    """The teacher of a vehicle file, and the file's text; what it stands in for is told on a terminal."""
+    from hydro.io import mesh
+    from hydro.io import vehicle as vehicles
+    from hydro.sim import teacher as sim
+
+    known, text = vehicles.read(file)
+    surface = mesh.read_obj(file.parent / known.hull.mesh) if known.hull.mesh is not None else None
+    with about(str(file)):
+        subject = sim.teacher(known, mesh=surface)
+    if hidden:
+        subject = _with_hidden(known, surface, hidden)
+    if subject.ignored and sys.stderr.isatty():
+        replaced = ", ".join(subject.ignored)
+        typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
+    return subject, text
 
 
 def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:

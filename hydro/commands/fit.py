@@ -16,6 +16,30 @@ if TYPE_CHECKING:
     from hydro.core.identification.fit import Fit
 
 
+Method = Annotated[
+    Literal["output", "equation"],
+    typer.Option(
+        help="Predict two-second shots and compare (output), or balance forces along the smoothed motion "
+        "(equation): quicker, biased by noise."
+    ),
+]
+Noise = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SPEC",
+        help="Sensor noise, as in `hydro collect`: ordinary, dvl, or 1-sigma values "
+        "'{velocity=0.02, rate=0.003, position=0.05, attitude=0.002}'; by default found from the data.",
+    ),
+]
+Shots = Annotated[
+    int,
+    typer.Option(
+        min=8,
+        help="Stretches of two seconds compared at most; they are spread evenly over a longer recording.",
+    ),
+]
+
+
 def fit(
     vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to begin from.")],
     measured: Measured = STREAM,
@@ -27,28 +51,9 @@ def fit(
             f"several forms; as '{examples.TO_FIT_FROM}' with values to begin from. Repeat for several.",
         ),
     ] = None,
-    method: Annotated[
-        Literal["output", "equation"],
-        typer.Option(
-            help="Predict two-second shots and compare (output), or balance forces along the smoothed motion "
-            "(equation): quicker, biased by noise."
-        ),
-    ] = "output",
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SPEC",
-            help="Sensor noise, as in `hydro collect`: ordinary, dvl, or 1-sigma values "
-            "'{velocity=0.02, rate=0.003, position=0.05, attitude=0.002}'; by default found from the data.",
-        ),
-    ] = None,
-    shots: Annotated[
-        int,
-        typer.Option(
-            min=8,
-            help="Stretches of two seconds compared at most; they are spread evenly over a longer recording.",
-        ),
-    ] = 1000,
+    method: Method = "output",
+    noise: Noise = None,
+    shots: Shots = 1000,
     output: Output = STREAM,
 ) -> None:
     """Fit effects to a recording and write the vehicle file with them.
@@ -85,18 +90,23 @@ def fit(
             f"hydro: {shots} stretches show {100 * found.share:.0f} % of the recording; more with --shots",
             err=True,
         )
+    _tell(found)
     origin = {"data": source.provenance.content, "method": method, "chi2": round(found.chi2, 4)}
     for table in found.tables():
         text = vehicles.set_effect(text, table | {"fit": origin})
-    if sys.stderr.isatty():
-        _show(found)
-    for warning in found.warnings:
-        typer.echo(f"hydro: {warning}", err=True)
     if output == STREAM:
         vehicles.parse(text)
         sys.stdout.write(text)
     else:
         vehicles.write(text, output)
+
+
+def _tell(found: Fit) -> None:
+    """The parameters, on a terminal, and what they are to be warned of."""
+    if sys.stderr.isatty():
+        _show(found)
+    for warning in found.warnings:
+        typer.echo(f"hydro: {warning}", err=True)
 
 
 def _wanted(text: str) -> str | dict[str, Any]:

@@ -11,6 +11,7 @@ from hydro.commands.shell import (
     PREDICTION_TITLE,
     REGIME_TITLE,
     STREAM,
+    Device,
     Output,
     about,
     dataset_name,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.io.model import Model
+    from hydro.io.table import Artefact
 
 LabelsOrSplit = Annotated[
     str,
@@ -37,27 +39,32 @@ LabelsOrSplit = Annotated[
 ]
 
 
+Epochs = Annotated[
+    int | None,
+    typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates' worth, 60 at most."),
+]
+Minutes = Annotated[
+    float | None,
+    typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
+]
+Accelerations = Annotated[
+    bool | None,
+    typer.Option(
+        "--accelerations/--no-accelerations",
+        show_default=False,
+        help="Whether the network sees nu_dot; default: where noise is below 1 % of it.",
+    ),
+]
+
+
 def train(
     labels: LabelsOrSplit = STREAM,
     model: Annotated[str, typer.Option(metavar="NAME", help="Architecture, see above.")] = "physfeat",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the order of rows.")] = 0,
-    epochs: Annotated[
-        int | None,
-        typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates' worth, 60 at most."),
-    ] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(metavar="MIN", help="Train on whole blocks of so many minutes of the data alone."),
-    ] = None,
-    accelerations: Annotated[
-        bool | None,
-        typer.Option(
-            "--accelerations/--no-accelerations",
-            show_default=False,
-            help="Whether the network sees nu_dot; default: where noise is below 1 % of it.",
-        ),
-    ] = None,
-    device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
+    epochs: Epochs = None,
+    minutes: Minutes = None,
+    accelerations: Accelerations = None,
+    device: Device = "cpu",
     output: Output = STREAM,
 ) -> None:
     """Train a residual network on the training part of labels, after the paper's protocol.
@@ -84,27 +91,13 @@ def train(
 
     from hydro.io.model import to_artefact
     from hydro.io.provenance import parameters_of
-    from hydro.learn.rows import for_minutes
     from hydro.learn.train import train as fit
-    from hydro.learn.train import trusted_accelerations
 
     refuse_terminal(output)
-    source = read(labels, "labels", "split")
-    frame = source.frame
-    if source.kind == "labels":
-        from hydro.core.distillation.split import split
-
-        frame, _ = split(frame)
-    if minutes is not None:
-        frame = for_minutes(frame, minutes)
+    source, frame = _split(labels, minutes)
     labelled = parameters_of(source.provenance, "labels")
     if accelerations is None:
-        with about(labels):
-            accelerations = trusted_accelerations(frame, labelled.get("noise"))
-        if not accelerations:
-            typer.echo(
-                "hydro: the log is noisy: trained blind to accelerations, with strong weight decay", err=True
-            )
+        accelerations = _trusted_accelerations(labels, frame, labelled.get("noise"))
     with progress(f"train {model}") as update:
         trained = fit(
             frame,
@@ -119,11 +112,32 @@ def train(
         )
     trained = replace(trained, subtract=labelled.get("subtract", "inertia"))
     parameters: dict[str, Any] = {"model": model, "device": device, "accelerations": accelerations}
-    if epochs is not None:
-        parameters["epochs"] = epochs
-    if minutes is not None:
-        parameters["minutes"] = minutes
+    parameters |= {} if epochs is None else {"epochs": epochs}
+    parameters |= {} if minutes is None else {"minutes": minutes}
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)
+
+
+def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
+    """Labels, and their split, of so many minutes where they are limited."""
+    from hydro.core.distillation.split import split
+    from hydro.learn.rows import for_minutes
+
+    source = read(labels, "labels", "split")
+    frame = split(source.frame)[0] if source.kind == "labels" else source.frame
+    return source, frame if minutes is None else for_minutes(frame, minutes)
+
+
+def _trusted_accelerations(labels: str, frame: pl.DataFrame, noise: Sequence[float] | None) -> bool:
+    """Whether noise leaves the network the accelerations to see; one line where it does not."""
+    from hydro.learn.train import trusted_accelerations
+
+    with about(labels):
+        trusted = trusted_accelerations(frame, noise)
+    if not trusted:
+        typer.echo(
+            "hydro: the log is noisy: trained blind to accelerations, with strong weight decay", err=True
+        )
+    return trusted
 
 
 def evaluate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -36,41 +37,50 @@ Raw = Annotated[
 ]
 
 
+Models = Annotated[
+    list[str] | None, typer.Option(metavar="MODEL", help="A trained model; repeat for several.")
+]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Only this variant, such as MJ0 or MJ4; repeat for several."),
+]
+Conditioning = Annotated[
+    Literal[
+        "off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band"
+    ],
+    typer.Option(help="What is done to the learned wrench before it acts; see above."),
+]
+Lead = Annotated[
+    float,
+    typer.Option(min=0.0, max=1.0, help="How far ahead networks look, in control steps; 0: the paper."),
+]
+Integrator = Annotated[
+    Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
+]
+Timestep = Annotated[float, typer.Option(min=1e-5, help="Physics step [s].")]
+Piece = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1, metavar="SECONDS", help="Also measure every piece of so many seconds of a sequence."
+    ),
+]
+Figures = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants.")
+]
+Metrics = Annotated[str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table.")]
+
+
 def replay(
     raw: Raw = STREAM,
-    model: Annotated[
-        list[str] | None, typer.Option(metavar="MODEL", help="A trained model; repeat for several.")
-    ] = None,
-    variant: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="Only this variant, such as MJ0 or MJ4; repeat for several."),
-    ] = None,
-    conditioning: Annotated[
-        Literal[
-            "off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band"
-        ],
-        typer.Option(help="What is done to the learned wrench before it acts; see above."),
-    ] = "off",
-    lead: Annotated[
-        float,
-        typer.Option(min=0.0, max=1.0, help="How far ahead networks look, in control steps; 0: the paper."),
-    ] = 0.5,
-    integrator: Annotated[
-        Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
-    ] = "implicitfast",
-    timestep: Annotated[float, typer.Option(min=1e-5, help="Physics step [s].")] = 0.002,
-    piece: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1, metavar="SECONDS", help="Also measure every piece of so many seconds of a sequence."
-        ),
-    ] = None,
-    figures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants.")
-    ] = None,
-    metrics: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table.")
-    ] = None,
+    model: Models = None,
+    variant: Variants = None,
+    conditioning: Conditioning = "off",
+    lead: Lead = 0.5,
+    integrator: Integrator = "implicitfast",
+    timestep: Timestep = 0.002,
+    piece: Piece = None,
+    figures: Figures = None,
+    metrics: Metrics = None,
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
@@ -93,57 +103,102 @@ def replay(
     there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one piece alone. The
     metrics tell how often clipping and dead band acted, as shares of the control steps.
     """
+    given = _Given(
+        raw, tuple(model or ()), tuple(variant or ()), conditioning, lead, integrator, timestep, piece
+    )
+    flown = _flown(given, vehicle)
+    if figures is not None:
+        _draw(flown.series, flown.errors, figures)
+    if metrics is not None:
+        write(flown.table("metrics", flown.errors), metrics)
+    if shows_table(output):
+        _show(flown.errors, given)
+    else:
+        write(flown.table("replay", flown.series), output)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What `replay` was called with, but for where results go."""
+
+    raw: str
+    models: tuple[str, ...]
+    variants: tuple[str, ...]
+    conditioning: str
+    lead: float
+    integrator: Literal["euler", "implicitfast", "implicit", "rk4"]
+    timestep: float
+    piece: float | None
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the footers of the results keep of it."""
+        kept = ("conditioning", "lead", "integrator", "timestep", "piece")
+        return {name: value for name in kept if (value := getattr(self, name)) is not None}
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """Time series and errors of all variants, and what their tables are made from."""
+
+    series: pl.DataFrame
+    errors: pl.DataFrame
+    parameters: dict[str, Any]
+    inputs: list[Artefact]
+    vehicle_text: str
+
+    def table(self, kind: str, frame: pl.DataFrame) -> Artefact:
+        """An artefact of these flights."""
+        from hydro.io import table
+
+        return table.make(
+            kind,
+            frame,
+            stage="replay",
+            parameters=self.parameters,
+            inputs=self.inputs,
+            vehicle_text=self.vehicle_text,
+        )
+
+
+def _flown(given: _Given, file: Path | None) -> _Flown:
+    """Read recording, vehicle and models, and fly them."""
     from hydro.io import model as models
-    from hydro.io import table
-    from hydro.report.tables import conditioning_shares, piece_errors, replay_errors
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
     from hydro.sim.student import Physics
 
-    source = read(raw, "raw")
-    known, text = vehicle_for(source, vehicle)
-    trained = [read(name, "model") for name in model or []]
-    for name, artefact in zip(model or [], trained, strict=True):
+    source = read(given.raw, "raw")
+    known, text = vehicle_for(source, file)
+    trained = [read(name, "model") for name in given.models]
+    for name, artefact in zip(given.models, trained, strict=True):
         _require_same_effects(name, artefact, known)
-    flown = sim.variants([models.from_artefact(artefact) for artefact in trained], variant or None)
-    with progress("replay") as update, about(raw):
+    flown = sim.variants([models.from_artefact(artefact) for artefact in trained], given.variants or None)
+    with progress("replay") as update, about(given.raw):
         series, errors = sim.replay(
             source.frame,
             known,
             flown,
-            conditioning=preset(conditioning, known),
-            lead=lead,
-            physics=Physics(timestep=timestep, integrator=integrator),
-            dataset=dataset_name(raw),
-            piece=piece,
+            conditioning=preset(given.conditioning, known),
+            lead=given.lead,
+            physics=Physics(timestep=given.timestep, integrator=given.integrator),
+            dataset=dataset_name(given.raw),
+            piece=given.piece,
             progress=lambda name, done, total: update(done, total, name),
         )
-    if figures is not None:
-        _draw(series, errors, figures)
-    parameters: dict[str, Any] = {
-        "variants": [one.name for one in flown],
-        "conditioning": conditioning,
-        "lead": lead,
-        "integrator": integrator,
-        "timestep": timestep,
-    } | ({} if piece is None else {"piece": piece})
+    parameters = {"variants": [one.name for one in flown]} | given.parameters
+    return _Flown(series, errors, parameters, [source, *trained], text)
 
-    def made(kind: str, frame: pl.DataFrame) -> Artefact:
-        inputs = [source, *trained]
-        return table.make(
-            kind, frame, stage="replay", parameters=parameters, inputs=inputs, vehicle_text=text
-        )
 
-    if metrics is not None:
-        write(made("metrics", errors), metrics)
-    if shows_table(output):
-        print_table(replay_errors(errors), REPLAY_TITLE)
-        if piece is not None:
-            print_table(piece_errors(errors), PIECE_TITLE)
-        if conditioning != "off" and not (shares := conditioning_shares(errors)).is_empty():
-            print_table(shares, CONDITIONING_TITLE.format(conditioning))
-    else:
-        write(made("replay", series), output)
+def _show(errors: pl.DataFrame, given: _Given) -> None:
+    """Print the errors for a person, and what conditioning did."""
+    from hydro.report.tables import conditioning_shares, piece_errors, replay_errors
+
+    print_table(replay_errors(errors), REPLAY_TITLE)
+    if given.piece is not None:
+        print_table(piece_errors(errors), PIECE_TITLE)
+    if given.conditioning != "off" and not (shares := conditioning_shares(errors)).is_empty():
+        print_table(shares, CONDITIONING_TITLE.format(given.conditioning))
 
 
 def _draw(series: pl.DataFrame, errors: pl.DataFrame, folder: Path) -> None:

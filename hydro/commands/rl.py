@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -26,9 +27,10 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.io.table import Artefact
-    from hydro.rl.environment.build import Builder
+    from hydro.rl.training.build import Builder
+    from hydro.rl.training.config import TrainingConfig
     from hydro.rl.training.policy import Policy
-    from hydro.rl.training.train import Plan, Training
+    from hydro.rl.training.train import Training
 
 NAME = "rl"
 HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
@@ -41,74 +43,121 @@ Stage = Annotated[
 Pillars = Annotated[int | None, typer.Option(min=0, help="Pillars of stage 2 and 3; default: likewise.")]
 
 
+TrainingFolder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")
+]
+ConditionName = Annotated[
+    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
+]
+ResidualModel = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
+]
+Steps = Annotated[int, typer.Option(min=1, help="Control steps of all vehicles together at most.")]
+Start = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="RUN",
+        help="Begin with what another training has learnt, under whatever physics; not with its levels.",
+    ),
+]
+Choices = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
+]
+
+
 def train(
     vehicle: ModelFile,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")],
-    condition: Annotated[
-        str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
-    ] = "R_effects",
-    model: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Residual model, for the conditions that fly with one."),
-    ] = None,
+    output: TrainingFolder,
+    condition: ConditionName = "R_effects",
+    model: ResidualModel = None,
     seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
-    steps: Annotated[
-        int, typer.Option(min=1, help="Control steps of all vehicles together at most.")
-    ] = 500_000,
-    start: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RUN",
-            help="Begin with what another training has learnt, under whatever physics; not with its levels.",
-        ),
-    ] = None,
-    choices: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
-    ] = None,
+    steps: Steps = 500_000,
+    start: Start = None,
+    choices: Choices = None,
 ) -> None:
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
 
     Stage 1 is point to point in open water, stage 2 pillars, from none to a slalom of eight, stage 3 a
-    planned way to follow. Once 90 % of 150 episodes of training succeed (ladder.ready) as many are flown
-    without exploration, of which 97 % pass a level (ladder.share). Training ends with the last level or
+    planned way to follow. Once 90 % of 150 episodes of training succeed (curriculum.ready) as many are flown
+    without exploration, of which 97 % pass a level (curriculum.share). Training ends with the last level or
     with the steps.
 
     DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
-    bits as if it never had; with more --steps, --stages or another ladder it goes on beyond. With --start a
-    policy that has learnt under one condition learns on under another, from the first level.
+    bits as if it never had; with more --steps, --stages or another curriculum it goes on beyond. With --start
+    a policy that has learnt under one condition learns on under another, from the first level.
     """
+    given = _Given(vehicle, output, condition, model, seed, stages, steps, start, tuple(choices or ()))
+    _train(given)
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What `train` was called with."""
+
+    vehicle: Path
+    output: Path
+    condition: str
+    model: Path | None
+    seed: int
+    stages: int
+    steps: int
+    start: Path | None
+    choices: tuple[str, ...]
+
+
+def _train(given: _Given) -> None:
+    """Begin a training, or go on with it, and tell how it goes."""
     from hydro.io import table
     from hydro.io.vehicle import read as read_vehicle
-    from hydro.rl.training.curriculum import Ladder
-    from hydro.rl.training.runs import Folder, changed, run_artefact
-    from hydro.rl.training.train import Plan, Training
+    from hydro.rl.training.runs import Folder, run_artefact
+    from hydro.rl.training.train import Training
 
-    _, text = read_vehicle(vehicle)
-    residual = table.read(model, "model") if model is not None else None
-    plan = Plan(condition=condition, seed=seed, steps=steps, ladder=Ladder(last=stages))
-    plan = changed(plan, dict(_choice(one) for one in choices or ()))
-    first = None if start is None else Folder(start).policy()[1]
-    folder, run = Folder(output), run_artefact(plan, text, residual, first)
-    builder = _builder(plan, text, residual, vehicle.parent)
+    _, text = read_vehicle(given.vehicle)
+    residual = table.read(given.model, "model") if given.model is not None else None
+    config = _config(given)
+    first = None if given.start is None else Folder(given.start).policy()[1]
+    folder, run = Folder(given.output), run_artefact(config, text, residual, first)
+    builder = _builder(config, text, residual, given.vehicle.parent)
     state = folder.open(run, residual)
     clock = _Clock()
-    learnt = Folder(start).learnt() if start is not None and state is None else None
-    training = Training(plan, builder, clock.part, learnt)
+    learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
+    training = Training(config, builder, clock.part, learnt)
     if state is not None:
         training.restore(state)
-        typer.echo(f"{output}: goes on after {training.steps:,} steps", err=True)
+        typer.echo(f"{given.output}: goes on after {training.steps:,} steps", err=True)
     else:
-        print_table(run.frame, f"{output}: every choice; --set NAME=VALUE makes another", _stderr())
+        print_table(run.frame, f"{given.output}: every choice; --set NAME=VALUE makes another", _stderr())
     clock.start(training)
     with progress("train") as update:
         while not training.finished:
-            training.advance(lambda one: update(one.steps, one.plan.steps, clock.words(one)))
+            training.advance(lambda one: update(one.steps, one.config.steps, clock.words(one)))
             folder.save(training, run)
             typer.echo(f"{clock.words(training)}; {_evaluated(training)}; {clock.shares()}", err=True)
     typer.echo(_ending(training), err=True)
+
+
+def _config(given: _Given) -> TrainingConfig:
+    """All choices of a training; a line on stderr for each under the name of an earlier version."""
+    from hydro.rl.training.config import Curriculum, TrainingConfig
+    from hydro.rl.training.runs import changed, current_name
+
+    config = TrainingConfig(
+        condition=given.condition,
+        seed=given.seed,
+        steps=given.steps,
+        curriculum=Curriculum(last=given.stages),
+    )
+    choices = dict(_choice(one) for one in given.choices)
+    for name in choices:
+        if (present := current_name(name)) != name:
+            typer.echo(
+                f"hydro: --set {name} is called {present} now; the next version will not know it", err=True
+            )
+    return changed(config, choices)
 
 
 def _choice(text: str) -> tuple[str, str]:
@@ -151,7 +200,7 @@ class _Clock:
     def words(self, training: Training) -> str:
         """Steps, steps per second, success, stage and time left."""
         rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
-        left = (training.plan.steps - training.steps) / rate if rate else 0.0
+        left = (training.config.steps - training.steps) / rate if rate else 0.0
         stage, pillars = training.curriculum.level
         where = f"stage {stage}" + (f" with {pillars} pillars" if stage > 1 else "")
         return (
@@ -176,16 +225,16 @@ def _ending(training: Training) -> str:
     return f"its steps are used up in stage {stage} with {pillars} pillars: go on with more --steps"
 
 
-def _builder(plan: Plan, text: str, residual: Artefact | None, folder: Path | None) -> Builder:
-    """What makes a plan's fleets."""
+def _builder(config: TrainingConfig, text: str, residual: Artefact | None, folder: Path | None) -> Builder:
+    """What makes a training's fleets."""
     from hydro.core import effects
     from hydro.io import vehicle
     from hydro.io.model import from_artefact
-    from hydro.rl.environment.build import Builder
+    from hydro.rl.training.build import Builder
 
     subject = vehicle.parse(text)
     effects.validate(subject)
-    return Builder(plan, subject, from_artefact(residual) if residual is not None else None, folder)
+    return Builder(config, subject, from_artefact(residual) if residual is not None else None, folder)
 
 
 def _stderr() -> Any:
@@ -201,7 +250,7 @@ def _opened(run: Path) -> tuple[Policy, Artefact, Builder]:
     folder = Folder(run)
     policy, artefact = folder.policy()
     text = folder.run().provenance.vehicle or ""
-    return policy, artefact, _builder(folder.plan(), text, folder.model(), run)
+    return policy, artefact, _builder(folder.config(), text, folder.model(), run)
 
 
 def _level(policy: Policy, stage: int | None, pillars: int | None) -> tuple[int, int]:
@@ -230,17 +279,14 @@ def eval_(
     Success with its 95 % interval (Wilson), collisions, time to goal of those that arrived and energy. A
     policy that wins in its own simulator alone has not won. On a terminal without -o the result is printed.
     """
-    import polars as pl
-
     from hydro.io import table
-    from hydro.rl.training.evaluate import fly, summary
+    from hydro.rl.training.evaluate import fly
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
     policy, learnt, builder = _opened(run)
     fleet = builder(episodes, seed, simulator)
-    where = _level(policy, stage, pillars)
-    fleet.set_level(*where)
+    fleet.set_level(*_level(policy, stage, pillars))
     with progress(f"fly {episodes} tasks"):
         flown = fly(policy, fleet)
     parameters = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -250,15 +296,27 @@ def eval_(
 
     if details is not None:
         table.write(made("episodes", flown), details)
-    plan = builder.plan
-    who = {"condition": plan.condition, "seed": plan.seed, "steps": policy.training["steps"]}
-    where_and_why = {"plant": simulator, "purpose": "test", "stage": where[0], "pillars": where[1]}
-    found = [who | where_and_why | summary(flown)]
-    result = pl.DataFrame(found, schema_overrides={"time_to_goal": pl.Float64})
+    who = {
+        "condition": builder.config.condition,
+        "seed": builder.config.seed,
+        "steps": policy.training["steps"],
+    }
+    result = _result(flown, who | {"plant": simulator, "purpose": "test"})
     if shows_table(output):
         print_table(result.drop("purpose"), f"{run}, flown in the {simulator}")
     else:
         write(made("evaluations", result), output)
+
+
+def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
+    """What flown episodes come to, behind what they are: one row of `evaluations`."""
+    import polars as pl
+
+    from hydro.rl.training.evaluate import summary
+
+    stage, pillars = flown.select("stage", "pillars").row(0)
+    found = what | {"stage": stage, "pillars": pillars} | summary(flown)
+    return pl.DataFrame([found], schema_overrides={"time_to_goal": pl.Float64})
 
 
 def watch(
@@ -282,7 +340,7 @@ def watch(
     fleet = builder(1, task, simulator)
     fleet.set_level(*_level(policy, stage, pillars))
     flight = trace(policy, fleet)
-    settings, ending = builder.plan.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
+    settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
     world = settings.world
     size = world.length, world.width, world.depth
     if output.suffix == ".mp4":
@@ -295,7 +353,7 @@ def watch(
     else:
         from hydro.report.training import draw_flight, save
 
-        title = f"{builder.plan.condition}, seed {builder.plan.seed}, in the {simulator}: {ending}"
+        title = f"{builder.config.condition}, seed {builder.config.seed}, in the {simulator}: {ending}"
         where = flight.pose[:, :3], flight.goal, flight.pillars, flight.way
         radius, reach = world.pillar_radius, settings.task.radius
         drawn = draw_flight(*where, size=size, radius=radius, reach=reach, title=title)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
+    from hydro.study.steps import Runner, Step
 
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
@@ -54,6 +55,7 @@ NoiseSpec = Annotated[
         "'{velocity=0.02, rate=0.003}' in m/s and rad/s; by default found from the data.",
     ),
 ]
+Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
 VehicleFile = Annotated[
     Path | None,
     typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data's footer."),
@@ -185,6 +187,23 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=None, text="")
         yield lambda done, total, text="": bar.update(task, completed=done, total=total, text=text)
+
+
+def message(text: str) -> None:
+    """Say a line on stderr, where it does not disturb what is piped on."""
+    typer.echo(text, err=True)
+
+
+def here(root: Any) -> Callable[[Step], None]:
+    """Run steps of a study in this process, by a Click command."""
+    return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
+
+
+def runner(context: typer.Context, folder: Path, workers: int) -> Runner:
+    """What runs the steps of a study: in this process, or each of several side by side in one of its own."""
+    from hydro.study.steps import Runner, apart
+
+    return Runner(folder, here(context.find_root().command) if workers == 1 else apart, message)
 
 
 def person() -> Console:

@@ -87,6 +87,15 @@ class _Rows(NamedTuple):
     targets: Tensor
 
 
+class _Course(NamedTuple):
+    """Epochs at most, rows of a batch, weight decay, and the seed of the order of the rows."""
+
+    epochs: int
+    batch: int
+    decay: float
+    seed: int
+
+
 def train(
     table: pl.DataFrame,
     *,
@@ -136,9 +145,7 @@ def train(
     with _reproducible(seed):
         network = build(description).to(target_device)
         network.standardise(scalers)
-        summary = _fit(
-            network, fitted, watched, batch=batch, decay=decay, seed=seed, epochs=epochs, progress=progress
-        )
+        summary = _fit(network, fitted, watched, _Course(epochs, batch, decay, seed), progress)
     summary |= {
         "rows": {"fitted": len(fitted.inputs), "validation": len(watched.inputs)},
         "parameters": parameter_count(network),
@@ -151,14 +158,11 @@ def _fit(
     network: Residual,
     fitted: _Rows,
     watched: _Rows,
-    *,
-    batch: int,
-    decay: float,
-    seed: int,
-    epochs: int,
+    course: _Course,
     progress: Callable[[Epoch], None] | None,
 ) -> dict[str, Any]:
     """Run the epochs, leave the best weights in the network and return the summary."""
+    epochs, batch, decay, seed = course
     optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=decay)
     updates = epochs * math.ceil(len(fitted.inputs) / batch)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda done: annealed(done / updates))

@@ -10,7 +10,7 @@ LOADED = """
 import pathlib, sys
 import hydro.core.distillation.labels, hydro.core.identification.multiple_shooting
 import hydro.sim.bridge.callbacks, hydro.sim.teacher_plant
-import hydro.rl.environment.action, hydro.rl.environment.judge
+import hydro.rl.environment.action, hydro.rl.environment.step
 for name, module in sorted(sys.modules.items()):
     if name.startswith("hydro.") and getattr(module, "__file__", None):
         print(module.__file__)

@@ -32,9 +32,8 @@ def neutral():
 
 
 def fleet(settings=QUIET, count=1, condition="R_effects", craft=None, seed=0, **more):
-    return Fleet(
-        settings, conditions.plant(condition, craft or vehicle(), settings, count, **more), seed=seed
-    )
+    known = conditions.Condition(condition)
+    return Fleet(settings, conditions.plant(known, craft or vehicle(), settings, count, **more), seed=seed)
 
 
 def teachers(settings=QUIET, count=1, seed=0):

@@ -1,4 +1,4 @@
-"""A training goes on after a kill with the same bits, climbs its ladder, and keeps what it did."""
+"""A training goes on after a kill with the same bits, passes its levels, and keeps what it did."""
 
 from dataclasses import replace
 
@@ -10,21 +10,20 @@ import pytest
 from hydro.core.errors import DataError, UsageError
 from hydro.io import table
 from hydro.io import vehicle as vehicles
-from hydro.rl.environment.build import Builder
 from hydro.rl.environment.config import Settings, Task
-from hydro.rl.training.curriculum import Ladder
+from hydro.rl.training.build import Builder
+from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
 from hydro.rl.training.evaluate import fly, interval, summary, trace
-from hydro.rl.training.runs import Folder, changed, plan_of, policy_of, run_artefact
-from hydro.rl.training.sac import Choices
-from hydro.rl.training.train import Plan, Training
+from hydro.rl.training.runs import Folder, changed, config_of, policy_of, run_artefact
+from hydro.rl.training.train import Training
 
 SHORT = Settings(task=Task(steps=10))
-QUICK = Plan(
+QUICK = TrainingConfig(
     vehicles=4,
     record=40,
     evaluate=80,
     episodes=3,
-    sac=Choices(layers=(16,), batch=16, capacity=300, random=40),
+    sac=SACConfig(layers=(16,), batch=16, capacity=300, random=40),
     settings=SHORT,
 )
 TABLES = ("run.parquet", "curves.parquet", "evaluations.parquet", "policy.parquet")
@@ -36,12 +35,12 @@ def auv151(datasets):
     return vehicles.read(datasets / "vehicles" / "auv151.toml")
 
 
-def train(path, plan, auv151, evaluations=1000):
+def train(path, config, auv151, evaluations=1000):
     """Train in a folder, for some evaluations at most."""
     vehicle, text = auv151
-    folder, run = Folder(path), run_artefact(plan, text, None)
+    folder, run = Folder(path), run_artefact(config, text, None)
     state = folder.open(run, None)
-    training = Training(plan, Builder(plan, vehicle))
+    training = Training(config, Builder(config, vehicle))
     if state is not None:
         training.restore(state)
     while not training.finished and evaluations:
@@ -53,19 +52,19 @@ def train(path, plan, auv151, evaluations=1000):
 
 def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151):
     """More steps than memory holds, so that it has been overwritten when the kill comes."""
-    plan = replace(QUICK, steps=480)
-    train(tmp_path / "straight", plan, auv151)
-    killed = train(tmp_path / "broken", plan, auv151, evaluations=4)
+    config = replace(QUICK, steps=480)
+    train(tmp_path / "straight", config, auv151)
+    killed = train(tmp_path / "broken", config, auv151, evaluations=4)
     killed.advance()  # not saved: this is what the kill takes away
-    assert train(tmp_path / "broken", plan, auv151).steps == 480
+    assert train(tmp_path / "broken", config, auv151).steps == 480
     for name in TABLES:
         assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes(), name
 
 
 def test_more_steps_and_stages_go_on_beyond(tmp_path, auv151):
-    train(tmp_path / "straight", replace(QUICK, steps=320, ladder=Ladder(last=2)), auv151)
+    train(tmp_path / "straight", replace(QUICK, steps=320, curriculum=Curriculum(last=2)), auv151)
     assert train(tmp_path / "longer", replace(QUICK, steps=160), auv151).finished
-    train(tmp_path / "longer", replace(QUICK, steps=320, ladder=Ladder(last=2)), auv151)
+    train(tmp_path / "longer", replace(QUICK, steps=320, curriculum=Curriculum(last=2)), auv151)
     for name in TABLES:
         assert (tmp_path / "longer" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes(), name
 
@@ -74,16 +73,16 @@ def test_a_training_begins_with_what_another_has_learnt(tmp_path, auv151):
     """Its policy flies from the first step on, under other physics, and its critics judge."""
     train(tmp_path / "first", replace(QUICK, steps=80), auv151)
     folder, (vehicle, _) = Folder(tmp_path / "first"), auv151
-    plan = replace(QUICK, condition="R_0", seed=3, steps=QUICK.vehicles)
-    second = Training(plan, Builder(plan, vehicle), learnt=folder.learnt())
+    config = replace(QUICK, condition="R_0", seed=3, steps=QUICK.vehicles)
+    second = Training(config, Builder(config, vehicle), learnt=folder.learnt())
     observations = np.random.default_rng(0).standard_normal((4, 36)).astype(np.float32)
     np.testing.assert_array_equal(second.policy()(observations), folder.policy()[0](observations))
     drawn = second._learner.act(second._observations)
-    fresh = Training(plan, Builder(plan, vehicle), learnt=folder.learnt())
+    fresh = Training(config, Builder(config, vehicle), learnt=folder.learnt())
     fresh.advance()
     np.testing.assert_allclose(fresh._learner._horizon.state()[-1].actions, drawn)
     assert fresh.curriculum.passed == []
-    other = replace(plan, sac=replace(plan.sac, layers=(8,)))
+    other = replace(config, sac=replace(config.sac, layers=(8,)))
     with pytest.raises(DataError, match=r"other layers: give its sac\.layers"):
         Training(other, Builder(other, vehicle), learnt=folder.learnt())
     with pytest.raises(DataError, match=r"no checkpoint\.pt to start from"):
@@ -105,14 +104,14 @@ def test_other_choices_are_another_training(tmp_path, auv151):
 def test_a_run_of_another_version_is_told_by_the_choices_it_lacks(auv151):
     run = run_artefact(QUICK, auv151[1], None)
     older = replace(run, frame=run.frame.filter(pl.col("name") != "settings.sonar.crowding"))
-    with pytest.raises(DataError, match=r"not a plan of this version, for its settings\.sonar\.crowding"):
-        plan_of(older)
+    with pytest.raises(DataError, match=r"not a training of this version, for its settings\.sonar\.crowding"):
+        config_of(older)
 
 
-def test_the_ladder_is_climbed_to_its_end(tmp_path, auv151):
-    ladder = Ladder(last=3, pillars=(0, 8), window=8)
-    plan = replace(QUICK, steps=4000, ladder=ladder, settings=EVERYWHERE)
-    training = train(tmp_path, plan, auv151)
+def test_the_curriculum_is_passed_to_its_end(tmp_path, auv151):
+    levels = Curriculum(last=3, pillars=(0, 8), window=8)
+    config = replace(QUICK, steps=4000, curriculum=levels, settings=EVERYWHERE)
+    training = train(tmp_path, config, auv151)
     assert training.curriculum.done
     assert training.steps < 400
     evaluations = Folder(tmp_path).evaluations().frame
@@ -123,10 +122,10 @@ def test_the_ladder_is_climbed_to_its_end(tmp_path, auv151):
 
 def test_tables_say_where_they_come_from(tmp_path, auv151):
     vehicle, _ = auv151
-    plan = replace(QUICK, steps=80)
-    training = train(tmp_path, plan, auv151)
+    config = replace(QUICK, steps=80)
+    training = train(tmp_path, config, auv151)
     folder = Folder(tmp_path)
-    assert plan_of(folder.run()) == folder.plan() == plan
+    assert config_of(folder.run()) == folder.config() == config
     policy, artefact = folder.policy()
     kinds = [each.kind for each in artefact.provenance.inputs]
     assert kinds == ["run"]
@@ -137,19 +136,31 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
     )
     with pytest.raises(DataError, match="an earlier version wrote it: train anew with"):
         policy_of(replace(artefact, provenance=provenance))
-    fleet = Builder(plan, vehicle)(3, 7)
-    assert fly(policy, fleet).equals(fly(training.policy(), Builder(plan, vehicle)(3, 7)))
+    fleet = Builder(config, vehicle)(3, 7)
+    assert fly(policy, fleet).equals(fly(training.policy(), Builder(config, vehicle)(3, 7)))
 
 
 def test_choices_are_made_by_name():
-    plan = changed(Plan(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'})
-    assert (plan.sac.layers, plan.settings.task.radius, plan.condition) == ((64, 64), 0.4, "R_0")
+    config = changed(
+        TrainingConfig(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'}
+    )
+    assert (config.sac.layers, config.settings.task.radius, config.condition) == ((64, 64), 0.4, "R_0")
     with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of sac\."):
-        changed(Plan(), {"sac.size": "3"})
+        changed(TrainingConfig(), {"sac.size": "3"})
     with pytest.raises(UsageError, match=r"sac\.batch=.*: not a value"):
-        changed(Plan(), {"sac.batch": '"big"'})
+        changed(TrainingConfig(), {"sac.batch": '"big"'})
     with pytest.raises(UsageError, match="each must be a multiple"):
-        changed(Plan(), {"vehicles": "7"})
+        changed(TrainingConfig(), {"vehicles": "7"})
+
+
+def test_choices_and_runs_of_the_version_before_keep_their_names(auv151):
+    """What was called `ladder` is `curriculum` now."""
+    assert changed(TrainingConfig(), {"ladder.ready": "0.8"}).curriculum.ready == 0.8
+    config = replace(QUICK, curriculum=Curriculum(last=2, ready=0.7))
+    run = run_artefact(config, auv151[1], None)
+    older = replace(run, frame=run.frame.with_columns(pl.col("name").str.replace("^curriculum", "ladder")))
+    assert not older.frame.equals(run.frame)
+    assert config_of(older) == config
 
 
 def test_the_same_tasks_are_flown_in_both_simulators(auv151):
@@ -170,8 +181,8 @@ def test_the_same_tasks_are_flown_in_both_simulators(auv151):
 
 def test_arrivals_are_counted(auv151):
     vehicle, _ = auv151
-    plan = replace(QUICK, settings=EVERYWHERE)
-    found = summary(fly(lambda observations: observations[:, :6], Builder(plan, vehicle)(5, 0)))
+    config = replace(QUICK, settings=EVERYWHERE)
+    found = summary(fly(lambda observations: observations[:, :6], Builder(config, vehicle)(5, 0)))
     assert found["success"] == 1.0
     assert found["time_to_goal"] == pytest.approx(0.04)
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from mujoco import batch, rollout
-from sim.test_effects import ETA, NU, commands, preset, with_effect
+from sim.effects import ETA, NU, commands, preset, with_effect
 from sim.trained import trained
 
 from hydro.sim.bridge import mjcf, native, states

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from hydro.core.errors import UsageError
@@ -20,71 +21,80 @@ MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"
 CONDITIONS = (NO_WATER, *MODELS, EFFECTS)
 
 
-def water(
-    condition: str,
-    vehicle: Vehicle,
-    model: TrainedModel | None = None,
-    *,
-    conditioning: str = "paper",
-    period: float = 0.04,
-) -> Water:
+@dataclass(frozen=True)
+class Condition:
+    """Physics to fly under.
+
+    Attributes:
+        name: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
+            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; or `R_effects`, all effects of the
+            vehicle file.
+        model: The residual model, for the conditions that fly with one.
+        conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
+    """
+
+    name: str = EFFECTS
+    model: TrainedModel | None = None
+    conditioning: str = "paper"
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be flown.
+
+        Raises:
+            UsageError: There is no such condition, or its model is missing, of another kind, or not asked
+                for.
+        """
+        if self.name not in CONDITIONS:
+            raise UsageError(f"there is no condition {self.name!r}; choose one of {', '.join(CONDITIONS)}")
+        wanted, model = MODELS.get(self.name), self.model
+        if wanted is None and model is not None:
+            raise UsageError(
+                f"{self.name} flies without a residual model, and {model.name} is given; leave it out"
+            )
+        if wanted is not None and (model is None or model.architecture.get("model") != wanted):
+            given = "none is given" if model is None else f"{model.name} is given"
+            raise UsageError(
+                f"{self.name} flies with a residual model of kind {wanted}, and {given}; train one"
+            )
+
+
+def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04) -> Water:
     """What of the water a vehicle feels under a condition.
 
     Args:
-        condition: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
-            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; or `R_effects`, all effects of the
-            vehicle file.
+        condition: The condition.
         vehicle: The vehicle file.
-        model: The residual model, for the conditions that fly with one.
-        conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
         period: Control step [s].
-
-    Raises:
-        UsageError: There is no such condition, or its model is missing, of another kind, or not asked for.
     """
-    if condition not in CONDITIONS:
-        raise UsageError(f"there is no condition {condition!r}; choose one of {', '.join(CONDITIONS)}")
-    wanted = MODELS.get(condition)
-    if wanted is None:
-        if model is not None:
-            raise UsageError(
-                f"{condition} flies without a residual model, and {model.name} is given; leave it out"
-            )
-        return wet(vehicle) if condition == EFFECTS else dry(vehicle)
-    if model is None or model.architecture.get("model") != wanted:
-        given = "none is given" if model is None else f"{model.name} is given"
-        raise UsageError(f"{condition} flies with a residual model of kind {wanted}, and {given}; train one")
-    control = Control(Network.of(model), period, conditioning=preset(conditioning, vehicle))
+    model = condition.model
+    if model is None:
+        return wet(vehicle) if condition.name == EFFECTS else dry(vehicle)
+    control = Control(Network.of(model), period, conditioning=preset(condition.conditioning, vehicle))
     return residual(vehicle, control, effects=model.subtract == "effects")
 
 
 def plant(
-    condition: str,
+    condition: Condition,
     vehicle: Vehicle,
     settings: Settings,
     count: int,
-    model: TrainedModel | None = None,
     *,
-    conditioning: str = "paper",
     threads: int = 1,
     folder: Path | None = None,
 ) -> StudentPlant:
     """Students under a condition; see `water`.
 
     Args:
-        condition: Name.
+        condition: The condition.
         vehicle: The vehicle file.
         settings: Physics and control step.
         count: Number of vehicles.
-        model: Residual model.
-        conditioning: Preset for its wrench.
         threads: Threads that share the vehicles.
         folder: Folder of the vehicle file.
     """
-    felt = water(condition, vehicle, model, conditioning=conditioning, period=settings.period)
     return StudentPlant(
         vehicle,
-        felt,
+        water(condition, vehicle, period=settings.period),
         count=count,
         physics=settings.physics,
         period=settings.period,

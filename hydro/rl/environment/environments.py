@@ -6,6 +6,7 @@ Episodes are ended by the fleet itself, after `Task.steps` control steps.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -33,22 +34,11 @@ VEHICLE = "auv151"
 """The vehicle of the reference paper."""
 
 
-def make_fleet(
-    stage: int = tasks.POINT_TO_POINT,
-    *,
-    level: int | None = None,
-    vehicle: Vehicle | str | Path = VEHICLE,
-    condition: str = conditions.EFFECTS,
-    model: TrainedModel | None = None,
-    conditioning: str = "paper",
-    settings: Settings | None = None,
-    count: int = 1,
-    threads: int = 1,
-    seed: int = 0,
-) -> Fleet:
-    """A fleet of students at a stage of the curriculum.
+@dataclass(frozen=True)
+class FleetConfig:
+    """What a fleet flies, where and under which physics: the keywords of the Gymnasium environments.
 
-    Args:
+    Attributes:
         stage: 1 point to point, 2 pillars, 3 guided.
         level: Number of pillars in stages 2 and 3; all by default.
         vehicle: A vehicle, its file, or the name of a bundled one.
@@ -56,22 +46,40 @@ def make_fleet(
         model: Residual model, for the conditions that fly with one.
         conditioning: Preset for its wrench.
         settings: All other choices.
+        threads: Threads that share the vehicles.
+    """
+
+    stage: int = tasks.POINT_TO_POINT
+    level: int | None = None
+    vehicle: Vehicle | str | Path = VEHICLE
+    condition: str = conditions.EFFECTS
+    model: TrainedModel | None = None
+    conditioning: str = "paper"
+    settings: Settings = field(default_factory=Settings)
+    threads: int = 1
+
+
+def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int = 0) -> Fleet:
+    """A fleet of students at a stage of the curriculum.
+
+    Args:
+        config: What it flies; point to point in open water by default.
         count: Number of vehicles.
-        threads: Threads that share them.
         seed: Of tasks and noise.
 
     Raises:
         DataError: The vehicle cannot be read or flown.
         UsageError: There is no such stage, level or condition.
     """
-    settings = settings or Settings()
+    config = config or FleetConfig()
+    settings, vehicle = config.settings, config.vehicle
     known = vehicle if isinstance(vehicle, Vehicle) else vehicles.read(_file(vehicle))[0]
-    plant = conditions.plant(
-        condition, known, settings, count, model, conditioning=conditioning, threads=threads
-    )
-    fleet = Fleet(settings, plant, seed, _guidance(settings, count) if stage == tasks.GUIDED else None)
-    most = 0 if stage == tasks.POINT_TO_POINT else settings.world.pillars
-    fleet.set_level(stage, most if level is None else level)
+    condition = conditions.Condition(config.condition, config.model, config.conditioning)
+    plant = conditions.plant(condition, known, settings, count, threads=config.threads)
+    guidance = _guidance(settings, count) if config.stage == tasks.GUIDED else None
+    fleet = Fleet(settings, plant, seed, guidance)
+    most = 0 if config.stage == tasks.POINT_TO_POINT else settings.world.pillars
+    fleet.set_level(config.stage, most if config.level is None else config.level)
     return fleet
 
 
@@ -103,8 +111,8 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
 
     def __init__(self, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
-        """Take the arguments of `make_fleet`, but for count and seed: `reset` seeds."""
-        self.fleet = make_fleet(stage, **choices)
+        """Take the fields of `FleetConfig`; `reset` seeds."""
+        self.fleet = make_fleet(FleetConfig(stage, **choices))
         self.observation_space, self.action_space = _spaces(self.fleet.settings)
         self._begun = False
 
@@ -136,8 +144,8 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(self, num_envs: int = 8, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
-        """Take the arguments of `make_fleet`, but for count and seed: `reset` seeds."""
-        self.fleet = make_fleet(stage, count=num_envs, **choices)
+        """Take the fields of `FleetConfig`; `reset` seeds."""
+        self.fleet = make_fleet(FleetConfig(stage, **choices), count=num_envs)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self.fleet.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -15,22 +15,27 @@ from numpy.typing import ArrayLike, NDArray
 from hydro.core.effects import inertia_matrix
 from hydro.core.errors import DataError
 from hydro.core.vehicle.control_allocation import mixing
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.core.vehicle.rigid_body import mass_matrix
-from hydro.rl.environment import geometry, observation, reward, sonar, tasks
+from hydro.rl.environment import geometry, observation, reward, tasks
 from hydro.rl.environment.action import ACTIONS, command_kernel
-from hydro.rl.environment.config import Settings
-from hydro.rl.environment.judge import (
+from hydro.rl.environment.blocks import (
     AGE,
     ENERGY,
     FLAGS,
     OVERSPEED,
     RETURN,
     TOTALS,
-    judge_kernel,
-    sense_kernel,
+    Episodes,
+    Motion,
+    Outcome,
+    Rules,
+    Scenes,
 )
+from hydro.rl.environment.config import Settings
 from hydro.rl.environment.observation import OBSERVATIONS
+from hydro.rl.environment.step import sense_kernel, step_kernel
 from hydro.sim.plant import Plant
 
 Array = NDArray[np.float64]
@@ -66,7 +71,7 @@ class Info(NamedTuple):
     Attributes:
         success: It arrived.
         collision: It touched something or broke the surface.
-        diverged: The simulation raised a warning or left the realm of numbers.
+        diverged: The simulation raised a warning, or its state is not finite.
         distance: To the goal, at the end of the step [m].
         overspeed: It moved faster than `Settings.overspeed`.
         episode_return: Sum of rewards.
@@ -133,32 +138,20 @@ class Fleet:
             seed: Of tasks and noise.
             guidance: For stage 3.
         """
-        vehicle = plant.vehicle
-        crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
-        count, hull = len(plant.pose), vehicle.hull
+        crew = mixing(plant.vehicle, mass_matrix(plant.vehicle) + inertia_matrix(plant.vehicle))
         self.settings, self.plant, self.seed, self.guidance = settings, plant, seed, guidance
-        self.count, self.stage, self.level = count, tasks.POINT_TO_POINT, 0
-        self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
-        self.pillars = np.full((count, settings.world.pillars, 2), np.nan)
-
+        self.count, self.stage, self.level = len(plant.pose), tasks.POINT_TO_POINT, 0
         self._mixing = crew.allocation, crew.table, crew.authority
-        self._bounds = np.stack(observation.bounds(settings))
-        self._senses = (
-            sonar.beams(settings.sonar, hull),
-            settings.sonar.reach,
-            geometry.tank(settings.world),
-            vehicle.environment.gravity,
-        )
-        self._rules = (
-            reward.weights(settings.reward),
-            geometry.hull_numbers(hull),
-            geometry.tank(settings.world),
-            crew.table,
-            np.array([settings.task.radius, settings.task.steps, settings.overspeed, settings.period]),
-        )
-        self._sigma = observation.sigmas(settings.noise)
+        self._senses = observation.senses(settings, plant.vehicle)
+        self._rules = _rules(settings, plant.vehicle, crew.table)
         self._noise = _generator(seed)
+        self._make_arrays()
 
+    def _make_arrays(self) -> None:
+        """Arrays of every vehicle, and the blocks of them that the kernels take."""
+        count, plant = self.count, self.plant
+        self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
+        self.pillars = np.full((count, self.settings.world.pillars, 2), np.nan)
         self._stages = np.ones(count, dtype=np.int64)
         self._episode = np.full(count, -1, dtype=np.int64)
         self._before = np.zeros((count, ACTIONS))
@@ -166,6 +159,11 @@ class Fleet:
         self._rotation, self._totals = np.zeros((count, 9)), np.zeros((count, TOTALS))
         self._seen = np.zeros((count, OBSERVATIONS), dtype=np.float32)
         self._commands, self._all = np.zeros_like(plant.thrust), np.ones(count, dtype=np.bool_)
+        self._motion = Motion(
+            plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged, self._rotation
+        )
+        self._scenes = Scenes(self._stages, self.goals, self.targets, self.pillars, self._path_cost)
+        self._episodes = Episodes(self._least, self._before, self._distance, self._totals)
 
     def set_level(self, stage: int, level: int = 0) -> None:
         """Choose stage and number of pillars of the episodes that begin from now on.
@@ -216,15 +214,11 @@ class Fleet:
 
         self._observe(self._all)
         final = self._seen.copy()
-        earned = np.empty(self.count, dtype=np.float32)
-        flags = np.empty((FLAGS, self.count), dtype=np.bool_)
-        plant = self.plant
-        judge_kernel(
-            *self._rules, plant.pose, plant.velocity, plant.thrust, plant.diverged, self._rotation,
-            self._stages, self._least, self.goals, self.targets, self.pillars, self._path_cost, demands,
-            self._before, self._distance, self._totals, earned, flags,
-        )  # fmt: skip
-        success, collision, diverged, overspeed, terminated, truncated = flags
+        outcome = Outcome(
+            np.empty(self.count, dtype=np.float32), np.empty((FLAGS, self.count), dtype=np.bool_)
+        )
+        step_kernel(self._rules, self._motion, self._scenes, self._episodes, demands, outcome)
+        success, collision, diverged, overspeed, terminated, truncated = outcome.flags
         counted = self._totals.astype(np.int64)
         info = Info(
             success, collision, diverged, self._distance.copy(), overspeed, self._totals[:, RETURN].copy(),
@@ -235,7 +229,7 @@ class Fleet:
         if renew and done.any():
             self._begin(done)
             following = self._seen.copy()
-        return Step(following, earned, terminated, truncated, final, info)
+        return Step(following, outcome.reward, terminated, truncated, final, info)
 
     def _begin(self, mask: Mask) -> None:
         """Begin the next episode of some vehicles."""
@@ -259,16 +253,12 @@ class Fleet:
 
     def _observe(self, mask: Mask) -> None:
         """Renew what some vehicles see, with noise and under guidance."""
-        plant = self.plant
         guided = mask & (self._stages == tasks.GUIDED)
         if self.guidance is not None and guided.any():
-            ahead, cost = self.guidance.targets(guided, plant.pose[:, :3])
+            ahead, cost = self.guidance.targets(guided, self.plant.pose[:, :3])
             self.targets[guided], self._path_cost[guided] = ahead[guided], cost[guided]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS))
-        sense_kernel(
-            mask, self._bounds, *self._senses, plant.pose, plant.velocity, plant.specific_force, self.targets,
-            self.pillars, self._sigma, noise, self._rotation, self._least, self._seen,
-        )  # fmt: skip
+        sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._seen)
 
     def state(self) -> State:
         """Everything that the future depends on, as arrays; see `restore`."""
@@ -297,6 +287,19 @@ _STATE = (
     "seed", "stage", "level", "starts", "goals", "targets", "pillars", "_stages", "_episode", "_before",
     "_distance", "_path_cost", "_least", "_rotation", "_totals", "_seen",
 )  # fmt: skip
+
+
+def _rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
+    """Reward and ends of episodes, as the kernels take them; thruster table (n, columns)."""
+    task = settings.task
+    limits = np.array([task.radius, task.steps, settings.overspeed, settings.period])
+    return Rules(
+        reward.weights(settings.reward),
+        geometry.hull_numbers(vehicle.hull),
+        geometry.tank(settings.world),
+        table,
+        limits,
+    )
 
 
 def _generator(seed: int) -> np.random.Generator:

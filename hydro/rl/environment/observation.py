@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
+from hydro.core.vehicle.description import Vehicle
+from hydro.rl.environment.blocks import Motion, Scenes, Senses
 from hydro.rl.environment.config import Noise, Settings
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.environment.geometry import FLOOR
-from hydro.rl.environment.sonar import BEAMS, sonar_kernel
+from hydro.rl.environment.geometry import FLOOR, tank
+from hydro.rl.environment.sonar import BEAMS, beams, sonar_kernel
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -72,58 +74,52 @@ def bounds(settings: Settings) -> tuple[Array32, Array32]:
     return low.astype(np.float32), high.astype(np.float32)
 
 
+def senses(settings: Settings, vehicle: Vehicle) -> Senses:
+    """The sensors of a vehicle under the settings, as the kernels take them."""
+    return Senses(
+        np.stack(bounds(settings)),
+        beams(settings.sonar, vehicle.hull),
+        settings.sonar.reach,
+        tank(settings.world),
+        vehicle.environment.gravity,
+        sigmas(settings.noise),
+    )
+
+
 @jit
 def observe_kernel(
-    limits: Array32,
-    fan: Array,
-    reach: float,
-    tank: Array,
-    gravity: float,
-    pose: Array,
-    velocity: Array,
-    specific_force: Array,
-    R: Array,
-    target: Array,
-    pillars: Array,
-    noise: Array,
-    out: Array32,
+    senses: Senses, motion: Motion, scenes: Scenes, k: int, noise: Array, out: Array32
 ) -> float:
-    """What one vehicle senses.
+    """What vehicle `k` senses.
 
     Args:
-        limits: Least and greatest values (2, 36).
-        fan: Places and directions of the sonar's beams in the body (15, 6) [m].
-        reach: Its reach [m].
-        tank: Numbers of `rl.environment.geometry`.
-        gravity: [m/s^2].
-        pose: (7,).
-        velocity: (6,).
-        specific_force: (3,).
-        R: Body to NED (9,), of the pose.
-        target: (3,), NED.
-        pillars: (P, 2).
+        senses: Its sensors.
+        motion: Its motion, the rotation that of the pose.
+        scenes: Its target and pillars.
+        k: Its number.
         noise: What is added to each observation (36,).
         out: (36,) written.
 
     Returns:
         The least range of the sonar without noise [m].
     """
+    pose, velocity, R, target = motion.pose[k], motion.velocity[k], motion.rotation[k], scenes.targets[k]
     o = noise.copy()
     for i in range(3):
         for j in range(3):
             o[TARGET + i] += R[3 * j + i] * (target[j] - pose[j])
         o[VELOCITY + i] += velocity[i]
         o[RATE + i] += velocity[3 + i]
-        o[GRAVITY + i] += gravity * R[6 + i]
-        o[SPECIFIC_FORCE + i] += specific_force[i]
+        o[GRAVITY + i] += senses.gravity * R[6 + i]
+        o[SPECIFIC_FORCE + i] += motion.specific_force[k, i]
     for i in range(4):
         o[QUATERNION + i] += pose[3 + i]
     o[DEPTH] += pose[2]
-    o[ALTITUDE] += tank[FLOOR] - pose[2]
+    o[ALTITUDE] += senses.tank[FLOOR] - pose[2]
     ranges = np.empty(BEAMS)
-    least = sonar_kernel(fan, reach, tank, pose[:3], R, pillars, ranges)
+    least = sonar_kernel(senses.fan, senses.reach, senses.tank, pose[:3], R, scenes.pillars[k], ranges)
     for beam in range(BEAMS):
         o[SONAR + beam] += ranges[beam]
     for i in range(OBSERVATIONS):
-        out[i] = min(max(np.float32(o[i]), limits[0, i]), limits[1, i])
+        out[i] = min(max(np.float32(o[i]), senses.limits[0, i]), senses.limits[1, i])
     return least

@@ -37,11 +37,11 @@ def posture(w: Array, R: Array, x: float, y: float) -> float:
     The heading's angle is that between the horizontal parts of the bow's direction and of the way to the
     target (x, y), NED; the upright's that between the body's z axis and down.
     """
-    earned = w[UPRIGHT] * 0.5 * (R[8] + 1.0)
+    gain = w[UPRIGHT] * 0.5 * (R[8] + 1.0)
     away, ahead = math.hypot(x, y), math.hypot(R[0], R[3])
     if away > w[BLIND] and ahead > 0.0:
-        earned += w[HEADING] * 0.5 * ((R[0] * x + R[3] * y) / (away * ahead) + 1.0)
-    return float(earned)
+        gain += w[HEADING] * 0.5 * ((R[0] * x + R[3] * y) / (away * ahead) + 1.0)
+    return float(gain)
 
 
 @jit

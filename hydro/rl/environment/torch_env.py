@@ -14,7 +14,7 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.observation import bounds
 
-TOLD = ("success", "collision", "diverged")
+OUTCOMES = ("success", "collision", "diverged")
 """Entries of `fleet.Info` that are passed on."""
 
 
@@ -36,7 +36,7 @@ class FleetEnv(EnvBase):  # type: ignore[misc]
         flag = {"shape": (count, 1), "dtype": torch.bool}
         self.observation_spec = Composite(
             observation=Bounded(low, high, dtype=torch.float32),
-            **{name: Binary(1, **flag) for name in TOLD},
+            **{name: Binary(1, **flag) for name in OUTCOMES},
             shape=self.batch_size,
         )
         self.action_spec = Bounded(-1.0, 1.0, shape=(count, ACTIONS), dtype=torch.float32)
@@ -51,13 +51,13 @@ class FleetEnv(EnvBase):  # type: ignore[misc]
             mask = tensordict["_reset"].reshape(-1).numpy()
         observation = self.fleet.reset(mask)
         nothing = torch.zeros(self.fleet.count, 1, dtype=torch.bool)
-        silent = {name: nothing.clone() for name in (*TOLD, "done", "terminated", "truncated")}
+        silent = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
         return TensorDict({"observation": torch.from_numpy(observation), **silent}, self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Fly one control step."""
         step = self.fleet.step(tensordict["action"].numpy(), renew=False)
-        flags = {name: getattr(step.info, name) for name in TOLD}
+        flags = {name: getattr(step.info, name) for name in OUTCOMES}
         flags |= {"terminated": step.terminated, "truncated": step.truncated}
         flags["done"] = step.terminated | step.truncated
         return TensorDict(

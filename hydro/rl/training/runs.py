@@ -8,7 +8,7 @@
     checkpoint.pt        everything that its future depends on
 
 The tables are written before the checkpoint, each whole or not at all; going on rewrites them, so that a kill
-between them leaves nothing wrong. No file holds a clock: the same plan gives the same bytes.
+between them leaves nothing wrong. No file holds a clock: the same choices give the same bytes.
 """
 
 from __future__ import annotations
@@ -30,72 +30,82 @@ from hydro.io import table
 from hydro.io.files import explained, whole_file
 from hydro.io.table import Artefact
 from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.policy import Policy
-from hydro.rl.training.train import Plan, Training
+from hydro.rl.training.train import Training
 
 RUN, MODEL, POLICY, CHECKPOINT = "run.parquet", "model.parquet", "policy.parquet", "checkpoint.pt"
 CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
 STAGE = "rl train"
+RENAMED = {"ladder": "curriculum"}
+"""Groups of choices whose name in version 0.1 was another."""
 
 
 def run_artefact(
-    plan: Plan, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
+    config: TrainingConfig, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
 ) -> Artefact:
-    """The table of a plan's choices, made from vehicle, residual model and the policy to start from."""
-    choices = _choices(plan)
+    """The table of a training's choices, made from vehicle, residual model and the policy to start from."""
+    choices = _choices(config)
     frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
     inputs = [one for one in (model, start) if one is not None]
     return table.make(
-        "run", frame, stage=STAGE, seed=plan.seed, inputs=inputs, vehicle_text=vehicle_text,
-        parameters={"condition": plan.condition},
+        "run", frame, stage=STAGE, seed=config.seed, inputs=inputs, vehicle_text=vehicle_text,
+        parameters={"condition": config.condition},
     )  # fmt: skip
 
 
-def plan_of(run: Artefact) -> Plan:
-    """The plan in a run's table.
+def config_of(run: Artefact) -> TrainingConfig:
+    """The choices in a run's table.
 
     Raises:
-        DataError: it is not one of this version, whose choices are others.
+        DataError: it is not of this version, whose choices are others.
     """
-    choices = dict(run.frame.select("name", "value").iter_rows())
-    if strange := sorted(choices.keys() ^ _choices(Plan()).keys()):
+    choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
+    if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
         # A choice that is left out is not its default: there was none, and something else was done.
-        raise DataError(f"run: not a plan of this version, for its {strange[0]}: train anew")
+        raise DataError(f"run: not a training of this version, for its {strange[0]}: train anew")
     try:
-        return _plan(choices)
+        return _config(choices)
     except msgspec.MsgspecError as error:
-        raise DataError(f"run: not a plan of this version ({error}): train anew") from error
+        raise DataError(f"run: not a training of this version ({error}): train anew") from error
 
 
-def changed(plan: Plan, choices: Mapping[str, str]) -> Plan:
-    """A plan with some choices made otherwise.
+def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfig:
+    """A config with some choices made otherwise.
 
     Args:
-        plan: The plan.
-        choices: Values in JSON by name with dots, such as `{"sac.batch": "256"}`.
+        config: The config.
+        choices: Values in JSON by name with dots, such as `{"sac.batch": "256"}`; names of today or before.
 
     Raises:
         UsageError: There is no such choice, or not of such a value.
     """
-    known = _choices(plan)
+    known = _choices(config)
+    choices = {current_name(name): value for name, value in choices.items()}
     if unknown := [name for name in choices if name not in known]:
         near = [name for name in known if name.endswith(unknown[0])]
         meant = near or get_close_matches(unknown[0], known) or list(known)
         raise UsageError(f"no choice is called {unknown[0]!r}: choose of {', '.join(meant)}")
     try:
-        return _plan(known | dict(choices))
+        return _config(known | choices)
     except msgspec.MsgspecError as error:
         names = ", ".join(f"{name}={value}" for name, value in choices.items())
         raise UsageError(f"{names}: not a value for this choice ({error})") from error
 
 
-def _choices(plan: Plan) -> dict[str, str]:
-    """A plan's choices in JSON, by name with dots."""
-    return dict(_flat(msgspec.to_builtins(plan)))
+def current_name(name: str) -> str:
+    """What a choice is called today that an earlier version called `name`."""
+    group, dot, rest = name.partition(".")
+    return f"{RENAMED.get(group, group)}{dot}{rest}"
 
 
-def _plan(flat: Mapping[str, str]) -> Plan:
-    """The plan of choices by name with dots."""
+def _choices(config: TrainingConfig) -> dict[str, str]:
+    """Choices in JSON, by name with dots."""
+    return dict(_flat(msgspec.to_builtins(config)))
+
+
+def _config(flat: Mapping[str, str]) -> TrainingConfig:
+    """The config of choices by name with dots."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         *groups, last = name.split(".")
@@ -103,7 +113,7 @@ def _plan(flat: Mapping[str, str]) -> Plan:
         for group in groups:
             place = place.setdefault(group, {})
         place[last] = msgspec.json.decode(value)
-    return msgspec.convert(nested, Plan)
+    return msgspec.convert(nested, TrainingConfig)
 
 
 def _flat(nested: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
@@ -132,7 +142,7 @@ class Folder:
         """Begin a training here, or go on with the one that is here.
 
         Args:
-            run: What is to be trained; it may have had other steps and another ladder before.
+            run: What is to be trained; it may have had other steps and another curriculum before.
             model: The residual model, which is copied here.
 
         Returns:
@@ -156,11 +166,11 @@ class Folder:
 
     def _require_same(self, run: Artefact) -> None:
         before = self.run()
-        old, new = plan_of(before), plan_of(run)
-        longer = replace(old, steps=new.steps, ladder=new.ladder)
+        old, new = config_of(before), config_of(run)
+        longer = replace(old, steps=new.steps, curriculum=new.curriculum)
         if longer != new or before.provenance.inputs != run.provenance.inputs:
             changed = before.frame.join(run.frame, on="name").filter(pl.col("value") != pl.col("value_right"))
-            names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("ladder."))
+            names = ", ".join(n for n in changed["name"] if n != "steps" and not n.startswith("curriculum."))
             raise DataError(
                 f"{self.path}: holds a training with other {names or 'inputs'}: give another folder, or the "
                 "same choices to go on"
@@ -168,16 +178,16 @@ class Folder:
 
     def save(self, training: Training, run: Artefact) -> None:
         """Keep what a training has come to: its tables, then its state."""
-        plan, tables = training.plan, training.tables()
+        config, tables = training.config, training.tables()
         for kind, name in (("curves", CURVES), ("evaluations", EVALUATIONS)):
-            made = table.make(kind, tables[kind], stage=STAGE, seed=plan.seed, inputs=[run])
+            made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
             table.write(made, self.path / name)
-        table.write(policy_artefact(training.policy(), run, plan.seed), self.path / POLICY)
+        table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
         _write_state(training.state(), self.path / CHECKPOINT)
 
-    def plan(self) -> Plan:
-        """Its plan."""
-        return plan_of(self.run())
+    def config(self) -> TrainingConfig:
+        """Its config."""
+        return config_of(self.run())
 
     def evaluations(self) -> Artefact:
         """How the policy did without exploration.

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,60 +24,13 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.config import SACConfig
 from hydro.rl.training.policy import Array32, Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Mask, Transition
 
 torchrl_logger.setLevel("WARNING")
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What SAC is run with; the paper's where it says (IV-C).
-
-    Attributes:
-        layers: Widths of the hidden layers of actor and critics.
-        discount: gamma.
-        horizon: Steps n whose rewards are summed before the critics are asked what follows.  A constant
-            error of the values dies out at (1 - gamma^n) tau per update: with n = 1 in 20,000 of them.
-        tau: Share of the critics that their targets take on in an update.
-        average: Share of the policy that its average takes on in an update.  The average is what is evaluated
-            and kept: a policy that succeeds over many episodes of training may, as it is after any single
-            update, fail one in five.
-        target_entropy: Of the policy, in nats.
-        temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
-            reward weighs as much as its entropy.
-        batch: Transitions of an update.
-        capacity: Transitions that are kept.
-        rate: Learning rate of actor, critics and temperature.
-        random: Steps of all vehicles together that are flown at random before the policy flies.
-        updates: Updates per step of all vehicles together.
-    """
-
-    layers: tuple[int, ...] = (256, 256)
-    discount: float = 0.99
-    horizon: int = 10
-    tau: float = 0.005
-    average: float = 0.001
-    target_entropy: float = -6.0
-    temperature: float = 0.05
-    batch: int = 512
-    capacity: int = 1_000_000
-    rate: float = 3e-4
-    random: int = 5_000
-    updates: int = 1
-
-    def __post_init__(self) -> None:
-        """Refuse what no learning can be run with.
-
-        Raises:
-            UsageError: The horizon is not of one step at least, or the average takes no share.
-        """
-        if not 0.0 < self.average <= 1.0:
-            raise UsageError(f"sac.average is {self.average:g}; give a share above 0, at most 1")
-        if self.horizon < 1:
-            raise UsageError(f"sac.horizon is {self.horizon}; give 1 step or more")
 
 
 class Losses(NamedTuple):
@@ -113,7 +65,7 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
         policy: nn.Module,
         observations: int,
         actions: int,
-        choices: Choices,
+        config: SACConfig,
         generator: torch.Generator | None = None,
     ) -> None:
         """Make the loss and its parameters.
@@ -122,7 +74,7 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
             policy: Observations to mean and scale of the normal under the tanh.
             observations: How many numbers they are.
             actions: How many an action has.
-            choices: What SAC is run with.
+            config: What SAC is run with.
             generator: Of the actions' noise; the global one by default.
         """
         actor = ProbabilisticActor(
@@ -132,19 +84,19 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
             return_log_prob=True,
         )
         critic = ValueOperator(
-            layers(observations + actions, 1, choices.layers), in_keys=["observation", "action"]
+            layers(observations + actions, 1, config.layers), in_keys=["observation", "action"]
         )
         super().__init__(
             actor,
             critic,
             loss_function="l2",
-            alpha_init=choices.temperature,
-            target_entropy=choices.target_entropy,
+            alpha_init=config.temperature,
+            target_entropy=config.target_entropy,
         )
-        self.make_value_estimator(gamma=choices.discount)
-        self._discount, self._generator = choices.discount, generator
+        self.make_value_estimator(gamma=config.discount)
+        self._discount, self._generator = config.discount, generator
         # Beside the parameters, not among them: these are the same tensors.
-        self.__dict__["target"] = SoftUpdate(self, tau=choices.tau)
+        self.__dict__["target"] = SoftUpdate(self, tau=config.tau)
         self.__dict__["_policy"] = policy
         self.__dict__["_critics"] = _leaves(self.qvalue_network_params)
         self.__dict__["_targets"] = _leaves(self.target_qvalue_network_params)
@@ -211,30 +163,30 @@ class Learner:
         updates: Updates so far.
     """
 
-    def __init__(self, encoding: Encoding, actions: int, choices: Choices, seed: int) -> None:
+    def __init__(self, encoding: Encoding, actions: int, config: SACConfig, seed: int) -> None:
         """Make the networks; the global random state is left as it was.
 
         Args:
             encoding: Of observations (O,); networks and memory have them encoded.
             actions: Numbers of an action.
-            choices: What SAC is run with.
+            config: What SAC is run with.
             seed: Of first weights, of the actions' noise and of the batches.
         """
-        self.choices, self.updates, self._encoding, self._actions = choices, 0, encoding, actions
+        self.config, self.updates, self._encoding, self._actions = config, 0, encoding, actions
         self._generators = {name: _generator(seed, name) for name in ("actions", "loss", "batches")}
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.network = network(len(encoding), actions, choices.layers)
-            self.loss = TwinLoss(self.network, len(encoding), actions, choices, self._generators["loss"])
-            follow = get_ema_multi_avg_fn(1.0 - choices.average)  # type: ignore[no-untyped-call]
+            self.network = network(len(encoding), actions, config.layers)
+            self.loss = TwinLoss(self.network, len(encoding), actions, config, self._generators["loss"])
+            follow = get_ema_multi_avg_fn(1.0 - config.average)  # type: ignore[no-untyped-call]
             self._average = AveragedModel(self.network, multi_avg_fn=follow)
-        self._optimiser = torch.optim.Adam(self.loss.parameters(), choices.rate, fused=True)
+        self._optimiser = torch.optim.Adam(self.loss.parameters(), config.rate, fused=True)
         self._replay = ReplayBuffer(
-            storage=LazyTensorStorage(choices.capacity),
-            batch_size=choices.batch,
+            storage=LazyTensorStorage(config.capacity),
+            batch_size=config.batch,
             generator=self._generators["batches"],
         )
-        self._horizon = Horizon(choices.horizon, choices.discount)
+        self._horizon = Horizon(config.horizon, config.discount)
 
     @property
     def ready(self) -> bool:
@@ -262,7 +214,7 @@ class Learner:
     def policy(self, training: Mapping[str, Any]) -> Policy:
         """What has been learnt, the average by itself, with a word on how."""
         weights = {name: each.numpy().copy() for name, each in self._average.module.state_dict().items()}
-        return Policy(self.choices.layers, self._encoding, weights, training)
+        return Policy(self.config.layers, self._encoding, weights, training)
 
     def remember(
         self,

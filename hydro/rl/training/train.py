@@ -8,75 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 import polars as pl
 import torch
 
-from hydro.core.errors import UsageError
 from hydro.rl.environment.action import ACTIONS
-from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet, Step
 from hydro.rl.environment.observation import ENCODING
-from hydro.rl.training.curriculum import Curriculum, Ladder
+from hydro.rl.training.config import TrainingConfig
+from hydro.rl.training.curriculum import CurriculumProgress
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import fly, summary
 from hydro.rl.training.policy import Policy
-from hydro.rl.training.sac import Choices, Learner, Losses
+from hydro.rl.training.sac import Learner, Losses
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
 """Of the tasks of evaluations and of examinations: the same for every training."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Everything that a training depends on beside the vehicle and its residual model.
-
-    Attributes:
-        condition: Physics that the vehicles fly under; see `conditions`.
-        conditioning: Preset for the residual model's wrench.
-        seed: Of weights, exploration, batches, tasks and sensor noise.
-        steps: Control steps of all vehicles together at most.
-        vehicles: That fly side by side.
-        threads: Of the updates and of the physics; another number rounds otherwise.
-        evaluate: Steps from one evaluation, and one state kept, to the next.
-        record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
-        episodes: Of an evaluation.
-        ladder: The curriculum.
-        sac: The learner.
-        settings: The environment.
-    """
-
-    condition: str = "R_effects"
-    conditioning: str = "paper"
-    seed: int = 0
-    steps: int = 500_000
-    vehicles: int = 8
-    threads: int = 1
-    evaluate: int = 20_000
-    record: int = 4_000
-    episodes: int = 50
-    ladder: Ladder = field(default_factory=Ladder)
-    sac: Choices = field(default_factory=Choices)
-    settings: Settings = field(default_factory=Settings)
-
-    def __post_init__(self) -> None:
-        """Refuse periods that do not fit together.
-
-        Raises:
-            UsageError: Records and evaluations are no multiples of a step of all vehicles.
-        """
-        if self.record % self.vehicles or self.evaluate % self.record:
-            raise UsageError(
-                f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
-                f"{self.evaluate}: each must be a multiple of the one before"
-            )
-
-
 Build = Callable[[int, int], Fleet]
-"""A fleet under the plan's condition, of a number of vehicles and a seed."""
+"""A fleet under the training's condition, of a number of vehicles and a seed."""
 
 Progress = Callable[["Training"], None]
 
@@ -88,46 +41,50 @@ class Training:
     """A training that has reached some step.
 
     Attributes:
-        plan: What it depends on.
+        config: What it depends on.
         steps: Control steps of all vehicles together so far.
         episodes: Episodes ended so far.
-        curriculum: Where it stands on its ladder.
+        curriculum: Where it stands in its curriculum.
         watch: Whether it has diverged.
         curves: Points of the curves so far, rows of a table `curves`.
         evaluations: Evaluations so far, rows of a table `evaluations`.
     """
 
     def __init__(
-        self, plan: Plan, build: Build, part: Part = nullcontext, learnt: Mapping[str, Any] | None = None
+        self,
+        config: TrainingConfig,
+        build: Build,
+        part: Part = nullcontext,
+        learnt: Mapping[str, Any] | None = None,
     ) -> None:
         """Put the vehicles at their first start.
 
         Args:
-            plan: What it depends on.
+            config: What it depends on.
             build: Makes its fleets, see `Build`.
             part: Surrounds each part of the work, see `Part`.
             learnt: A learner's state to begin with; its policy then flies where actions would be random.
         """
-        torch.set_num_threads(plan.threads)
-        self.plan, self._build, self._part = plan, build, part
+        torch.set_num_threads(config.threads)
+        self.config, self._build, self._part = config, build, part
         self.steps = self.episodes = self._overspeed = 0
-        self.curriculum, self.watch = Curriculum(plan.ladder), Watch()
+        self.curriculum, self.watch = CurriculumProgress(config.curriculum), Watch()
         self.curves: list[dict[str, Any]] = []
         self.evaluations: list[dict[str, Any]] = []
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
-        self._learner = Learner(ENCODING, ACTIONS, plan.sac, plan.seed)
+        self._learner = Learner(ENCODING, ACTIONS, config.sac, config.seed)
         self._skilled = learnt is not None
         if learnt is not None:
             self._learner.begin_with(learnt)
-        self._fleet = build(plan.vehicles, plan.seed)
+        self._fleet = build(config.vehicles, config.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
 
     @property
     def finished(self) -> bool:
-        """Whether the ladder is climbed, the steps are used up, or the losses are no numbers any more."""
-        return self.curriculum.done or self.steps >= self.plan.steps or self.watch.broken
+        """Whether the curriculum is passed, the steps are used up, or the losses are no numbers any more."""
+        return self.curriculum.done or self.steps >= self.config.steps or self.watch.broken
 
     def advance(self, progress: Progress = lambda training: None) -> None:
         """Train to the next evaluation, or to the end, and evaluate.
@@ -141,13 +98,13 @@ class Training:
             self._step()
             if self.curriculum.ready:
                 self._examine()
-            if self.finished or self.steps % self.plan.record == 0:
+            if self.finished or self.steps % self.config.record == 0:
                 self._record()
                 progress(self)
-            if self.finished or self.steps % self.plan.evaluate == 0:
+            if self.finished or self.steps % self.config.evaluate == 0:
                 break
         if not self.watch.broken:
-            self._evaluate("curve", self.plan.episodes, CURVE_SEED)
+            self._evaluate("curve", self.config.episodes, CURVE_SEED)
 
     def policy(self) -> Policy:
         """What has been learnt so far."""
@@ -163,7 +120,7 @@ class Training:
 
     def _step(self) -> None:
         """One control step of all vehicles, and what is learnt after it."""
-        learner, sac = self._learner, self.plan.sac
+        learner, sac = self._learner, self.config.sac
         exploring = self.steps < sac.random and not self._skilled
         with self._part("flying"):
             actions = learner.explore(self._fleet.count) if exploring else learner.act(self._observations)
@@ -190,7 +147,7 @@ class Training:
 
     def _examine(self) -> None:
         """Let the policy show without exploration that it has learnt the level, and go on if it has."""
-        share = self._evaluate("exam", self.plan.ladder.window, EXAM_SEED)
+        share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED)
         if self.curriculum.examined(share):
             self._fleet.set_level(*self.curriculum.level)
 
@@ -201,7 +158,7 @@ class Training:
         fleet.set_level(stage, pillars)
         with self._part("evaluating"):
             found = summary(fly(self._learner.best, fleet))
-        who = {"condition": self.plan.condition, "seed": self.plan.seed, "steps": self.steps}
+        who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
         why = {"plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
         self.evaluations.append(who | why | found)
         if purpose == "curve":
@@ -253,7 +210,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from the `state` of a training of this plan, or of one with fewer steps or another ladder."""
+        """Go on from the `state` of a training alike, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
         self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])

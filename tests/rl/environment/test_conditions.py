@@ -9,11 +9,12 @@ from hydro.core.effects import inertia_matrix
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.rl.environment import conditions
+from hydro.rl.environment.conditions import Condition
 from hydro.sim.residual.conditioning import OFF, preset
 
 
 def test_no_hydrodynamics_keep_the_rigid_body_alone():
-    felt = conditions.water("R_0", vehicle())
+    felt = conditions.water(Condition("R_0"), vehicle())
     assert felt.inertia is None
     assert felt.cancelled is None
     assert felt.control is None
@@ -21,18 +22,19 @@ def test_no_hydrodynamics_keep_the_rigid_body_alone():
 
 
 def test_effects_are_those_of_the_file():
-    felt = conditions.water("R_effects", vehicle())
+    felt = conditions.water(Condition("R_effects"), vehicle())
     np.testing.assert_array_equal(felt.inertia, inertia_matrix(vehicle()))
     assert set(felt.program.effects) >= {"linear_damping", "quadratic_damping"}
 
 
 @pytest.mark.parametrize(("condition", "kind"), conditions.MODELS.items())
 def test_models_fly_with_the_same_conditioning(condition, kind):
-    felt = conditions.water(condition, vehicle(), trained(kind)[1])
+    known = Condition(condition, trained(kind)[1])
+    felt = conditions.water(known, vehicle())
     assert felt.control.conditioning == preset("paper", vehicle()) != OFF
     assert felt.control.period == QUIET.period
     np.testing.assert_array_equal(felt.cancelled, mass_matrix(vehicle()))
-    flown = conditions.plant(condition, vehicle(), QUIET, 2, trained(kind)[1])
+    flown = conditions.plant(known, vehicle(), QUIET, 2)
     flown.reset(np.ones(2, dtype=bool), np.tile([0, 0, 4.0, 1, 0, 0, 0], (2, 1)), np.zeros((2, 6)))
     flown.step(np.zeros((2, 8)))
     assert np.isfinite(flown.velocity).all()
@@ -49,4 +51,4 @@ def test_models_fly_with_the_same_conditioning(condition, kind):
 )
 def test_a_model_of_another_kind_is_refused(condition, kind, word):
     with pytest.raises(UsageError, match=word):
-        conditions.water(condition, vehicle(), None if kind is None else trained(kind)[1])
+        Condition(condition, None if kind is None else trained(kind)[1])

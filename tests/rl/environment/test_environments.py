@@ -16,7 +16,7 @@ from torchrl.envs.utils import check_env_specs
 import hydro.rl  # noqa: F401  registers the environments
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.config import Settings, Task
-from hydro.rl.environment.environments import make_fleet
+from hydro.rl.environment.environments import FleetConfig, make_fleet
 from hydro.rl.environment.torch_env import FleetEnv
 
 SHORT = Settings(task=Task(steps=20))
@@ -68,11 +68,11 @@ def test_a_vector_of_vehicles():
 
 
 def test_torchrls_checker_is_content():
-    check_env_specs(FleetEnv(make_fleet(count=3, settings=SHORT)))
+    check_env_specs(FleetEnv(make_fleet(FleetConfig(settings=SHORT), count=3)))
 
 
 def test_torchrl_resets_the_vehicles_whose_episode_has_ended():
-    env = FleetEnv(make_fleet(count=3, settings=SHORT))
+    env = FleetEnv(make_fleet(FleetConfig(settings=SHORT), count=3))
     env.set_seed(0)
     went = env.rollout(45, break_when_any_done=False)
     ended = went["next", "done"].squeeze(-1)
@@ -115,7 +115,7 @@ def test_stable_baselines3_trains_on_it():
 )
 def test_bad_choices_are_refused_in_one_line(choices, error, word):
     with pytest.raises(error, match=word) as told:
-        make_fleet(**choices)
+        make_fleet(FleetConfig(**choices))
     assert "\n" not in str(told.value)
 
 

@@ -7,17 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.errors import UsageError
-from hydro.rl.training.curriculum import Curriculum, Ladder
+from hydro.rl.training.config import Curriculum
+from hydro.rl.training.curriculum import CurriculumProgress
 from hydro.rl.training.divergence import UPDATES, Watch
 
 
-def test_the_ladder_leads_from_open_water_through_pillars_to_guidance():
-    assert Ladder().levels == ((1, 0),)
-    assert Ladder(last=3, pillars=(0, 4, 8)).levels == ((1, 0), (2, 0), (2, 4), (2, 8), (3, 8))
+def test_the_levels_lead_from_open_water_through_pillars_to_guidance():
+    assert Curriculum().levels == ((1, 0),)
+    assert Curriculum(last=3, pillars=(0, 4, 8)).levels == ((1, 0), (2, 0), (2, 4), (2, 8), (3, 8))
 
 
 def test_training_is_examined_only_when_a_full_window_succeeds_often_enough():
-    curriculum = Curriculum(Ladder(last=2))
+    curriculum = CurriculumProgress(Curriculum(last=2))
     for _ in range(149):
         curriculum.note(True)
     assert not curriculum.ready
@@ -31,7 +32,7 @@ def test_training_is_examined_only_when_a_full_window_succeeds_often_enough():
 
 
 def test_an_examination_asks_for_more_than_training_which_explores():
-    curriculum = Curriculum(Ladder(last=2))
+    curriculum = CurriculumProgress(Curriculum(last=2))
     for k in range(150):
         curriculum.note(k >= 15)
     assert curriculum.ready
@@ -41,7 +42,7 @@ def test_an_examination_asks_for_more_than_training_which_explores():
 
 @given(st.lists(st.booleans(), max_size=60))
 def test_the_window_is_of_the_last_episodes(outcomes):
-    curriculum = Curriculum(Ladder(window=20))
+    curriculum = CurriculumProgress(Curriculum(window=20))
     for outcome in outcomes:
         curriculum.note(outcome)
     last = outcomes[-20:]
@@ -49,7 +50,7 @@ def test_the_window_is_of_the_last_episodes(outcomes):
 
 
 def test_an_examination_passes_the_level_or_empties_the_window():
-    curriculum = Curriculum(Ladder(last=2, pillars=(0,)))
+    curriculum = CurriculumProgress(Curriculum(last=2, pillars=(0,)))
     for _ in range(150):
         curriculum.note(True)
     assert not curriculum.examined(0.96)
@@ -63,19 +64,19 @@ def test_an_examination_passes_the_level_or_empties_the_window():
     assert curriculum.level == (2, 0)
 
 
-def test_a_longer_ladder_goes_on_where_the_shorter_one_ended():
-    short = Curriculum(Ladder(last=1))
+def test_a_longer_curriculum_goes_on_where_the_shorter_one_ended():
+    short = CurriculumProgress(Curriculum(last=1))
     short.examined(1.0)
-    longer = Curriculum(Ladder(last=3))
+    longer = CurriculumProgress(Curriculum(last=3))
     longer.restore(short.state())
     assert longer.level == (2, 0)
 
 
-def test_what_was_passed_stays_passed_on_another_ladder():
-    before = Curriculum(Ladder(last=2, pillars=(0, 1, 2)))
+def test_what_was_passed_stays_passed_in_another_curriculum():
+    before = CurriculumProgress(Curriculum(last=2, pillars=(0, 1, 2)))
     for _ in range(3):
         before.examined(1.0)
-    after = Curriculum(Ladder(last=2, pillars=(0, 4, 8)))
+    after = CurriculumProgress(Curriculum(last=2, pillars=(0, 4, 8)))
     after.restore(before.state())
     assert after.level == (2, 4)
     assert not after.done
@@ -93,9 +94,9 @@ def test_what_was_passed_stays_passed_on_another_ladder():
         {"window": 0},
     ],
 )
-def test_a_ladder_without_rungs_is_refused(wrong):
+def test_a_curriculum_without_levels_is_refused(wrong):
     with pytest.raises(UsageError):
-        Ladder(**wrong)
+        Curriculum(**wrong)
 
 
 def fed(*pieces):

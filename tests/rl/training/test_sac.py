@@ -12,10 +12,11 @@ from torchrl.objectives import SACLoss
 
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.config import SACConfig
 from hydro.rl.training.policy import Policy
-from hydro.rl.training.sac import Choices, Learner, twin
+from hydro.rl.training.sac import Learner, twin
 
-SMALL = Choices(layers=(16, 16), batch=32, capacity=500, horizon=3)
+SMALL = SACConfig(layers=(16, 16), batch=32, capacity=500, horizon=3)
 ENCODING = Encoding(
     np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32), np.array([False, False, False, True, False])
 )
@@ -132,7 +133,7 @@ def test_targets_follow_by_tau():
 
 def test_the_temperature_rises_while_entropy_is_below_its_target():
     for target, sign in ((100.0, 1.0), (-100.0, -1.0)):
-        made = learner(Choices(layers=(16,), batch=32, capacity=500, target_entropy=target))
+        made = learner(SACConfig(layers=(16,), batch=32, capacity=500, target_entropy=target))
         assert made.loss.log_alpha.item() == pytest.approx(math.log(0.05))
         made.update()
         assert math.copysign(1.0, made.loss.log_alpha.item() - math.log(0.05)) == sign
@@ -216,7 +217,7 @@ def test_tensors_of_other_layers_make_no_policy():
 
 def test_a_simple_task_is_learnt():
     """One step, reward -(a - a*)^2 with a* = 0.5 sign of the first observation: the best action is a*."""
-    choices = Choices(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1, average=0.05)
+    choices = SACConfig(layers=(32, 32), batch=64, rate=3e-3, target_entropy=-3.0, horizon=1, average=0.05)
     made = Learner(plain(2), 1, choices, 0)
     rng = np.random.default_rng(0)
     observations = rng.choice([-1.0, 1.0], (2000, 2)).astype(np.float32)
@@ -234,7 +235,7 @@ def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
     still, never = np.zeros((64, 2), np.float32), np.zeros(64, bool)
     worth = []
     for horizon in (1, 10):
-        choices = Choices(layers=(16,), batch=32, rate=3e-2, temperature=1e-6, horizon=horizon)
+        choices = SACConfig(layers=(16,), batch=32, rate=3e-2, temperature=1e-6, horizon=horizon)
         made = Learner(plain(2), 1, choices, 0)
         for _ in range(20):
             made.remember(still, still[:, :1], np.ones(64, np.float32), never, never, still)
@@ -246,6 +247,6 @@ def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
 
 def test_a_horizon_is_of_a_step_at_least():
     with pytest.raises(UsageError, match="give a share above 0"):
-        Choices(average=0.0)
+        SACConfig(average=0.0)
     with pytest.raises(UsageError, match="give 1 step or more"):
-        Choices(horizon=0)
+        SACConfig(horizon=0)

@@ -1,4 +1,4 @@
-"""Fleets of a plan: in the student under its condition, or in the teacher."""
+"""Fleets of a training: in the student under its condition, or in the teacher."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hydro.io.model import Model
 from hydro.rl.environment import conditions
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
-from hydro.rl.training.train import Plan
+from hydro.rl.training.config import TrainingConfig
 from hydro.sim.plant import Plant
 from hydro.sim.teacher_plant import TeacherPlant
 
@@ -23,13 +23,13 @@ class Builder:
     """Makes the fleets of a training and of its evaluations.
 
     Attributes:
-        plan: Condition, settings and threads.
+        config: Condition, settings and threads.
         vehicle: The vehicle file.
         model: The residual model of the condition, if it flies with one.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
     """
 
-    plan: Plan
+    config: TrainingConfig
     vehicle: Vehicle
     model: Model | None = None
     folder: Path | None = None
@@ -41,19 +41,19 @@ class Builder:
             DataError: The vehicle cannot be simulated.
             UsageError: The condition lacks its residual model, or has one that it does not fly with.
         """
-        settings = self.plan.settings
+        settings = self.config.settings
         return Fleet(settings, self._plant(count, simulator), seed, Guidance(settings, count))
 
     def _plant(self, count: int, simulator: Simulator) -> Plant:
         if simulator == "teacher":
-            return TeacherPlant(self.vehicle, count=count, period=self.plan.settings.period)
+            return TeacherPlant(self.vehicle, count=count, period=self.config.settings.period)
+        config = self.config
+        condition = conditions.Condition(config.condition, self.model, config.conditioning)
         return conditions.plant(
-            self.plan.condition,
+            condition,
             self.vehicle,
-            self.plan.settings,
+            config.settings,
             count,
-            self.model,
-            conditioning=self.plan.conditioning,
-            threads=self.plan.threads,
+            threads=config.threads,
             folder=self.folder,
         )

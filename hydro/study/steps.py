@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import typer
+from hydro.core.errors import HydroError
 
 LEDGER = "steps.json"
 
@@ -49,10 +48,21 @@ class Runner:
     goes no further than it matters.
     """
 
-    def __init__(self, folder: Path, execute: Callable[[Step], None]) -> None:
-        """Open the ledger of a folder; `execute` runs a step, see `here` and `apart`."""
+    def __init__(
+        self,
+        folder: Path,
+        execute: Callable[[Step], None],
+        message: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """Open the ledger of a folder.
+
+        Args:
+            folder: Of the study.
+            execute: Runs a step, such as `apart`.
+            message: Hears in lines of text how far the study is.
+        """
         self._path = folder / LEDGER
-        self._execute = execute
+        self._execute, self._message = execute, message
         self._digests: dict[tuple[Path, int, int], str] = {}
         self._ledger: dict[str, dict[str, str]] = {}
         self._todo: list[Step] = []
@@ -61,7 +71,7 @@ class Runner:
             try:
                 self._ledger = json.loads(self._path.read_bytes())
             except ValueError:
-                typer.echo(f"hydro: {self._path}: cannot be read: every step is run anew", err=True)
+                self._message(f"hydro: {self._path}: cannot be read: every step is run anew")
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
         """Run those steps that are not done; how many that were."""
@@ -71,12 +81,12 @@ class Runner:
         """Run those steps that are not done; every step as soon as it is, and whether it was run now.
 
         With more than one worker, steps run side by side as soon as none still to be run writes what they
-        read. Lines on stderr tell what is run, what each step took and, once a step of every command has been
+        read. Messages tell what is run, what each step took and, once a step of every command has been
         timed, about how long the others will take.
         """
         self._todo = [step for step in steps if not self.done(step)]
         if self._todo and len(self._todo) < len(steps):
-            typer.echo(f"{len(steps) - len(self._todo)} of {len(steps)} steps are done already", err=True)
+            self._message(f"{len(steps) - len(self._todo)} of {len(steps)} steps are done already")
         if workers > 1:
             yield from self._side_by_side(list(steps), workers)
             return
@@ -111,7 +121,7 @@ class Runner:
 
     def _timed(self, step: Step) -> float:
         """Run a step; how long it took [s]."""
-        typer.echo(f"hydro {step.name}", err=True)
+        self._message(f"hydro {step.name}")
         started = time.perf_counter()
         for path in step.writes:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,7 +151,7 @@ class Runner:
         self._took.setdefault(step.kind or step.line[:1], []).append(seconds)
         self._todo = [other for other in self._todo if other != step]
         names = ", ".join(path.name for path in step.writes)
-        typer.echo(f"  {seconds:.1f} s: {names}{self._left(workers)}", err=True)
+        self._message(f"  {seconds:.1f} s: {names}{self._left(workers)}")
 
     def _left(self, workers: int) -> str:
         """What there is still to do and how long that takes, by steps of the same kind, else command."""
@@ -167,20 +177,24 @@ class Runner:
         return self._digests[key]
 
 
-def here(root: Any) -> Callable[[Step], None]:
-    """Run steps in this process, by a Click command."""
-    return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
+class StepFailed(HydroError):
+    """A step in a process of its own has failed, and has said why; with its exit code."""
+
+    def __init__(self, step: Step, code: int) -> None:
+        """Name the step that ended with `code`."""
+        super().__init__(f"a step has failed, see above: hydro {step.name}")
+        self.exit_code = code
 
 
 def apart(step: Step) -> None:
     """Run a step in a process of its own.
 
     Raises:
-        typer.Exit: It failed, and has said why; with its exit code.
+        StepFailed: It failed.
     """
     code = subprocess.run([sys.executable, "-m", "hydro.cli", *step.line], check=False).returncode
     if code:
-        raise typer.Exit(code)
+        raise StepFailed(step, code)
 
 
 def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:

@@ -7,22 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
-
 if TYPE_CHECKING:
     import polars as pl
 
 SIDE_BY_SIDE = Path("replayed") / "side-by-side.parquet"
 EFFECTS = Path("replayed") / "effects.parquet"
 CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
-CONDITIONING_TITLE = "Replays of the first seeds by what is done to the learned wrench, RMSE over all six"
-RANKING_TITLE = (
-    "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
-)
-MINUTES_TITLE = (
-    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the chance\n"
-    "of ranks so far behind the best flights' without being worse (rank-sum test over seeds)"
-)
 
 
 @dataclass(frozen=True)
@@ -65,7 +55,7 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
 
     def errors(kind: str, some: Sequence[Run]) -> pl.DataFrame:
         return pl.concat(
-            read(str(folder / kind / f"{run.name}.parquet"), "metrics").frame.with_columns(
+            table.read(folder / kind / f"{run.name}.parquet", "metrics").frame.with_columns(
                 run=pl.lit(run.label), minutes=pl.lit(run.minutes, pl.Float64)
             )
             for run in some
@@ -73,10 +63,10 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
 
     whole = [run for run in runs if run.minutes is None]
     predicted, replayed = errors("evaluated", whole), errors("replayed", whole)
-    beside = read(str(folder / SIDE_BY_SIDE), "metrics").frame
+    beside = table.read(folder / SIDE_BY_SIDE, "metrics").frame
     baselines = [beside.filter(~pl.col("variant").is_in(replayed["variant"].unique().to_list()))]
     if folder / EFFECTS in made:
-        baselines.append(read(str(folder / EFFECTS), "metrics").frame)
+        baselines.append(table.read(folder / EFFECTS, "metrics").frame)
     found = {
         "evaluation": seeds_together(predicted),
         "errors": pl.concat([*baselines, seeds_together(replayed)]),
@@ -89,7 +79,7 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
         means = [seeds_together(by_minutes(some)) for some in (offline, flown)]
         found["minutes"] = pl.concat([*means, behind_the_best(flown)])
     if kinds := [kind for kind in CONDITIONINGS if folder / conditioned(kind) in made]:
-        of_kinds = [(kind, read(str(folder / conditioned(kind)), "metrics").frame) for kind in kinds]
+        of_kinds = [(kind, table.read(folder / conditioned(kind), "metrics").frame) for kind in kinds]
         learnt = pl.col("variant").is_in(replayed["variant"].unique().to_list())
         whole_flight = ~pl.col("dataset").str.contains(PIECE)
         found["conditioning"] = pl.concat(
@@ -103,19 +93,3 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
             table.make("metrics", frame, stage="study", parameters={"part": name}), folder / f"{name}.parquet"
         )
     return found
-
-
-def show(summary: dict[str, pl.DataFrame]) -> None:
-    """Print a summary for a person."""
-    from hydro.report.seeds import conditioning_table, minutes_table, ranking_table
-    from hydro.report.tables import prediction_errors, replay_errors
-
-    print_table(prediction_errors(summary["evaluation"]), PREDICTION_TITLE + "; means over seeds")
-    print_table(replay_errors(summary["errors"]), REPLAY_TITLE + "; means over seeds")
-    for name, tabulated, title in (
-        ("conditioning", conditioning_table, CONDITIONING_TITLE),
-        ("ranking", ranking_table, RANKING_TITLE),
-        ("minutes", minutes_table, MINUTES_TITLE),
-    ):
-        if name in summary and not (table := tabulated(summary[name])).is_empty():
-            print_table(table, title)

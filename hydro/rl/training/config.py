@@ -1,0 +1,141 @@
+"""Every choice of a training beside those of its environment, with its default; a run keeps them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from hydro.core.errors import UsageError
+from hydro.rl.environment.config import Settings
+from hydro.rl.environment.tasks import STAGES
+
+
+@dataclass(frozen=True)
+class SACConfig:
+    """What SAC is run with; the paper's where it says (IV-C).
+
+    Attributes:
+        layers: Widths of the hidden layers of actor and critics.
+        discount: gamma.
+        horizon: Steps n whose rewards are summed before the critics are asked what follows.  A constant
+            error of the values dies out at (1 - gamma^n) tau per update: with n = 1 in 20,000 of them.
+        tau: Share of the critics that their targets take on in an update.
+        average: Share of the policy that its average takes on in an update.  The average is what is evaluated
+            and kept: a policy that succeeds over many episodes of training may, as it is after any single
+            update, fail one in five.
+        target_entropy: Of the policy, in nats.
+        temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
+            reward weighs as much as its entropy.
+        batch: Transitions of an update.
+        capacity: Transitions that are kept.
+        rate: Learning rate of actor, critics and temperature.
+        random: Steps of all vehicles together that are flown at random before the policy flies.
+        updates: Updates per step of all vehicles together.
+    """
+
+    layers: tuple[int, ...] = (256, 256)
+    discount: float = 0.99
+    horizon: int = 10
+    tau: float = 0.005
+    average: float = 0.001
+    target_entropy: float = -6.0
+    temperature: float = 0.05
+    batch: int = 512
+    capacity: int = 1_000_000
+    rate: float = 3e-4
+    random: int = 5_000
+    updates: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what no learning can be run with.
+
+        Raises:
+            UsageError: The horizon is not of one step at least, or the average takes no share.
+        """
+        if not 0.0 < self.average <= 1.0:
+            raise UsageError(f"sac.average is {self.average:g}; give a share above 0, at most 1")
+        if self.horizon < 1:
+            raise UsageError(f"sac.horizon is {self.horizon}; give 1 step or more")
+
+
+@dataclass(frozen=True)
+class Curriculum:
+    """When the curriculum goes on.
+
+    Attributes:
+        last: Last stage, 1 to 3.
+        pillars: Numbers of pillars of stage 2, one level each; stage 3 has as many as its last.
+        share: Share of episodes without exploration that must succeed.
+        ready: Share of the last episodes of training from which on they are flown; exploration itself makes
+            a policy fail that would not by itself, the more the closer it passes by pillars.
+        window: Episodes that both are taken of.
+    """
+
+    last: int = 1
+    pillars: tuple[int, ...] = (0, 2, 4, 8)
+    share: float = 0.97
+    ready: float = 0.9
+    window: int = 150
+
+    def __post_init__(self) -> None:
+        """Refuse what is no curriculum.
+
+        Raises:
+            UsageError: There is no such stage, no level of pillars, or a share that is none.
+        """
+        if self.last not in STAGES:
+            raise UsageError(f"there is no stage {self.last}: choose 1 to {STAGES[-1]}")
+        if not self.pillars or min(self.pillars) < 0:
+            raise UsageError("stage 2 needs at least one level, of 0 pillars or more")
+        if not (0.0 < self.share <= 1.0 and 0.0 < self.ready <= 1.0) or self.window < 1:
+            raise UsageError("the curriculum goes on at a share within 0 and 1 of at least one episode")
+
+    @property
+    def levels(self) -> tuple[tuple[int, int], ...]:
+        """Stage and number of pillars of every level, in order."""
+        stages = ((1, 0),), tuple((2, pillars) for pillars in self.pillars), ((3, self.pillars[-1]),)
+        return tuple(level for stage in stages[: self.last] for level in stage)
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Everything that a training depends on beside the vehicle and its residual model.
+
+    Attributes:
+        condition: Physics that the vehicles fly under; see `conditions`.
+        conditioning: Preset for the residual model's wrench.
+        seed: Of weights, exploration, batches, tasks and sensor noise.
+        steps: Control steps of all vehicles together at most.
+        vehicles: That fly side by side.
+        threads: Of the updates and of the physics; another number rounds otherwise.
+        evaluate: Steps from one evaluation, and one state kept, to the next.
+        record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
+        episodes: Of an evaluation.
+        curriculum: When it goes on.
+        sac: The learner.
+        settings: The environment.
+    """
+
+    condition: str = "R_effects"
+    conditioning: str = "paper"
+    seed: int = 0
+    steps: int = 500_000
+    vehicles: int = 8
+    threads: int = 1
+    evaluate: int = 20_000
+    record: int = 4_000
+    episodes: int = 50
+    curriculum: Curriculum = field(default_factory=Curriculum)
+    sac: SACConfig = field(default_factory=SACConfig)
+    settings: Settings = field(default_factory=Settings)
+
+    def __post_init__(self) -> None:
+        """Refuse periods that do not fit together.
+
+        Raises:
+            UsageError: Records and evaluations are no multiples of a step of all vehicles.
+        """
+        if self.record % self.vehicles or self.evaluate % self.record:
+            raise UsageError(
+                f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
+                f"{self.evaluate}: each must be a multiple of the one before"
+            )
