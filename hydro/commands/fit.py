@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 
 def fit(
-    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to begin from.")],
+    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to start from.")],
     measured: Measured = STREAM,
     effect: Annotated[
         list[str] | None,
         typer.Option(
             metavar="EFFECT",
             help="An effect to fit, by its name in `hydro effects`; with .matrix or the like where it has "
-            "several forms; as 'tether={anchor=[0, 0, 5]}' with values to begin from. Repeat for several.",
+            "several forms; as 'tether={anchor=[0, 0, 5]}' with initial values. Repeat for several.",
         ),
     ] = None,
     method: Annotated[
         Literal["output", "equation"],
         typer.Option(
-            help="Predict two-second shots and compare (output), or balance forces along the smoothed motion "
-            "(equation): quicker, biased by noise."
+            help="Output error: predictions over shots of two seconds compared with the log. Equation error: "
+            "the force balance along the smoothed motion, quicker, but biased by noise."
         ),
     ] = "output",
     noise: Annotated[
@@ -45,17 +45,17 @@ def fit(
         int,
         typer.Option(
             min=8,
-            help="Stretches of two seconds compared at most; they are spread evenly over a longer recording.",
+            help="Shots of two seconds at most; they are spread evenly over a longer recording.",
         ),
     ] = 1000,
     output: Output = STREAM,
 ) -> None:
-    """Fit effects to a recording and write the vehicle file with them.
+    """Estimate parameters of effects from a recording and write the vehicle file with them.
 
-    An effect that the file has is fitted anew from its values; another is added. Everything else in the
-    file stays, comments too. Beside the values stand their standard errors and the hash of the data they
-    came from. A parameter that the data do not determine stays near where it began, and a warning says
-    which motion would determine it.
+    An effect that the file has is re-estimated from its values; another is added. Everything else in the
+    file stays, comments too. Beside the values are written their standard errors and the hash of the data
+    they came from. A parameter that the data do not determine stays near its initial value, and a warning
+    says which motion would determine it.
     """
     import numpy as np
 
@@ -81,7 +81,7 @@ def fit(
         )
     if found.share < 1.0:
         typer.echo(
-            f"hydro: {shots} stretches show {100 * found.share:.0f} % of the recording; more with --shots",
+            f"hydro: {shots} shots cover {100 * found.share:.0f} % of the recording; more with --shots",
             err=True,
         )
     origin = {"data": source.provenance.content, "method": method, "chi2": round(found.chi2, 4)}
@@ -124,7 +124,7 @@ def _show(found: Fit) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: nothing but noise)"
+    title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: noise alone)"
     shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     for name, justify in (("parameter", "left"), ("value", "right"), ("±", "right"), ("", "left")):
         shown.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]

@@ -51,12 +51,13 @@ def import_(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Turn a log of your own into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
+    """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
-    Each channel is interpolated from its own samples, commands are held, and no row stands in a gap. Then the
-    motion itself is asked: d(position)/dt must be the velocity turned into the world, and the attitude must
-    turn at the rates. Every other plausible frame, unit and sign is tried; what the data contradict is told
-    with what to write instead.
+    Each channel is interpolated from its own samples, commands are held, and no row is made within a gap.
+    Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
+    velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
+    plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
+    instead.
     """
     from hydro.io import log as logs
     from hydro.io import log_import

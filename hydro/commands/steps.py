@@ -61,7 +61,7 @@ class Runner:
             try:
                 self._ledger = json.loads(self._path.read_bytes())
             except ValueError:
-                typer.echo(f"hydro: {self._path}: cannot be read: every step is run anew", err=True)
+                typer.echo(f"hydro: {self._path}: cannot be read: every step is run again", err=True)
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
         """Run those steps that are not done; how many that were."""

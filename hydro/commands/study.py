@@ -88,7 +88,7 @@ def study(
     effects: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Vehicle file with fitted effects: fly them alone, and with a network."
+            metavar="FILE", help="Vehicle file with fitted effects: replay them alone, and with a network."
         ),
     ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")] = "cpu",
@@ -96,7 +96,7 @@ def study(
         int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
     ] = 1,
     quick: Annotated[
-        bool, typer.Option("--quick", help="See that it runs: three models, one seed, one epoch.")
+        bool, typer.Option("--quick", help="A trial run: three models, one seed, one epoch.")
     ] = False,
 ) -> None:
     """Train, evaluate and replay all residual models, several seeds each, and compare how they rank.
@@ -104,12 +104,12 @@ def study(
     From raw data: labels, split, training, errors of the predicted wrench by axis and regime of motion,
     open-loop replay by segment without and with conditioning, and Kendall's tau between both errors: does the
     model that predicts best also replay best? Every step is an ordinary command, printed as it runs. A step
-    whose inputs have not changed is not run again: a study that was interrupted goes on where it stopped.
+    whose inputs have not changed is not run again: a study that was interrupted resumes where it stopped.
 
-    Networks are made seed by seed, and after every seed DIR gets what is known so far: evaluation.parquet,
+    Networks are trained seed by seed, and after every seed DIR gets the results so far: evaluation.parquet,
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, with the
     smallest and largest), replay.parquet and figures/, beside models/ and the errors of every network. `hydro
-    report DIR` tells it on one page, while the study runs as well.
+    report DIR` shows them on one page, also while the study runs.
     """
     names = tuple(model) if model else QUICK_MODELS if quick else MODELS
     _require_models(names)
@@ -156,7 +156,7 @@ def _rounds(names: Sequence[str], seeds: int, minutes: Sequence[float]) -> list[
 def _require_models(names: Sequence[str]) -> None:
     unknown = [name for name in names if name not in MODELS]
     if unknown:
-        raise UsageError(f"no model is called '{unknown[0]}': choose of {', '.join(MODELS)}")
+        raise UsageError(f"no model is called '{unknown[0]}': choose one of {', '.join(MODELS)}")
 
 
 def _vehicle(data: Data) -> tuple[str, ...]:

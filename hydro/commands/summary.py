@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 SIDE_BY_SIDE = Path("replayed") / "side-by-side.parquet"
 EFFECTS = Path("replayed") / "effects.parquet"
 CONDITIONINGS = ("paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band")
-CONDITIONING_TITLE = "Replays of the first seeds by what is done to the learned wrench, RMSE over all six"
+CONDITIONING_TITLE = "Replays of the first seeds by conditioning of the learned wrench, RMSE over all six"
 RANKING_TITLE = (
-    "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
+    "Do both errors rank the models alike? Kendall's tau, and the probability of as much by chance"
 )
 MINUTES_TITLE = (
-    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the chance\n"
-    "of ranks so far behind the best flights' without being worse (rank-sum test over seeds)"
+    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the\n"
+    "probability of ranks so far behind those of the best replays without being worse (rank-sum test)"
 )
 
 

@@ -136,7 +136,7 @@ def write_bytes(content: bytes | memoryview, destination: Source) -> None:
     try:
         if destination.isatty():
             raise UsageError(
-                "a table will not go to a terminal: add -o FILE, or pipe it into the next command"
+                "a table is binary and stdout is a terminal: add -o FILE, or pipe it into the next command"
             )
         destination.write(content)
         destination.flush()

@@ -218,7 +218,7 @@ def test_a_dictionary_of_names_is_read_as_names() -> None:
 def test_a_column_given_twice() -> None:
     arrow = raw().to_arrow(compat_level=pl.CompatLevel.oldest())
     twice = pa.table([*arrow.columns, arrow["u"]], names=[*arrow.column_names, "u"])
-    assert refused(parquet(twice)) == "stdin: column u is there twice: leave one out"
+    assert refused(parquet(twice)) == "stdin: column u appears twice: leave one out"
 
 
 def test_column_names_that_are_not_utf8() -> None:

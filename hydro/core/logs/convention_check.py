@@ -271,11 +271,11 @@ def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
         if error > floor and error > UNEXPLAINED * whole:
             yield (
                 f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged velocity by "
-                f"{error:.2g} {unit}, and no choice of frames, units and signs mends it: look for a wrong "
+                f"{error:.2g} {unit}, and no choice of frames, units and signs removes it: look for a wrong "
                 "column, a delay or jumps"
             )
     if not evidence.upright(found.attitude):
-        yield "by its attitude the vehicle flies on its back: is attitude.body or attitude.world another?"
+        yield "by its attitude the vehicle is upside down: check attitude.body and attitude.world"
     if (above := evidence.above_water(found.position)) > MOSTLY:
         yield (
             f"the depth is negative in {100.0 * above:.0f} % of the log: unless it counts from below the "
