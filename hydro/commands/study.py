@@ -53,7 +53,9 @@ class Data:
 
 def study(
     context: typer.Context,
-    what: Annotated[Literal["models"], typer.Argument(help="What is studied: the residual models.")],
+    what: Annotated[
+        Literal["models"], typer.Argument(metavar="WHAT", help="models: the residual models are studied.")
+    ],
     raw: Annotated[Path, typer.Argument(metavar="RAW", show_default=False, help="Recording to train on.")],
     replay: Annotated[
         Path, typer.Option(metavar="RAW", help="Recording of a sequence to replay, such as replay90.")

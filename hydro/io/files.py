@@ -1,4 +1,4 @@
-"""Bytes in and out of files and pipes: whole or not at all, and every failure told in one line."""
+"""Bytes in and out of files and pipes: whole or not at all, and every failure reported in one line."""
 
 from __future__ import annotations
 

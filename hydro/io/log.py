@@ -61,7 +61,7 @@ def read(source: Source) -> Log:
 
 
 def _csv(content: bytes, name: str) -> pl.DataFrame:
-    """All columns of a CSV as text, so that what is no number can be told with its place."""
+    """All columns of a CSV as text, so that what is no number can be reported with its place."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -72,7 +72,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_fly(sources: Sources) -> list[dict[str, str]] | None:
-    """What the diagnosis of the chosen step asks to be flown, each thing once; None without a diagnosis."""
+    """What the diagnosis of the chosen step advises to fly, each advice once; None without a diagnosis."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None

@@ -21,7 +21,7 @@ class Standing:
 
     Attributes:
         dataset: `fit` or `holdout`.
-        horizon: How far ahead the predictions look [s]; None for whole runs.
+        horizon: Horizon of the predictions [s]; None for whole runs.
         before: Error of the file as given.
         after: Error with what was found; None where nothing was added.
         noise: What noise alone would leave.

@@ -187,7 +187,9 @@ def test_a_comparison_with_an_earlier_one_tells_both() -> None:
 
 def test_values_that_are_no_toml_are_refused() -> None:
     broken = studies.found().with_columns(parameters=pl.lit("{ v_N = "))
-    with pytest.raises(DataError, match=r"values of ocean_current are not inline TOML.*run `hydro diagnose` again"):
+    with pytest.raises(
+        DataError, match=r"values of ocean_current are not inline TOML.*run `hydro diagnose` again"
+    ):
         render(alone("diagnosis", broken))
 
 

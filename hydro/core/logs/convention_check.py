@@ -206,7 +206,7 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def _contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """One setting that the data contradict: what they look like, by how much, and what to write."""
+    """One setting that the data contradict: what agrees instead, by how much, and what to write."""
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))
     quantity, unit = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))[which]
@@ -262,7 +262,7 @@ def _white(values: Array) -> float:
 
 
 def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
-    """What looks wrong in a way that no other reading mends."""
+    """What disagrees under every reading of the columns."""
     errors, motion = evidence.errors(found), evidence.motion(found)
     least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
     for name, error, whole, floor, unit in zip(
