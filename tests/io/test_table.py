@@ -197,7 +197,7 @@ COLUMNS: dict[str, tuple[str, pa.Array, str]] = {
     "moments": ("t", pa.array(range(40)).cast(pa.timestamp("us")), "t [s] must be float32 or float64"),
     "bytes for names": ("session", pa.array([b"a"] * 40), "session must be string, but is binary"),
     "numbers for names": ("session", pa.array([1] * 40), "session must be string, but is int64"),
-    "names that are not UTF-8": ("session", NOT_UTF8, "session holds what is not UTF-8 text"),
+    "names that are not UTF-8": ("session", NOT_UTF8, "session contains text that is not UTF-8"),
 }
 
 
