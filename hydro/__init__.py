@@ -1,22 +1,25 @@
-"""hydro: find the missing physics of an underwater vehicle, and fly it fast and true in MuJoCo.
+"""hydro: find the missing physics of an underwater vehicle, and simulate it fast and accurately in MuJoCo.
 
 The functions here are the whole line on polars frames; the command line offers the same on files. Importing
 `hydro` loads nothing heavy: the first call of a function loads what it needs.
 
     raw = hydro.read("raw.parquet")
     vehicle = hydro.vehicle("vehicle.toml")
-    split, blocks = hydro.split(hydro.labels(raw, vehicle))
+    split, blocks = hydro.split(hydro.labels(vehicle, raw))
     model = hydro.train(split, model="physfeat")
-    series, metrics = hydro.replay(raw, vehicle, models=[model])
+    series, metrics = hydro.replay(vehicle, raw, models=[model])
 
 And what is missing in a vehicle file:
 
-    for step in hydro.explain(raw, vehicle, holdout=hydro.read("heldout.parquet")):
+    for step in hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet")):
         print(step.number, step.added, step.error("holdout"))
 """
 
 from __future__ import annotations
 
+from typing import Any
+
+from hydro import _moved
 from hydro.api import (
     add,
     compare,
@@ -24,6 +27,8 @@ from hydro.api import (
     evaluate,
     explain,
     features,
+    fit,
+    import_log,
     labels,
     read,
     read_model,
@@ -34,6 +39,7 @@ from hydro.api import (
     vehicle,
     write,
     write_model,
+    write_vehicle,
 )
 
 __all__ = [
@@ -43,6 +49,8 @@ __all__ = [
     "evaluate",
     "explain",
     "features",
+    "fit",
+    "import_log",
     "labels",
     "read",
     "read_model",
@@ -53,4 +61,16 @@ __all__ = [
     "vehicle",
     "write",
     "write_model",
+    "write_vehicle",
 ]
+
+_moved.install()
+
+
+def __getattr__(name: str) -> Any:
+    """`hydro.__version__`, read from the installed distribution when it is asked for."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("deep-hydro-sim")
+    raise AttributeError(f"module 'hydro' has no attribute {name!r}")

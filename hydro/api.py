@@ -1,9 +1,15 @@
-"""The public functions of hydro, on polars frames; each loads what it needs when it is called."""
+"""The public functions of hydro, on polars frames; each loads what it needs when it is called.
+
+The vehicle comes first, then the data.  `progress` is called while a function works, with a few words on what
+it is at and the share of the work that is done, from 0 to 1; `train` and `replay` say what they call it with.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal
+import functools
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -11,14 +17,45 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.core.diagnosis.explain import Step
+    from hydro.core.identification.fit import Fit
+    from hydro.core.logs.logmap import LogMap
     from hydro.core.vehicle.description import Vehicle
+    from hydro.io.log_import import ImportReport
     from hydro.io.model import Model
+    from hydro.learn.train import Epoch
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+Progress = Callable[[str, float], None]
+"""Called with a few words and the share of the work done, from 0 to 1."""
 Acceleration = Literal["rts", "kalman", "kalman-difference"]
 Subtract = Literal["inertia", "effects"]
 Conditioning = Literal[
     "off", "paper", "paper-old", "paper-new", "low-pass-old", "low-pass-new", "clipping", "dead-band"
 ]
+
+
+def _vehicle_first(function: Callable[P, R]) -> Callable[P, R]:
+    """Accept a frame before the vehicle, the order of version 0.1, for one more version; with a warning."""
+
+    @functools.wraps(function)
+    def ordered(*given: P.args, **named: P.kwargs) -> R:
+        arguments: tuple[Any, ...] = given
+        if arguments and type(arguments[0]).__name__ == "DataFrame":
+            warnings.warn(
+                f"hydro.{function.__name__} takes the vehicle first, then the frame; the old order goes with "
+                "the next version",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            if "vehicle" in named:
+                arguments = (named.pop("vehicle"), *arguments)
+            else:
+                arguments = (*arguments[1::-1], *arguments[2:])
+        return function(*arguments, **named)
+
+    return ordered
 
 
 def read(source: str | Path | BinaryIO, kind: str | None = None) -> pl.DataFrame:
@@ -79,32 +116,137 @@ def vehicle(path: str | Path) -> Vehicle:
     return known
 
 
-def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+def write_vehicle(vehicle: Vehicle, destination: str | Path, *, source: str | Path | None = None) -> None:
+    """Write a vehicle file, whole or not at all.
+
+    Args:
+        vehicle: the vehicle, such as `hydro.add` or `hydro.fit` returns it.
+        destination: path of the file.
+        source: vehicle file whose comments and layout are kept where it says the same; may be the same path.
+
+    Raises:
+        hydro.core.errors.DataError: `source` or the vehicle breaks a rule of vehicle files, or the file
+            cannot be written.
+    """
+    from hydro.io import rewrite
+    from hydro.io import vehicle as vehicles
+
+    text = vehicles.read(source)[1] if source is not None else ""
+    vehicles.write(rewrite.rewritten(vehicle, text), destination)
+
+
+def import_log(
+    log: str | Path | BinaryIO,
+    map: str | Path | LogMap | None = None,
+    *,
+    rate: float | None = None,
+    strict: bool = False,
+) -> tuple[pl.DataFrame, ImportReport]:
+    """Turn a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
+
+    Args:
+        log: CSV or Parquet file, or a binary stream.
+        map: what the columns mean: a map file (`hydro import --write-map` begins one) or a `LogMap`; by
+            default guessed from the columns' names.
+        rate: rows per second; by default the median of the channels' own rates.
+        strict: refuse a log whose motion contradicts the map.
+
+    Returns:
+        The raw table, and a report: `report.verdict.contradictions` are the frames, units and signs that the
+        kinematics contradict, `report.map` is what the columns were taken for, and `report.lines()` says all
+        that `hydro import` prints.
+
+    Raises:
+        hydro.core.errors.DataError: the log or the map is broken, or they do not fit each other.
+    """
+    from pathlib import Path
+
+    from hydro.io import log as logs
+    from hydro.io import log_import
+
+    source = logs.read(log)
+    name = Path(log).stem if isinstance(log, str | Path) else "log"
+    report = log_import.import_log(source, log_import.declared(source, map, name), rate=rate, strict=strict)
+    return report.imported.frame, report
+
+
+@_vehicle_first
+def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     """Move a vehicle by commands, with every effect of its file.
 
     Args:
+        vehicle: the vehicle.
         commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
             session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
-        vehicle: the vehicle.
 
     Returns:
         The raw table of what it would have logged, without noise.
 
     Raises:
-        hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion grows without bounds.
+        hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
     """
     from hydro.core.simulation.simulate import simulate as move
 
     return move(commands, vehicle)
 
 
-def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None = None) -> pl.DataFrame:
-    """Hold a vehicle against a recording: how large are its errors, and where do they lie?
+@_vehicle_first
+def fit(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    *,
+    method: Literal["output", "equation"] = "output",
+    noise: Sequence[float] | None = None,
+    shots: int = 1000,
+    progress: Progress | None = None,
+) -> Fit:
+    """Estimate the parameters of named effects from a recording, with standard errors.
 
     Args:
+        vehicle: the vehicle; effects that it has start from their values, others from zero.
         raw: raw table.
+        effects: names in the catalogue, see `hydro effects`: `linear_damping`, or `linear_damping.matrix`
+            where there are several forms; or tables with values to start from.
+        method: output error over shots of two seconds, or equation error along the smoothed motion, which is
+            quicker and biased by noise.
+        noise: standard deviation of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and rates
+            [rad/s] (3); by default found from the data.
+        shots: shots, or windows, at most; they are spread evenly over a longer recording.
+        progress: called with a few words and the share of the work done.
+
+    Returns:
+        A `hydro.core.identification.fit.Fit`: `vehicle` with the estimates, `frame()` with a row per
+        parameter (value, standard error, unit, whether the data determine it), `covariance`, `chi2` and
+        `warnings`.
+        `hydro.add` writes it into a vehicle with its standard errors.
+
+    Raises:
+        hydro.core.errors.DataError: an effect or the recording is at fault, or the motion diverges.
+    """
+    import numpy as np
+
+    from hydro.core.identification.fit import fit as estimate
+
+    sigma = None if noise is None else np.asarray(noise, dtype=float)
+    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, report=progress)
+
+
+@_vehicle_first
+def compare(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    against: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> pl.DataFrame:
+    """Compare a vehicle with a recording: how large are its errors, and where do they lie?
+
+    Args:
         vehicle: the vehicle.
+        raw: raw table.
         against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
+        progress: called with a few words and the share of the work done.
 
     Returns:
         The comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
@@ -113,17 +255,19 @@ def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
-    from hydro.core.evaluation.compare import compare as hold
+    from hydro.core.evaluation.compare import compare as measure
 
-    return hold(vehicle, raw, against=against)
+    return measure(vehicle, raw, against=against, progress=progress)
 
 
-def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+@_vehicle_first
+def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None = None) -> pl.DataFrame:
     """Find which physical effects are missing in a vehicle, and how sure that is.
 
     Args:
-        raw: raw table.
         vehicle: the vehicle.
+        raw: raw table.
+        progress: called with a few words and the share of the work done.
 
     Returns:
         The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
@@ -133,35 +277,52 @@ def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     """
     from hydro.core.diagnosis.diagnose import diagnose as find
 
-    return find(vehicle, raw).frame()
+    return find(vehicle, raw, report=progress).frame()
 
 
-def add(vehicle: Vehicle, diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> Vehicle:
-    """Add what a diagnosis found to a vehicle.
+def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
+    """Add what a diagnosis or a fit found to a vehicle, with its standard errors.
 
     Args:
-        vehicle: the vehicle that was diagnosed.
-        diagnosis: diagnosis table.
-        effects: names of the findings to add; by default all that are missing or ask for other values.
+        vehicle: the vehicle that was diagnosed or fitted.
+        diagnosis: diagnosis table, or what `hydro.fit` returns.
+        effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
+            missing or with other values.
 
     Returns:
         The vehicle with them.
 
     Raises:
-        hydro.core.errors.DataError: the diagnosis has nothing to add, or not what is named.
+        hydro.core.errors.DataError: there is nothing to add, or not what is named.
     """
     from hydro.core.diagnosis.findings import extended, tables
+    from hydro.core.errors import DataError
+    from hydro.core.identification.fit import Fit
 
-    return extended(vehicle, tables(diagnosis, effects))
+    if not isinstance(diagnosis, Fit):
+        return extended(vehicle, tables(diagnosis, effects))
+    fitted = {table["name"]: table for table in diagnosis.tables()}
+    wanted = list(effects or fitted)
+    if unknown := [name for name in wanted if name not in fitted]:
+        raise DataError(f"the fit has no effect {unknown[0]} to add; it has {', '.join(fitted)}")
+    return extended(vehicle, [fitted[name] for name in wanted])
 
 
-def explain(raw: pl.DataFrame, vehicle: Vehicle, *, holdout: pl.DataFrame | None = None) -> Iterator[Step]:
+@_vehicle_first
+def explain(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    holdout: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Step]:
     """Add what a vehicle lacks, step by step, until nothing more is found.
 
     Args:
-        raw: raw table.
         vehicle: the vehicle.
+        raw: raw table.
         holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
+        progress: called with a few words and the share of the present step that is done.
 
     Yields:
         Each step as it is done, the vehicle as given first: a `hydro.core.diagnosis.explain.Step` with the
@@ -172,12 +333,13 @@ def explain(raw: pl.DataFrame, vehicle: Vehicle, *, holdout: pl.DataFrame | None
     """
     from hydro.core.diagnosis.explain import explain as steps
 
-    yield from steps(vehicle, raw, holdout=holdout)
+    yield from steps(vehicle, raw, holdout=holdout, report=progress)
 
 
+@_vehicle_first
 def labels(
-    raw: pl.DataFrame,
     vehicle: Vehicle,
+    raw: pl.DataFrame,
     *,
     acceleration: Acceleration = "rts",
     noise: Sequence[float] | None = None,
@@ -186,8 +348,8 @@ def labels(
     """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row.
 
     Args:
+        vehicle: the vehicle that the data were recorded with.
         raw: raw table.
-        vehicle: the vehicle that it was recorded with.
         acceleration: two-sided smoother, filter, or the paper's differences of filtered velocity.
         noise: standard deviation of u, v, w [m/s] and p, q, r [rad/s]; by default found from the data.
         subtract: effects taken away: `inertia`, the vehicle's added mass, or all `effects`.
@@ -250,7 +412,7 @@ def train(
     minutes: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     subtract: Subtract = "inertia",
-    progress: Callable[[Any], None] | None = None,
+    progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train a residual network on the training part of a split table, after the paper's protocol.
 
@@ -262,7 +424,8 @@ def train(
         minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
         device: where to train.
         subtract: what `labels` subtracted: a replay must bring it.
-        progress: called after every epoch with a `hydro.learn.train.Epoch`.
+        progress: called after every epoch with a `hydro.learn.train.Epoch`: its number, how many there are
+            at most, the loss in training, the error in validation, and whether it is the best so far.
 
     Returns:
         The model; `write_model` stores it.
@@ -333,27 +496,30 @@ def evaluate(
     return measure(models, labels, part=part, dataset=dataset, by=by)
 
 
+@_vehicle_first
 def replay(
-    raw: pl.DataFrame,
     vehicle: Vehicle,
+    raw: pl.DataFrame,
     *,
     models: Sequence[Model] = (),
     variants: Sequence[str] | None = None,
     conditioning: Conditioning = "off",
     piece: float | None = None,
     dataset: str = "recording",
+    progress: Progress | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Fly a recording's commands again in MuJoCo, open loop.
+    """Replay a recording's commands in MuJoCo, open loop.
 
     Args:
+        vehicle: the vehicle that the data were recorded with.
         raw: raw table.
-        vehicle: the vehicle that it was recorded with.
         models: trained models, one variant each, beside MJ0 and MJ0+M_A.
         variants: names of the variants to fly; all by default.
         conditioning: what is done to a learned wrench: nothing, as the paper does, or one piece of that; see
             `hydro replay --help`.
         piece: also measure every piece of so many seconds, such as the 10 s segments of the replay sequence.
         dataset: name of the recording in the metrics.
+        progress: called with the variant that is replayed and the share of all variants that is done.
 
     Returns:
         The motion of every variant and of the recording (variant `measured`): pose in NED [m, rad], velocity
@@ -367,6 +533,14 @@ def replay(
     from hydro.sim.residual.conditioning import preset
 
     flown = sim.variants(models, variants)
+    names = [variant.name for variant in flown]
     return sim.replay(
-        raw, vehicle, flown, conditioning=preset(conditioning, vehicle), piece=piece, dataset=dataset
+        raw,
+        vehicle,
+        flown,
+        conditioning=preset(conditioning, vehicle),
+        piece=piece,
+        dataset=dataset,
+        progress=progress
+        and (lambda name, done, rows: progress(name, (names.index(name) + done / rows) / len(names))),
     )

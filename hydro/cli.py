@@ -31,7 +31,7 @@ from hydro.commands import (
     study,
 )
 
-HELP = """Find the missing physics of an underwater vehicle, and fly it in MuJoCo.
+HELP = """Find the missing physics of an underwater vehicle, and simulate it in MuJoCo.
 
 Every command reads and writes Parquet artefacts. A missing input or - is stdin, a missing -o or - is stdout,
 and so commands compose in a pipe:

@@ -150,7 +150,7 @@ def test_a_headline_where_nothing_is_left() -> None:
         },
         schema_overrides={"rank": pl.Int64},
     )  # fmt: skip
-    assert comparison.headline(frame) == "Nothing is left that noise does not explain."
+    assert comparison.headline(frame) == "Noise explains all of the error."
     ranked = frame.with_columns(by=pl.lit("place"), place=pl.lit("while diving"), share=0.416, rank=1, rows=1)
     told = comparison.headline(pl.concat([frame, ranked.cast({"rank": pl.Int64, "rows": pl.Int64})]))
     assert told == "Heave while diving: 42 % of the unexplained error in 10 % of the time."

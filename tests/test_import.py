@@ -141,7 +141,7 @@ def test_commands_beyond_full_thrust_are_clipped_and_counted(
 
 
 BAD = {
-    "unknown names": ("a,b\n1,2\n", None, "the columns' names do not tell time, position, attitude"),
+    "unknown names": ("a,b\n1,2\n", None, "the columns' names do not identify time, position, attitude"),
     "no data": ("t,x\n", None, "no rows below the names of its columns"),
     "not a log": ("hello", None, "not a table"),
     "bad map": ("t,x\n1,2\n", "[time]\ncolumn = 't'\nunit = 'h'", "map.toml: time.unit: expected s or ms"),

@@ -122,7 +122,7 @@ def test_a_broken_ledger_costs_time_only(chain, capsys):
     run(chain)
     (folder / "steps.json").write_text("{")
     assert run(chain) == ["b", "c", "d"]
-    assert "every step is run anew" in capsys.readouterr().err
+    assert "every step is run again" in capsys.readouterr().err
 
 
 def errors(model: str, run: str, value: float, axis: str = "all") -> dict[str, object]:

@@ -25,7 +25,7 @@ ROWS = 857_542
 
 
 TeacherKind = Annotated[
-    Literal["panel"], typer.Option(help="Who computes the water's forces: panels on the hull.")
+    Literal["panel"], typer.Option(help="How hydrodynamic forces are computed: from panels on the hull.")
 ]
 Rows = Annotated[
     int | None,
@@ -45,12 +45,14 @@ Noise = Annotated[
         "attitude=0.002}' in m/s, rad/s, m, rad.",
     ),
 ]
-Truth = Annotated[str | None, typer.Option(metavar="FILE", help="Where to write what was hidden, as TOML.")]
+Truth = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Where to write the hidden effects, as TOML.")
+]
 Depth = Annotated[
-    float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks stray some 20 m.")
+    float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks drift some 20 m.")
 ]
 Threads = Annotated[
-    int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default, the cores.")
+    int | None, typer.Option(min=1, show_default=False, help="Sessions at a time; by default one per core.")
 ]
 
 
@@ -65,7 +67,7 @@ def collect(
         list[str] | None,
         typer.Option(
             metavar="EFFECT",
-            help="An effect that acts without standing in the vehicle file, such as "
+            help="An effect that acts but is not in the vehicle file, such as "
             f"'{examples.TO_HIDE}'; repeat for several.",
         ),
     ] = None,
@@ -76,9 +78,10 @@ def collect(
 ) -> None:
     """Record a vehicle in the embedded simulator: the data that a residual model learns from.
 
-    Mass, buoyancy, thrusters and the surroundings are those of the vehicle file. The water's forces are not:
-    they come from panels on the hull and the added mass of its ellipsoid, and the file's own added mass and
-    damping are ignored. What is hidden stands in the file of --truth alone, never in the recording.
+    Mass, buoyancy, thrusters and environment are those of the vehicle file. The hydrodynamic forces are not:
+    they are computed from panels on the hull and the added mass of its ellipsoid, and the file's own added
+    mass and damping are ignored. What --hide adds is written to the file of --truth alone, never into the
+    recording.
     """
     refuse_terminal(output)
     given = _Given(vehicle, teacher, rows, excitation, seed, noise, depth, threads)

@@ -34,18 +34,18 @@ def compare(
         str | None,
         typer.Option(
             metavar="COMPARISON",
-            help="An earlier comparison with the same recording: its errors stand beside the new ones, "
+            help="An earlier comparison with the same recording: its errors are shown beside the new ones, "
             "and its places are looked at again.",
         ),
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Hold a vehicle file against a recording: how large are its errors, and where do they lie?
+    """Compare a vehicle file with a recording: how large are its errors, and where do they lie?
 
-    Two kinds of error, each beside what sensor noise alone would leave: the force that the model leaves out,
-    and the motion that it predicts 1, 5 and 20 s ahead from everywhere along the recording, and over each
-    whole session. Then the places where the model fails, in words, with their share of the unexplained error.
-    That is printed on the terminal, on stderr where stdout is a pipe.
+    Two kinds of error, each beside what sensor noise alone would cause: the force that the model leaves
+    unexplained, and the motion predicted 1, 5 and 20 s ahead from restarts all along the recording, and over
+    each whole session. Then the regimes of motion in which the model fails, with their share of the
+    unexplained error. They are printed on the terminal, on stderr where stdout is a pipe.
     """
     from hydro.core import effects
     from hydro.core.evaluation.compare import compare as compute

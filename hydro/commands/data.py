@@ -44,7 +44,7 @@ def labels(
     subtract: Annotated[
         Literal["inertia", "effects"],
         typer.Option(
-            help="Effects taken away: added mass alone, or all, so that a network learns what they leave."
+            help="Effects subtracted: added mass alone, or all, so that a network learns what they leave."
         ),
     ] = "inertia",
     vehicle: VehicleFile = None,
@@ -52,10 +52,10 @@ def labels(
 ) -> None:
     """Compute the force on the vehicle that its known physics does not explain.
 
-    Smooths velocities, estimates accelerations, rebuilds thrusts from the commands, and adds to the raw
+    Smooths velocities, estimates accelerations, computes thrusts from the commands, and adds to the raw
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
-    -tau_res. With --subtract effects a vehicle file that says everything leaves C_RB(nu) nu. Gaps in time are
-    reported in one line on stderr; no filter reaches across one.
+    -tau_res. With --subtract effects and a complete vehicle file what is left is C_RB(nu) nu. Gaps in time
+    are reported in one line on stderr; no filter acts across one.
     """
     from hydro.core.distillation.labels import labels as compute
     from hydro.core.distillation.labels import subtracted

@@ -14,7 +14,7 @@ from hydro.io.files import bundled
 
 EPOCHS = 20
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; made if need be.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; created if needed.")]
 
 
 def demo(
@@ -24,20 +24,21 @@ def demo(
         int, typer.Option(min=1, help="Passes over the training data, for each network.")
     ] = EPOCHS,
 ) -> None:
-    """Tell the whole story on bundled recordings: some minutes on two cores.
+    """Run every stage on bundled recordings: some minutes on two cores.
 
-    First what is missing. A vehicle file is held against recordings of a vehicle that has more to it: where
-    does it fail, what does it lack, how far does the error fall once that is added, also on recordings that
-    nothing was fitted to; and the page that tells it all. Then what is learnt: labels, split, two networks,
-    their errors on the test part, and a 90 s manoeuvre replayed open loop in MuJoCo without water forces,
-    with added mass, and with each network. Every step is an ordinary command, printed as it runs.
+    First missing physics: a vehicle file is compared with recordings of a vehicle that has more effects than
+    the file. Where does it fail, what does it lack, how far does the error fall once that is added, also on
+    recordings that nothing was fitted to? A report shows the results on one page. Then residual learning:
+    labels, split, two networks, their errors on the test part, and a 90 s manoeuvre replayed open loop in
+    MuJoCo without water forces, with added mass, and with each network. Every step is an ordinary command,
+    printed as it runs.
     """
     folder.mkdir(parents=True, exist_ok=True)
     root = context.find_root().command
     typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     typer.echo("\nWhat is missing in a vehicle file?\n")
     report, *missing = _missing(root, folder)
-    typer.echo("\nWhat can a network learn of the water, and how does it fly?\n")
+    typer.echo("\nWhat does a network learn of the water's forces, and how well does it replay?\n")
     learnt = _learnt(root, folder, epochs)
     typer.echo("Written:")
     for path in [*missing, *learnt]:

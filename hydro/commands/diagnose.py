@@ -36,10 +36,11 @@ def diagnose(
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
 
-    The file's own effects are fitted anew first; then the whole catalogue is held against what they leave
-    unexplained. A finding says how much of the error it explains, how sure its name is and which effects
-    could be behind it as well, its values with standard errors, and what to do or to fly next. That is
-    printed on the terminal, on stderr where stdout is a pipe; hydro add writes what was found into the file.
+    The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
+    leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
+    the effects it could be confused with, its values with standard errors, and what to do or to fly next.
+    Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add writes them into the
+    file.
     """
     from hydro.core import effects
     from hydro.core.diagnosis.diagnose import diagnose as compute
@@ -84,7 +85,7 @@ def add(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="A finding to add; by default all that are missing or to be retuned. Repeat for several.",
+            help="A finding to add; by default all missing or to be re-estimated. Repeat for several.",
         ),
     ] = None,
     output: Output = STREAM,
@@ -132,8 +133,8 @@ def _print(found: Diagnosis) -> None:
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
     console.print(
-        f"\nMean squared residual (1: nothing but noise): {given:.3g} as given, {own:.3g} with the file's "
-        f"own effects fitted anew, {all_of_it:.3g} with what was found."
+        f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "
+        f"own effects re-estimated, {all_of_it:.3g} with what was found."
     )
 
 

@@ -23,7 +23,7 @@ def explain(
     vehicle: ModelFile,
     folder: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; made if need be."),
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; created if needed."),
     ],
     measured: Measured = STREAM,
     holdout: Annotated[
@@ -31,20 +31,20 @@ def explain(
         typer.Option(
             metavar="RAW",
             show_default=False,
-            help="Another recording, to which nothing is fitted: it shows whether a step holds elsewhere.",
+            help="Another recording, to which nothing is fitted: it shows whether a step generalises.",
         ),
     ] = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
-    Step 0 is the file as given. Each later step adds the finding that explains most, fits it anew together
-    with the file's own effects and all that was added before, and holds the new file against the recording
+    Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
+    with the file's own effects and all that was added before, and compares the new file with the recording
     and the held-out one. It ends when nothing is significant and material, when a step makes the predictions
     of the held-out recording worse, or after six steps.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, ladder.parquet, the
     errors of all steps, and replay.parquet, measured and predicted motion of the first and the best step. The
-    same study in the same folder goes on where it stopped; another one takes its place.
+    same study in the same folder resumes where it stopped; another one replaces it.
     """
     from hydro.core import effects
     from hydro.core.diagnosis.explain import best, ending
@@ -124,7 +124,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
                 console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ", soft_wrap=True)
         others = [table["name"] for table in step.tables if table["name"] not in step.added]
         if others:
-            console.print(f"    fitted anew with it: {', '.join(others)}")
+            console.print(f"    re-estimated with it: {', '.join(others)}")
     console.print(f"\nIt ends here: {reason}.", style="bold")
     for line, advice in lines(chosen.diagnosis):
         console.print(line)

@@ -32,10 +32,11 @@ WHOLE = ("metrics", "ladder", "evaluations")
 
 
 def check(files: Files) -> None:
-    """Say whether artefacts, vehicle files and maps of logs are sound.
+    """Check that artefacts, vehicle files and maps of logs are valid.
 
-    Silent, with exit code 0, when every file keeps its schema: columns, types, finite values, bounds, order
-    in time, and a content that its footer's hash confirms. Otherwise one line for each file that does not.
+    Silent, with exit code 0, when every file conforms to its schema: columns, types, finite values, bounds,
+    order in time, and a content that matches the hash in its footer. Otherwise one line for each file that
+    does not.
     """
     unsound = 0
     for file in files:

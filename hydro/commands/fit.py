@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 Method = Annotated[
     Literal["output", "equation"],
     typer.Option(
-        help="Predict two-second shots and compare (output), or balance forces along the smoothed motion "
-        "(equation): quicker, biased by noise."
+        help="Output error: predictions over shots of two seconds compared with the log. Equation error: "
+        "the force balance along the smoothed motion, quicker, but biased by noise."
     ),
 ]
 Noise = Annotated[
@@ -35,13 +35,13 @@ Shots = Annotated[
     int,
     typer.Option(
         min=8,
-        help="Stretches of two seconds compared at most; they are spread evenly over a longer recording.",
+        help="Shots of two seconds at most; they are spread evenly over a longer recording.",
     ),
 ]
 
 
 def fit(
-    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to begin from.")],
+    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to start from.")],
     measured: Measured = STREAM,
     effect: Annotated[
         list[str] | None,
@@ -56,12 +56,12 @@ def fit(
     shots: Shots = 1000,
     output: Output = STREAM,
 ) -> None:
-    """Fit effects to a recording and write the vehicle file with them.
+    """Estimate parameters of effects from a recording and write the vehicle file with them.
 
-    An effect that the file has is fitted anew from its values; another is added. Everything else in the
-    file stays, comments too. Beside the values stand their standard errors and the hash of the data they
-    came from. A parameter that the data do not determine stays near where it began, and a warning says
-    which motion would determine it.
+    An effect that the file has is re-estimated from its values; another is added. Everything else in the
+    file stays, comments too. Beside the values are written their standard errors and the hash of the data
+    they came from. A parameter that the data do not determine stays near its initial value, and a warning
+    says which motion would determine it.
     """
     import numpy as np
 
@@ -87,7 +87,7 @@ def fit(
         )
     if found.share < 1.0:
         typer.echo(
-            f"hydro: {shots} stretches show {100 * found.share:.0f} % of the recording; more with --shots",
+            f"hydro: {shots} shots cover {100 * found.share:.0f} % of the recording; more with --shots",
             err=True,
         )
     _tell(found)
@@ -135,7 +135,7 @@ def _show(found: Fit) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: nothing but noise)"
+    title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: noise alone)"
     shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     for name, justify in (("parameter", "left"), ("value", "right"), ("±", "right"), ("", "left")):
         shown.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]

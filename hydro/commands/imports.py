@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, dataset_name, refuse_terminal, write
+from hydro.commands.shell import STREAM, Output, dataset_name, refuse_terminal, write
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
-    from hydro.core.logs.convention_check import Verdict
-    from hydro.core.logs.importing import Imported
-    from hydro.core.logs.logmap import LogMap
     from hydro.io.log import Log
+    from hydro.io.log_import import ImportReport
     from hydro.io.table import Artefact
 
 
@@ -54,14 +51,16 @@ def import_(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Turn a log of your own into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
+    """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
-    Each channel is interpolated from its own samples, commands are held, and no row stands in a gap. Then the
-    motion itself is asked: d(position)/dt must be the velocity turned into the world, and the attitude must
-    turn at the rates. Every other plausible frame, unit and sign is tried; what the data contradict is told
-    with what to write instead.
+    Each channel is interpolated from its own samples, commands are held, and no row is made within a gap.
+    Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
+    velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
+    plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
+    instead.
     """
     from hydro.io import log as logs
+    from hydro.io import log_import
 
     if write_map is None:
         refuse_terminal(output)
@@ -69,13 +68,14 @@ def import_(
     if write_map is not None:
         _write_draft(source, log, write_map)
         return
-    meaning = _meaning(source, map_, dataset_name(log))
+    meaning = log_import.declared(source, map_, dataset_name(log))
+    if map_ is None:
+        typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
     text = _vehicle_text(vehicle, len(meaning.commands.columns))
-    imported = _resampled(source, meaning, rate)
-    verdict = _asked(source, imported, meaning, strict)
-    for line in (*_account(imported), *_judged(verdict)):
+    report = log_import.import_log(source, meaning, rate=rate, strict=strict)
+    for line in report.lines():
         typer.echo(line, err=True)
-    write(_artefact(source, imported, meaning, text), output)
+    write(_artefact(source, report, text), output)
 
 
 def _write_draft(source: Log, log: str, path: str) -> None:
@@ -92,74 +92,7 @@ def _write_draft(source: Log, log: str, path: str) -> None:
         write_bytes(text.encode(), path)
 
 
-def _meaning(source: Log, file: Path | None, name: str) -> LogMap:
-    """The map of `--map`, or the guessed one, told; a session that nobody names is called as the file is."""
-    import msgspec
-
-    from hydro.core.logs.aliases import guess
-    from hydro.io import logmap
-
-    if file is not None:
-        meaning = logmap.read(file)
-    else:
-        names = source.frame.columns
-        with about(source.name):
-            meaning = logmap.from_guess(guess(names, source.texts()), names)
-        typer.echo(f"guessed from the columns' names: {'; '.join(_told(meaning))}", err=True)
-    if meaning.session.column is None and meaning.session.name is None:
-        session = msgspec.structs.replace(meaning.session, name=name)
-        meaning = msgspec.structs.replace(meaning, session=session)
-    return meaning
-
-
-def _told(meaning: LogMap) -> Iterator[str]:
-    """What each block of a map says, in a few words."""
-    from hydro.core.logs.logmap import command, measured
-
-    yield f"time {meaning.time.column} [{meaning.time.unit}]"
-    if meaning.session.column is not None:
-        yield f"session {meaning.session.column}"
-    place, turned = meaning.position, meaning.attitude
-    settings = {
-        "position": f"{place.world}, {place.unit}",
-        "attitude": f"{turned.body} in {turned.world}, {turned.layout if turned.quaternion else turned.unit}",
-        "velocity": f"{meaning.velocity.frame}, {meaning.velocity.unit}",
-        "rates": f"{meaning.rates.frame}, {meaning.rates.unit}",
-    }
-    for name, words in settings.items():
-        columns = " ".join(source.column for source in measured(getattr(meaning, name)))
-        yield f"{name} {columns} [{words}]"
-    columns = " ".join(command(source).column for source in meaning.commands.columns)
-    yield f"commands {columns} [{meaning.commands.unit}]"
-
-
-def _resampled(source: Log, meaning: LogMap, rate: float | None) -> Imported:
-    """The log on one clock and in the raw table's frames."""
-    from hydro.core.logs.importing import raw_table
-    from hydro.io.sessions import sessions
-
-    logs = sessions(source, meaning)
-    with about(source.name):
-        return raw_table(logs, meaning, rate)
-
-
-def _asked(source: Log, imported: Imported, meaning: LogMap, strict: bool) -> Verdict:
-    """What the motion says of the map.
-
-    Raises:
-        DataError: with `strict`, it contradicts it.
-    """
-    from hydro.core.logs.convention_check import check
-
-    verdict = check(imported.logs, imported.times, imported.dt, meaning)
-    if strict and verdict.contradictions:
-        others = len(verdict.contradictions) - 1
-        more = f" (and {others} more: see without --strict)" if others else ""
-        raise DataError(f"{source.name}: {verdict.contradictions[0]}{more}")
-    return verdict
-
-
-def _artefact(source: Log, imported: Imported, meaning: LogMap, text: str | None) -> Artefact:
+def _artefact(source: Log, report: ImportReport, text: str | None) -> Artefact:
     """The raw table with the log and the map in its footer."""
     import msgspec
 
@@ -169,9 +102,9 @@ def _artefact(source: Log, imported: Imported, meaning: LogMap, text: str | None
     log = table.Artefact("log", source.frame, Provenance("log", "", source.digest))
     return table.make(
         "raw",
-        imported.frame,
+        report.imported.frame,
         stage="import",
-        parameters={"rate": round(1.0 / imported.dt, 9), "map": msgspec.to_builtins(meaning)},
+        parameters={"rate": round(1.0 / report.imported.dt, 9), "map": msgspec.to_builtins(report.map)},
         inputs=[log],
         vehicle_text=text,
     )
@@ -190,37 +123,6 @@ def _vehicle_text(file: Path | None, commands: int) -> str | None:
             "column per thruster in commands.columns, in the file's order"
         )
     return text
-
-
-def _account(imported: Imported) -> Iterator[str]:
-    """How many rows there are, and what is missing."""
-    sessions, rate = len(imported.logs), 1.0 / imported.dt
-    yield (
-        f"{imported.frame.height:,} rows at {rate:g} Hz in {sessions} session{'s' if sessions > 1 else ''}"
-    )
-    if imported.gaps:
-        longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
-        total = sum(gap.stop - gap.start for gap in imported.gaps)
-        yield (
-            f"gaps left open: {len(imported.gaps)}, {total:.3g} s in all; the longest, "
-            f"{longest.stop - longest.start:.3g} s, after {longest.start:.5g} s of {longest.session}"
-        )
-    if imported.left_out:
-        yield f"left out, for no two rows have all columns: {', '.join(imported.left_out)}"
-    for name, count in imported.clipped.items():
-        yield f"warning: {name} is beyond -1 to 1 in {count:,} rows and clipped: check commands.unit and pwm"
-
-
-def _judged(verdict: Verdict) -> Iterator[str]:
-    """What the kinematics say."""
-    yield from (f"warning: {line}" for line in verdict.contradictions)
-    translation, rotation = verdict.agreement
-    if not verdict.contradictions and translation == translation:  # NaN where nothing was tested
-        yield (
-            f"pose and velocity agree: d(position)/dt to {translation:.2g} m/s, the attitude's rate to "
-            f"{rotation:.2g} rad/s"
-        )
-    yield from (f"note: {line}" for line in verdict.notes)
 
 
 import_.__name__ = "import"  # a keyword of Python's, and the name of the command

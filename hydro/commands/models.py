@@ -41,7 +41,7 @@ LabelsOrSplit = Annotated[
 
 Epochs = Annotated[
     int | None,
-    typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates' worth, 60 at most."),
+    typer.Option(min=1, help="Passes over the data at most; default: 25,000 updates, 60 passes at most."),
 ]
 Minutes = Annotated[
     float | None,
@@ -52,7 +52,7 @@ Accelerations = Annotated[
     typer.Option(
         "--accelerations/--no-accelerations",
         show_default=False,
-        help="Whether the network sees nu_dot; default: where noise is below 1 % of it.",
+        help="Whether nu_dot is an input; default: where noise is below 1 % of it.",
     ),
 ]
 
@@ -69,13 +69,13 @@ def train(
 ) -> None:
     """Train a residual network on the training part of labels, after the paper's protocol.
 
-    Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to nothing as
-    a half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
+    Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to zero as a
+    half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
     without a split get the default one. The same data and seed give the same bytes on one machine.
 
-    Noise of a log is in the acceleration and, through M nu_dot, in the label: a network that sees both learns
-    the noise. From a noisy log networks are therefore trained blind to accelerations, and with a weight decay
-    that keeps them from learning the labels' noise; one line says so.
+    Noise of a log is in the acceleration and, through M nu_dot, in the label: a network that has both learns
+    the noise. From a noisy log networks are therefore trained without accelerations as inputs, and with a
+    weight decay that keeps them from learning the labels' noise; one line on stderr says so.
 
     \b
     model       weights  the paper's count and what it is
@@ -84,8 +84,8 @@ def train(
     multihead   114,390  "114K" a trunk and one head per axis
     moe          76,892  "77K"  four experts and a gate
     physfeat     72,582  "73K"  PhysicsFeature-MLP: an MLP on 45 features
-    structured   71,624  -      C(nu) nu + D(nu) nu, D >= 0: cannot drive the vehicle
-    temporal     73,734  -      an MLP that also sees the velocities of the last 0.28 s
+    structured   71,624  -      C(nu) nu + D(nu) nu, D >= 0: dissipative
+    temporal     73,734  -      an MLP that also has the velocities of the last 0.28 s
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
     from dataclasses import replace
 
@@ -135,7 +135,8 @@ def _trusted_accelerations(labels: str, frame: pl.DataFrame, noise: Sequence[flo
         trusted = trusted_accelerations(frame, noise)
     if not trusted:
         typer.echo(
-            "hydro: the log is noisy: trained blind to accelerations, with strong weight decay", err=True
+            "hydro: the log is noisy: trained without accelerations as inputs, with strong weight decay",
+            err=True,
         )
     return trusted
 
@@ -155,7 +156,7 @@ def evaluate(
     figures: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Also draw errors by axis and regime, and predictions against truth."
+            metavar="DIR", help="Also draw errors by axis and regime, and predictions against labels."
         ),
     ] = None,
     output: Output = STREAM,
@@ -163,12 +164,12 @@ def evaluate(
     """Measure how well models predict the residual wrench.
 
     Root mean square and mean absolute errors and R2 per axis, with 95 % intervals from a bootstrap over
-    blocks, and the paper's single figures over all rows and six axes as they are (its Table II). On a
+    blocks, and the paper's single figures over all rows and six axes in their own units (its Table II). On a
     terminal without -o they are printed.
 
-    --by measures parts of the rows as well: by speed; by drift angle, between the velocity and the bow; and
-    by reach, how many standard deviations of its training data the furthest velocity is from their mean:
-    above 3 a network extrapolates.
+    --by also measures subsets of the rows: by speed; by drift angle, between the velocity and the bow; and by
+    reach, how many standard deviations of the training data the furthest velocity is from their mean: above
+    3 a network extrapolates.
     """
     from hydro.io.model import from_artefact
     from hydro.io.table import make
@@ -221,9 +222,9 @@ def export(
     """Write a trained model as ONNX, for programs without hydro.
 
     The graph takes states (N, 12), u v w p q r and their rates in the body frame (forward, right, down), and
-    gives tau_res (N, 6) in N and N m; features and scales are within. The vehicle feels -tau_res. A temporal
-    model also takes past (N, 42), the velocities of the seven control steps before, newest first, which the
-    caller keeps. Needs hydro's extra onnx.
+    gives tau_res (N, 6) in N and N m; features and scalers are part of the graph. The vehicle feels -tau_res.
+    A temporal model also takes past (N, 42), the velocities of the seven control steps before, newest first,
+    which the caller keeps. Needs hydro's extra onnx.
     """
     import sys
 

@@ -26,11 +26,11 @@ def simulate(
     ] = STREAM,
     output: Output = STREAM,
 ) -> None:
-    """Move a vehicle by commands, with every effect of its file, and record what it would have logged.
+    """Simulate a vehicle under commands, with every effect of its file, and record what it would log.
 
-    By Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a raw table
-    starts each session, and goes on after each gap, from its own row. The recording is free of noise and
-    carries the vehicle file, so that every later stage knows it.
+    Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a
+    raw table starts each session, and restarts after each gap, from the state of its own row. The recording
+    is free of noise and carries the vehicle file, so that no later stage needs --vehicle.
     """
     from hydro.core.simulation.simulate import simulate as move
     from hydro.io import table
@@ -51,8 +51,8 @@ def effects(
 ) -> None:
     """List the physical effects that a vehicle file can hold.
 
-    With a name, everything about that effect: what it means, its parameters with units and bounds, the
-    motion that determines them, what it is easily taken for, its source, and a table for a vehicle file. On a
+    With a name, everything about that effect: its meaning, its parameters with units and bounds, the motion
+    that determines them, what it is easily mistaken for, its source, and a table for a vehicle file. On a
     terminal as tables, into a pipe as JSON.
     """
     from hydro.core.effects import CATALOGUE
@@ -126,7 +126,7 @@ def _print_effect(effect: Effect) -> None:
     ]
     print_table(pl.DataFrame(parameters), "")
     typer.echo(f"\nneeds: {effect.excitation}")
-    typer.echo(f"easily taken for: {', '.join(effect.lookalikes)}")
+    typer.echo(f"easily mistaken for: {', '.join(effect.lookalikes)}")
     typer.echo(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
     typer.echo(describe.toml(effect), nl=False)
 

@@ -52,7 +52,9 @@ Conditioning = Annotated[
 ]
 Lead = Annotated[
     float,
-    typer.Option(min=0.0, max=1.0, help="How far ahead networks look, in control steps; 0: the paper."),
+    typer.Option(
+        min=0.0, max=1.0, help="How far ahead networks are evaluated, in control steps; 0 as in the paper."
+    ),
 ]
 Integrator = Annotated[
     Literal["euler", "implicitfast", "implicit", "rk4"], typer.Option(help="MuJoCo's integrator.")
@@ -61,7 +63,7 @@ Timestep = Annotated[float, typer.Option(min=1e-5, help="Physics step [s].")]
 Piece = Annotated[
     float | None,
     typer.Option(
-        min=0.1, metavar="SECONDS", help="Also measure every piece of so many seconds of a sequence."
+        min=0.1, metavar="SECONDS", help="Also measure every segment of so many seconds of a sequence."
     ),
 ]
 Figures = Annotated[
@@ -84,24 +86,24 @@ def replay(
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
-    """Fly a recording's commands again in MuJoCo, open loop, and measure how far each variant strays.
+    """Replay a recording's commands in MuJoCo, open loop, and measure the error of each variant.
 
-    MJ0 has no water forces, MJ0+M_A has added mass alone, MJ0+ellipsoid MuJoCo's own fluid model; every model
+    MJ0 has no water forces, MJ0+M_A added mass alone, MJ0+ellipsoid MuJoCo's own fluid model; every model
     adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose
-    labels left out all effects flies with them, as effects+MJ4, beside the effects alone. On a terminal
-    without -o the errors are printed; with -o, or into a pipe, the time series of all variants and of the
-    measured motion are written. --piece 10 measures replay90 by its nine segments as well.
+    labels had all effects subtracted is replayed with them, as effects+MJ4, beside the effects alone. On a
+    terminal without -o the errors are printed; with -o, or into a pipe, the time series of all variants and
+    of the measured motion are written. --piece 10 also measures replay90 by its nine segments.
 
-    A network's wrench is held from one control step to the next, and the network is asked for that of the
-    middle of this time; --lead 0 asks, as the paper does, for that of its beginning.
+    A network's wrench is held from one control step to the next. The network is evaluated at the state
+    predicted for the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
 
     --conditioning says what is done to a learned wrench at 25 Hz: off, nothing; or the paper's low-pass with
-    beta = 0.9, then clipping of each axis at twice what the thrusters can make there, then a dead band that
+    beta = 0.9, then clipping of each axis at twice what the thrusters can exert there, then a dead band that
     fades the wrench out below 0.02 m/s and 0.02 rad/s. The paper leaves open what beta weighs. paper-old
     weighs the old value, a lag of 0.38 s: with a network trained on the full Stonefish recordings the errors
     of replay90 grow by a factor of 18 to 37. paper-new weighs the new value and changes next to nothing
-    there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one piece alone. The
-    metrics tell how often clipping and dead band acted, as shares of the control steps.
+    there; paper is paper-new. low-pass-old, low-pass-new, clipping and dead-band are one stage alone. The
+    metrics give how often clipping and dead band acted, as shares of the control steps.
     """
     given = _Given(
         raw, tuple(model or ()), tuple(variant or ()), conditioning, lead, integrator, timestep, piece

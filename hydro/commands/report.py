@@ -28,11 +28,11 @@ def report(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Tell a study on one page, for a browser or a phone.
+    """Show a study on one page, for a browser or a phone.
 
     How good the model is, where it fails, what is missing and how sure that is, what happened when it was
-    added, measured against simulated motion, and what to fly next: each as far as the tables given tell it.
-    The page is one HTML file of some 5 MB that needs no network; a table beside each figure says the same.
+    added, measured against simulated motion, and what to fly next: as far as the given tables contain it.
+    The page is one HTML file of some 5 MB that needs no network; a table beside each figure has its numbers.
     """
     from hydro.io.files import write_bytes
     from hydro.report.page import render

@@ -34,7 +34,7 @@ CONDITIONING_TITLE = (
 )
 
 ModelFile = Annotated[
-    Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file, the model.")
+    Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
 ]
 Measured = Annotated[
     str,

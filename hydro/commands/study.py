@@ -20,13 +20,13 @@ from hydro.commands.shell import (
 if TYPE_CHECKING:
     import polars as pl
 
-CONDITIONING_TITLE = "Replays of the first seeds by what is done to the learned wrench, RMSE over all six"
+CONDITIONING_TITLE = "Replays of the first seeds by conditioning of the learned wrench, RMSE over all six"
 RANKING_TITLE = (
-    "Do both errors rank the models alike? Kendall's tau, and the chance of as much without relation"
+    "Do both errors rank the models alike? Kendall's tau, and the probability of as much by chance"
 )
 MINUTES_TITLE = (
-    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the chance\n"
-    "of ranks so far behind the best flights' without being worse (rank-sum test over seeds)"
+    "From so many minutes of data, RMSE over all six: wrench [N, N m], replay [m/s, rad/s]; p, the\n"
+    "probability of ranks so far behind those of the best replays without being worse (rank-sum test)"
 )
 
 
@@ -63,18 +63,18 @@ Noise = Annotated[
 Fitted = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="Vehicle file with fitted effects: fly them alone, and with a network."
+        metavar="FILE", help="Vehicle file with fitted effects: replay them alone, and with a network."
     ),
 ]
 Workers = Annotated[
     int, typer.Option(min=1, help="Steps that run side by side, each in a process of one thread.")
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="See that it runs: three models, one seed, one epoch.")]
+Quick = Annotated[bool, typer.Option("--quick", help="A trial run: three models, one seed, one epoch.")]
 
 
 def study(
     context: typer.Context,
-    what: Annotated[Literal["models"], typer.Argument(help="What is studied: the residual models.")],
+    what: Annotated[Literal["models"], typer.Argument(help="WHATmodels: the residual models are studied.")],
     raw: Raw,
     replay: Replayed,
     folder: Folder,
@@ -95,12 +95,12 @@ def study(
     From raw data: labels, split, training, errors of the predicted wrench by axis and regime of motion,
     open-loop replay by segment without and with conditioning, and Kendall's tau between both errors: does the
     model that predicts best also replay best? Every step is an ordinary command, printed as it runs. A step
-    whose inputs have not changed is not run again: a study that was interrupted goes on where it stopped.
+    whose inputs have not changed is not run again: a study that was interrupted resumes where it stopped.
 
-    Networks are made seed by seed, and after every seed DIR gets what is known so far: evaluation.parquet,
+    Networks are trained seed by seed, and after every seed DIR gets the results so far: evaluation.parquet,
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, with the
     smallest and largest), replay.parquet and figures/, beside models/ and the errors of every network. `hydro
-    report DIR` tells it on one page, while the study runs as well.
+    report DIR` shows them on one page, also while the study runs.
     """
     from hydro.study.models import MODELS, QUICK_MODELS, Recordings, Study, carry_out, disturb
     from hydro.study.summary import CONDITIONINGS

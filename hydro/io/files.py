@@ -1,4 +1,4 @@
-"""Bytes in and out of files and pipes: whole or not at all, and every failure told in one line."""
+"""Bytes in and out of files and pipes: whole or not at all, and every failure reported in one line."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def write_bytes(content: bytes | memoryview, destination: Source) -> None:
     try:
         if destination.isatty():
             raise UsageError(
-                "a table will not go to a terminal: add -o FILE, or pipe it into the next command"
+                "a table is binary and stdout is a terminal: add -o FILE, or pipe it into the next command"
             )
         destination.write(content)
         destination.flush()

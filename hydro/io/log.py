@@ -61,7 +61,7 @@ def read(source: Source) -> Log:
 
 
 def _csv(content: bytes, name: str) -> pl.DataFrame:
-    """All columns of a CSV as text, so that what is no number can be told with its place."""
+    """All columns of a CSV as text, so that what is no number can be reported with its place."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -72,9 +72,9 @@ def _csv(content: bytes, name: str) -> pl.DataFrame:
     separator = max(_SEPARATORS, key=first.count)
     names = [part.strip().strip('"') for part in first.split(separator)]
     if len(names) < 2 or not all(character.isprintable() or character == "\t" for character in first):
-        raise DataError(f"{name}: not a table: its first line should name columns, parted by commas")
+        raise DataError(f"{name}: not a table: its first line should name columns, separated by commas")
     if twice := sorted({column for column in names if names.count(column) > 1}):
-        raise DataError(f"{name}: column {shown(twice[0])} is there twice: rename or drop one")
+        raise DataError(f"{name}: column {shown(twice[0])} appears twice: rename or drop one")
     try:
         frame = pl.read_csv(
             text.encode(),
@@ -134,7 +134,7 @@ def numbers(log: Log, name: str, where: str) -> Array:
     if values.dtype == pl.String:
         text = stripped(values)
         values = text.cast(pl.Float64, strict=False)
-        refuse(log, name, text, values, "numbers", f"mend the log or name another column in {where}")
+        refuse(log, name, text, values, "numbers", f"correct the log or name another column in {where}")
     elif not (values.dtype.is_numeric() or values.dtype == pl.Boolean):
         raise DataError(
             f"{log.name}: column {shown(name)} must be numbers, but is {values.dtype}: convert it"

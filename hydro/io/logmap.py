@@ -91,8 +91,8 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
     missing = [name for name in NEEDED if name not in blocks]
     if missing:
         raise DataError(
-            f"the columns' names do not tell {', '.join(missing)}: write a map (hydro import LOG --write-map "
-            f"map.toml begins one) and give it with --map; the log has {listed(columns)}"
+            f"the columns' names do not identify {', '.join(missing)}: write a map (hydro import LOG "
+            f"--write-map map.toml begins one) and give it with --map; the log has {listed(columns)}"
         )
     found = msgspec.convert(blocks, LogMap)
     check(found)

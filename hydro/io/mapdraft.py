@@ -20,7 +20,7 @@ _EMPTY: dict[str, dict[str, Any]] = {
 _NOTES = {
     "time": (
         'unit: "s", "ms", "us" or "ns" since any epoch, or "iso" for text like 2025-06-01T12:00:00.25Z.',
-        "longest_step = 0.5 would interpolate over silences up to 0.5 s; by default five usual steps.",
+        "longest_step = 0.5 would interpolate over gaps up to 0.5 s; by default five median steps.",
     ),
     "session": (
         'Rows that belong together: by a column, or all by one name ("name"); gap = 30 would begin a new',
@@ -28,7 +28,7 @@ _NOTES = {
     ),
     "position": (
         'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
-        'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) will do too.',
+        'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too.',
     ),
     "attitude": (
         'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',

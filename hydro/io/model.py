@@ -135,7 +135,7 @@ def tensors(artefact: Artefact) -> dict[str, NDArray[Any]]:
     for name, shape, data in artefact.frame.select("tensor", "shape", "data").iter_rows():
         if np.prod(shape, dtype=np.int64) != len(data):
             raise DataError(
-                f"{artefact.kind}: tensor {name} has {len(data)} numbers, its shape {shape} wants others"
+                f"{artefact.kind}: tensor {name} has {len(data)} numbers, which do not fit its shape {shape}"
             )
         found[name] = np.array(data, dtype=dtype).reshape(shape)
     return found

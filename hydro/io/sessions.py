@@ -56,7 +56,7 @@ def _clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
         text = stripped(values)
         whole = text.cast(pl.Int64, strict=False)
         values = whole if whole.null_count() == text.null_count() else text.cast(pl.Float64, strict=False)
-        remedy = 'mend the log, or set time.unit to "iso" if these are timestamps'
+        remedy = 'correct the log, or set time.unit to "iso" if these are timestamps'
         refuse(log, time.column, text, values, "numbers", remedy)
     if values.dtype.is_float():
         values = values.fill_nan(None)
@@ -74,7 +74,7 @@ def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
         universal = zoned.zip_with(plain, zoned + "+0000")
         values = universal.str.to_datetime("%Y-%m-%d %H:%M:%S%.f%z", time_unit="ns", strict=False)
         example = "ISO timestamps such as 2025-06-01T12:00:00.25Z"
-        refuse(log, name, text, values, example, "mend the log or set time.unit")
+        refuse(log, name, text, values, example, "correct the log or set time.unit")
     elif not isinstance(values.dtype, pl.Datetime):
         raise DataError(f"{log.name}: column {shown(name)} is {values.dtype}, no timestamps: set time.unit")
     return values.dt.epoch("ns")

@@ -166,7 +166,7 @@ def _columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
     names = [field.name for field in fields]
     twice = sorted({column for column in names if names.count(column) > 1})
     if twice:
-        raise DataError(f"{name}: column {shown(twice[0])} is there twice: leave one out")
+        raise DataError(f"{name}: column {shown(twice[0])} appears twice: leave one out")
     return {field.name: _storage_type(field.type) for field in fields}
 
 
@@ -199,7 +199,7 @@ def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
             values.validate(full=True)
         except pa.ArrowException as error:
             raise DataError(
-                f"{name}: {column} holds what is not UTF-8 text: write it anew ({error})"
+                f"{name}: {column} contains text that is not UTF-8: write it again ({error})"
             ) from error
     bare = pa.Table.from_arrays(
         arrow.columns, names=arrow.column_names

@@ -1,4 +1,4 @@
-"""TOML text to a checked struct; what is wrong is told with its path in the file."""
+"""TOML text to a checked struct, errors with their path in the file; plain content to a TOML table."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ import re
 import tomllib
 import types
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
+import numpy as np
 
 from hydro.core.errors import DataError
+
+if TYPE_CHECKING:
+    from tomlkit.items import Table
 
 Struct = TypeVar("Struct", bound=msgspec.Struct)
 
@@ -53,6 +57,25 @@ def numbers(value: Any, path: str = "") -> Iterator[tuple[str, float]]:
             yield from numbers(inner, f"{path}[{index}]")
     elif isinstance(value, float):
         yield path, value
+
+
+def table(content: Mapping[str, Any]) -> Table:
+    """A TOML table without keys that are None; matrices take a line per row, mappings are sub-tables."""
+    import tomlkit
+
+    made = tomlkit.table()
+    for key, value in content.items():
+        if value is None:
+            continue
+        if isinstance(value, Mapping):
+            made.add(key, table(value))
+            continue
+        value = np.asarray(value).tolist()
+        item = tomlkit.item(value)
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            item.multiline(True)
+        made.add(key, item)
+    return made
 
 
 def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) -> str:

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,9 +16,6 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
 from hydro.io.files import read_bytes, write_bytes
-
-if TYPE_CHECKING:
-    from tomlkit.items import Table
 
 RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
@@ -115,7 +112,7 @@ def append_effect(text: str, effect: Mapping[str, Any]) -> str:
     if not isinstance(document.get("effect", tomlkit.aot()), tomlkit.items.AoT):
         raise DataError("effect: write the effects as [[effect]] tables, so that one can be added")
     tables = tomlkit.aot()
-    tables.append(_table(effect))
+    tables.append(toml.table(effect))
     return f"{text.rstrip()}\n\n{tomlkit.dumps({'effect': tables})}"
 
 
@@ -137,7 +134,7 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
         raise DataError(f"effect: {len(present)} are named {effect['name']}: merge them first")
     for key in [key for key, value in effect.items() if value is None and key in present[0]]:
         present[0].remove(key)
-    for key, value in _table(effect).items():
+    for key, value in toml.table(effect).items():
         present[0][key] = value
     return tomlkit.dumps(document)
 
@@ -199,22 +196,3 @@ def _canonical(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_canonical(inner) for inner in value]
     return float(value) + 0.0 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _table(effect: Mapping[str, Any]) -> Table:
-    """A TOML table; matrices take a line per row."""
-    import tomlkit
-
-    table = tomlkit.table()
-    for key, value in effect.items():
-        if value is None:
-            continue
-        if isinstance(value, Mapping):
-            table.add(key, _table(value))
-            continue
-        value = np.asarray(value).tolist()
-        item = tomlkit.item(value)
-        if isinstance(value, list) and value and isinstance(value[0], list):
-            item.multiline(True)
-        table.add(key, item)
-    return table

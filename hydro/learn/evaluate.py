@@ -37,7 +37,7 @@ def predict(model: Model, states: ArrayLike, past: ArrayLike | None = None) -> A
         the vehicle is -tau_res.
 
     Raises:
-        DataError: If the model's tensors or features are not those that its architecture asks for.
+        DataError: If the model's tensors or features are not those that its architecture requires.
     """
     given = np.asarray(states, dtype=np.float64).reshape(-1, 12)
     made = features(given, model.features)
@@ -100,7 +100,7 @@ def evaluate(
 
     Raises:
         DataError: If the rows are not there, a column is missing or not finite, or a model is broken.
-        UsageError: If two models have one name, or there is no such way to divide rows.
+        UsageError: If two models have one name, or `by` has an unknown entry.
     """
     repeated = [model.name for model in models if sum(other.name == model.name for other in models) > 1]
     if repeated:

@@ -27,7 +27,7 @@ NEEDED = ("onnx", "onnxscript")
 
 
 class Exported(nn.Module):
-    """The whole way from states to the wrench."""
+    """The whole map from states to the wrench."""
 
     def __init__(self, model: Model) -> None:
         super().__init__()
@@ -62,7 +62,7 @@ def to_onnx(model: Model) -> bytes:
     float32. Its metadata say so too.
 
     Raises:
-        DataError: If the model's tensors are not those that its architecture asks for.
+        DataError: If the model's tensors are not those that its architecture requires.
         UsageError: If the libraries are not installed.
     """
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]

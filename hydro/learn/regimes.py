@@ -42,7 +42,7 @@ def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Rows]]:
     """Rows of each regime that holds some.
 
     Args:
-        model: whose scalers tell what its training data were.
+        model: whose scalers hold mean and spread of its training data.
         nu: velocities (N, 6) [m/s, rad/s].
         by: `speed` |v|; `drift`, the angle between v and the bow, 0 ahead, 180 degrees astern; or `reach`,
             how many standard deviations of the training data the furthest of the six velocities is from its

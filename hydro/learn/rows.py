@@ -32,9 +32,7 @@ def of_part(table: pl.DataFrame, part: str) -> pl.DataFrame:
         raise DataError("labels: column part is missing: split the labels first with `hydro split`")
     rows = table.filter(pl.col("part") == part)
     if rows.is_empty():
-        raise DataError(
-            f"split: no row belongs to the {part} part: give more data or another share to the test"
-        )
+        raise DataError(f"split: no row belongs to the {part} part: give more data or change --test")
     return rows
 
 
@@ -121,7 +119,7 @@ def validation(rows: pl.DataFrame) -> NDArray[np.bool_]:
     fractions = {block: _fraction(block) for block in rows["block"].unique().to_list()}
     if len(fractions) < 2:
         raise DataError(
-            "split: the training part needs two blocks or more, one of them to validate: give more data"
+            "split: the training part needs two blocks or more, one of them for validation: give more data"
         )
     chosen = [block for block, fraction in fractions.items() if fraction < VALIDATION_SHARE]
     chosen = chosen or [min(fractions, key=fractions.__getitem__)]

@@ -60,7 +60,7 @@ TRUSTED = 0.01  # share of an acceleration that noise may be for it still to be 
 
 
 class Epoch(NamedTuple):
-    """What there is to tell after an epoch.
+    """What is reported after an epoch.
 
     Attributes:
         number: of the epoch, from 1.
@@ -115,8 +115,8 @@ def train(
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
             sooner. By default as many as make 25,000 updates of the weights, 60 at most.
         device: `cpu`, or `cuda` where there is one.
-        accelerations: whether the network sees nu_dot; not from a noisy log, see `trusted_accelerations`,
-            for which the weight decay is strong besides.
+        accelerations: whether nu_dot is an input of the network; not from a noisy log, see
+            `trusted_accelerations`, for which the weight decay is strong besides.
         progress: called after every epoch.
 
     Returns:
@@ -243,11 +243,12 @@ def _scalers(inputs: NDArray[np.float64], targets: NDArray[np.float64]) -> dict[
 
 
 def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = None) -> bool:
-    """Whether nu_dot of these labels is free enough of noise for a network to see it.
+    """Whether nu_dot of these labels is free enough of noise to be an input of a network.
 
     The label holds -M nu_dot. What noise leaves in nu_dot is therefore in the input and, times -M, in the
-    label: a network that sees nu_dot learns to predict that noise, and bends its wrench as much where there
-    is none. Noise below a hundredth of the acceleration's spread, on every axis that moves, does no harm.
+    label: a network with nu_dot as input learns to predict that noise, and distorts its wrench as much where
+    there is none. Noise below a hundredth of the acceleration's spread, on every axis that moves, does no
+    harm.
 
     Args:
         table: labels, with the velocities as they were logged.

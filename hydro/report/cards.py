@@ -1,4 +1,4 @@
-"""What the diagnoses of a report say: a card for each finding, confusions, and what to fly next."""
+"""Diagnoses in a report: a card for each finding, confusions, and what to fly next."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known")
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Cards of every diagnosis: of a study, what each step took up, and what is left after the last."""
+    """Cards of every diagnosis: of a study, what each step added, and what is left after the last."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None
@@ -50,7 +50,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
 
 
 def confusions(sources: Sources) -> list[dict[str, str]]:
-    """Which effect could be behind each finding as well, and what usually passes for it."""
+    """Which effect could be behind each finding as well, and what it is usually mistaken for."""
     rows: dict[str, dict[str, str]] = {}
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
         for row in one.frame.sort("rank").iter_rows(named=True):
@@ -72,7 +72,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
 
 
 def to_fly(sources: Sources) -> list[dict[str, str]] | None:
-    """What the diagnosis of the chosen step asks to be flown, each thing once; None without a diagnosis."""
+    """What the diagnosis of the chosen step advises to fly, each advice once; None without a diagnosis."""
     chosen = chosen_step(sources)
     if not sources.diagnoses or chosen is None:
         return None
@@ -85,7 +85,7 @@ def to_fly(sources: Sources) -> list[dict[str, str]] | None:
 
 
 def _taken(sources: Sources, step: int) -> list[str]:
-    """Effects that a step took up."""
+    """Effects that a step added."""
     if sources.ladder is None:
         return []
     rows = sources.ladder.frame.filter(step=step)
@@ -97,7 +97,7 @@ def _group_title(step: int, last: int, taken: list[str]) -> str:
     if step == last:
         return f"What is left after step {step}" if step else ""
     named = words.listed([words.effect_name(name) for name in taken])
-    return f"Step {step + 1} took up {named}" if named else f"Found at step {step}"
+    return f"Step {step + 1} added {named}" if named else f"Found at step {step}"
 
 
 def _unseen(rows: pl.DataFrame) -> str:

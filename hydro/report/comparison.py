@@ -64,7 +64,7 @@ def headline(comparison: pl.DataFrame) -> str:
     """The whole comparison in one sentence."""
     ranked = failures(comparison)
     if ranked.is_empty():
-        return "Nothing is left that noise does not explain."
+        return "Noise explains all of the error."
     place, share, time = ranked.select("place", "error", "time").row(0)
     return f"{place[:1].upper()}{place[1:]}: {share} of the unexplained error in {time} of the time."
 

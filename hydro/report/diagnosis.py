@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 EXPLAINS = {
-    "log_fault": "fault of the log: {columns}",
+    "log_fault": "fault in the log: {columns}",
     "missing": "missing: {effect}, {share} of the unexplained error",
     "retune": "other values: {effect}, {share} of the error of the file as given",
     "cannot_tell_apart": "one of {members}: {share} of the unexplained error",
@@ -31,7 +31,7 @@ def lines(frame: pl.DataFrame) -> Iterator[tuple[str, str]]:
     if unseen:
         yield (
             f"not shown by this recording: {', '.join(unseen)}",
-            "whether they are there cannot be said; `hydro effects NAME` tells which motion would show it",
+            "this motion does not excite them; `hydro effects NAME` says which motion would",
         )
 
 

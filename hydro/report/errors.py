@@ -12,25 +12,25 @@ from hydro.report.sources import Named
 
 UNITS = dict.fromkeys("uvw", "m/s") | dict.fromkeys("pqr", "rad/s")
 UNITS |= dict.fromkeys("XYZ", "N") | dict.fromkeys("KMN", "N m")
-BY_SEEDS = "Means over seeds; in small print their smallest and largest, of a single one its 95 % interval."
+BY_SEEDS = "Means over seeds; in small print the smallest and largest, for a single seed the 95 % interval."
 INTERVALS = "In small print 95 % intervals."
 OF_NETWORKS = {
     "ranking": (
-        "Does the better prediction fly better?",
+        "Does the better prediction replay better?",
         "Kendall's tau between the error of the predicted wrench and that of the replay, over models, with "
-        "its 95 % interval: 1 where both rank alike, -1 where one ranks the other way round; p, the chance "
-        "of as much without any relation.",
+        "its 95 % interval: 1 where both rank alike, -1 where one ranks in the reverse order; p, the "
+        "probability of as much if there were no relation.",
         seeds.ranking_table,
     ),
     "minutes": (
-        "What less training data teaches",
+        "Effect of less training data",
         "Root mean square errors over all six axes of the wrench [N, N m] and of the replay [m/s, rad/s], "
-        "means over seeds with the smallest and the largest; p, the chance of ranks so far behind the best "
-        "flights' without being worse.",
+        "means over seeds with the smallest and the largest; p, the probability of ranks so far behind those "
+        "of the best replays without being worse (rank-sum test).",
         seeds.minutes_table,
     ),
     "conditioning": (
-        "What conditioning the learned wrench does",
+        "Effect of conditioning the learned wrench",
         "Replays of the first seeds, root mean square errors over all six velocities [m/s, rad/s].",
         seeds.conditioning_table,
     ),
@@ -74,7 +74,7 @@ def _predictions(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, 
     regimes = tables.regime_errors(frame) if (frame["variant"] != "").any() else None
     more = [] if regimes is None else [_table("By regime of motion, over all six axes", regimes)]
     lede = (
-        f"Root mean square errors on {_data(whole)}, axis by axis and over all six as they are; there also "
+        f"Root mean square errors on {_data(whole)}, axis by axis and over all six in their own units; also "
         "the mean absolute error, and the mean R² of the axes."
     )
     return table | {"title": "Predicted wrench", "lede": lede, "more": more}
@@ -85,7 +85,7 @@ def _replays(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]
     whole = frame.filter(~tables.of_a_piece())
     pieces = tables.piece_errors(frame)
     more = [] if pieces.is_empty() else [_table("By piece of the recording", pieces)]
-    lede = f"Root mean square errors on {_data(whole)}, commands alone given."
+    lede = f"Root mean square errors on {_data(whole)}, from the commands alone."
     return _by_axis(whole, "variant", number, charts) | {
         "title": "Open-loop replay",
         "lede": lede,

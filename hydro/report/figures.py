@@ -116,7 +116,7 @@ def draw_overlay(table: pl.DataFrame) -> Figure:
         handles, labels = panels[0].get_legend_handles_labels()
         if table["lost"].any():
             handles.append(Line2D([], [], color="#777777", marker="x", linestyle="", markeredgewidth=2))
-            labels.append("lost: error beyond the measured range")
+            labels.append("off scale: error beyond the measured range")
         beside = -(-len(labels) // -(-len(labels) // LABELS))
         figure.legend(handles, labels, loc="outside upper center", ncols=beside, frameon=False)
     return figure

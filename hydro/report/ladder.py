@@ -28,7 +28,7 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
     Args:
         ladder: Ladder table.
         dataset: `fit` or `holdout`.
-        horizon: How far ahead the predictions look [s].
+        horizon: Horizon of the predictions [s].
 
     Returns:
         `step` with what it added; root mean square errors of u v w [m/s], p q r [rad/s], and `all`, of all

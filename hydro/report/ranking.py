@@ -32,7 +32,7 @@ class Agreement(NamedTuple):
 def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: int = 0) -> Agreement:
     """How far two errors of the same models agree on which is better.
 
-    Models are ranked by their means over seeds.  The interval draws models anew, for others could have been
+    Models are ranked by their means over seeds.  The interval resamples models, for others could have been
     compared, and within every model seeds, the same for both errors, for they are of one trained network.
 
     Args:

@@ -72,7 +72,7 @@ def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
 
 
 def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
-    """For every length of training data, how surely every model flies worse than the best.
+    """For every length of training data, how surely every model replays worse than the best.
 
     Args:
         replayed: metrics of replays of several networks, with the columns `run` and `minutes`.

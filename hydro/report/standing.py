@@ -21,7 +21,7 @@ class Standing:
 
     Attributes:
         dataset: `fit` or `holdout`.
-        horizon: How far ahead the predictions look [s]; None for whole runs.
+        horizon: Horizon of the predictions [s]; None for whole runs.
         before: Error of the file as given.
         after: Error with what was found; None where nothing was added.
         noise: What noise alone would leave.
@@ -148,7 +148,7 @@ def noise_line(sources: Sources) -> str:
 
 
 def added_effects(sources: Sources) -> list[str]:
-    """Everything that the steps up to the chosen one took up, in words."""
+    """Everything that the steps up to the chosen one added, in words."""
     if sources.ladder is None:
         return []
     frame = sources.ladder.frame.filter(pl.col("step") <= best_step(sources.ladder.frame)).sort("step")
@@ -194,7 +194,7 @@ def _best(metrics: pl.DataFrame) -> str:
         found = found.filter(pl.col("variant") == "")
         did = "{model} predicts the wrench best, to {error} over all six axes"
     else:
-        did = "{variant} flies best, to {error} m/s and rad/s"
+        did = "{variant} replays best, to {error} m/s and rad/s"
     if found.is_empty():
         return ""
     row = found.row(0, named=True)

@@ -17,16 +17,16 @@ from hydro.core.errors import DataError
 from hydro.core.identification.parameters import unit_at
 
 VERDICTS = {
-    "log_fault": ("Fault of the log", "What the log says of {columns} cannot be."),
+    "log_fault": ("Fault in the log", "What the log says of {columns} is impossible."),
     "missing": ("Missing", "The model lacks {effect}."),
-    "retune": ("Other values", "The model has {effect}, but the recording asks for other values."),
+    "retune": ("Other values", "The model has {effect}, but the recording yields other values."),
     "cannot_tell_apart": (
         "Cannot tell apart",
         "The model lacks one of {members}; this recording cannot tell.",
     ),
-    "not_excited": ("Not shown", "Whether {effect} is there, this recording could not show."),
+    "not_excited": ("Not excited", "This recording does not show whether {effect} is there."),
     "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
-    "nothing_missing": ("Nothing missing", "What is left is no more than noise."),
+    "nothing_missing": ("Nothing missing", "Noise explains the error that is left."),
 }
 """A verdict's label, and its sentence."""
 
@@ -112,7 +112,9 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
     try:
         given, sure = (tomllib.loads(f"t = {text or '{}'}")["t"] for text in (parameters, errors))
     except tomllib.TOMLDecodeError as error:
-        raise DataError(f"the values of {effect} are not inline TOML ({error}); diagnose anew") from None
+        raise DataError(
+            f"the values of {effect} are not inline TOML ({error}); run `hydro diagnose` again"
+        ) from None
     return fitted(effect, given, sure)
 
 

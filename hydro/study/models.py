@@ -76,7 +76,7 @@ class Study:
             UsageError: There is no such model, or noise without a recording free of it to test on.
         """
         if unknown := [name for name in self.models if name not in MODELS]:
-            raise UsageError(f"no model is called '{unknown[0]}': choose of {', '.join(MODELS)}")
+            raise UsageError(f"no model is called '{unknown[0]}': choose one of {', '.join(MODELS)}")
         if self.data.noise != "none" and self.data.test is None:
             raise UsageError("--noise needs --test RAW, a recording without noise to evaluate on")
 

@@ -82,7 +82,7 @@ def runs(study: Study) -> tuple[list[Run], list[str]]:
 
     names, models = study.conditions, {_kind(path): path for path in study.models}
     if unknown := [name for name in names if name not in KNOWN]:
-        raise UsageError(f"no condition is called {unknown[0]!r}: choose of {', '.join(KNOWN)}")
+        raise UsageError(f"no condition is called {unknown[0]!r}: choose one of {', '.join(KNOWN)}")
     left = [name for name in names if name in MODELS and MODELS[name] not in models]
     found = [
         Run(name, seed, study.folder / f"{name}-seed{seed}", models.get(MODELS.get(name, "")))

@@ -71,7 +71,7 @@ class Runner:
             try:
                 self._ledger = json.loads(self._path.read_bytes())
             except ValueError:
-                self._message(f"hydro: {self._path}: cannot be read: every step is run anew")
+                self._message(f"hydro: {self._path}: cannot be read: every step is run again")
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:
         """Run those steps that are not done; how many that were."""

@@ -85,7 +85,7 @@ def test_cells_that_hold_nothing_are_empty(nothing):
         (b"t,x\n", "stdin: no rows below the names of its columns"),
         ("t,x\n1,ü\n".encode("latin-1"), "stdin: not UTF-8 text (byte 6): save the log as UTF-8"),
         (b"nothing here\nat all\n", "stdin: not a table: its first line should name columns"),
-        (b"t,x,x\n1,2,3\n", "stdin: column x is there twice"),
+        (b"t,x,x\n1,2,3\n", "stdin: column x appears twice"),
         (b"t,x\n1,2,3\n", "stdin: not a table of comma-separated values"),
         (b"PAR1 and no more", "stdin: this Parquet file is damaged"),
         (b"\x00\x01\x02,\x03\n1,2", "stdin: not a table"),
@@ -154,7 +154,7 @@ def test_sessions_by_column_by_name_and_by_gaps():
     ("changes", "line"),
     [
         ({"u": pl.Series(["1", "fast", "2", "x", "3"])},
-         "column u must be numbers, but 2 of 5 rows are not (first: row 1, 'fast'): mend the log or name "
+         "column u must be numbers, but 2 of 5 rows are not (first: row 1, 'fast'): correct the log or name "
          "another column in velocity"),
         ({"cmd_2": pl.Series(["1", "0", "off", "0", "0"])},
          "column cmd_2 must be numbers, but 1 of 5 rows is not"),
@@ -239,7 +239,7 @@ def test_a_draft_of_unknown_names_is_still_a_map_with_blanks():
     text = mapdraft.draft({}, ["a", "b"], "log.csv")
     assert "# The log has: a, b" in text
     assert logmap.parse(text).position.columns == ("", "", "")
-    assert "the columns' names do not tell time, position" in refused(logmap.from_guess, {}, ["a", "b"])
+    assert "the columns' names do not identify time, position" in refused(logmap.from_guess, {}, ["a", "b"])
 
 
 def test_a_log_of_text_that_is_no_utf8_map(tmp_path):

@@ -100,7 +100,7 @@ def test_a_table_that_is_no_model() -> None:
     with pytest.raises(DataError, match="lacks the architecture"):
         from_artefact(partial)
     cut = artefact.frame.with_columns(pl.col("data").list.head(2))
-    with pytest.raises(DataError, match="tensor w has 2 numbers, its shape"):
+    with pytest.raises(DataError, match="tensor w has 2 numbers, which do not fit its shape"):
         from_artefact(replace(artefact, frame=cut))
 
 

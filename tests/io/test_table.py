@@ -197,7 +197,7 @@ COLUMNS: dict[str, tuple[str, pa.Array, str]] = {
     "moments": ("t", pa.array(range(40)).cast(pa.timestamp("us")), "t [s] must be float32 or float64"),
     "bytes for names": ("session", pa.array([b"a"] * 40), "session must be string, but is binary"),
     "numbers for names": ("session", pa.array([1] * 40), "session must be string, but is int64"),
-    "names that are not UTF-8": ("session", NOT_UTF8, "session holds what is not UTF-8 text"),
+    "names that are not UTF-8": ("session", NOT_UTF8, "session contains text that is not UTF-8"),
 }
 
 
@@ -218,7 +218,7 @@ def test_a_dictionary_of_names_is_read_as_names() -> None:
 def test_a_column_given_twice() -> None:
     arrow = raw().to_arrow(compat_level=pl.CompatLevel.oldest())
     twice = pa.table([*arrow.columns, arrow["u"]], names=[*arrow.column_names, "u"])
-    assert refused(parquet(twice)) == "stdin: column u is there twice: leave one out"
+    assert refused(parquet(twice)) == "stdin: column u appears twice: leave one out"
 
 
 def test_column_names_that_are_not_utf8() -> None:

@@ -81,7 +81,7 @@ def test_networks_have_a_row_each_and_regimes_and_pieces_unfold() -> None:
 def test_the_headline_names_the_best_of_all_networks() -> None:
     told = headline(Sources(metrics=(EVALUATED, FLOWN)))
     assert "physfeat predicts the wrench best, to 1.00 over all six axes" in told
-    assert "MJ1 flies best, to 0.00300 m/s and rad/s" in told
+    assert "MJ1 replays best, to 0.00300 m/s and rad/s" in told
 
 
 def by_length(value: float, model: str, run: str, variant: str = "") -> dict[str, object]:

@@ -87,7 +87,7 @@ def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
     assert "explains 41 % of the error, 33 % to 52 %" in told
     assert "confidence 93 % p-value 0.0005 could also be tether" in told
     assert "v_N 0.260 ± 0.012 m/s" in told
-    assert "Nothing missing What is left is no more than noise." in told
+    assert "Nothing missing Noise explains the error that is left." in told
     assert "thruster gain or quadratic damping (20 % of the error)" in told
 
 
@@ -100,7 +100,7 @@ def test_the_ladder_is_a_table_too(page: dict[str, str]) -> None:
 def test_the_overlay_has_the_errors_of_both_models(page: dict[str, str]) -> None:
     assert "model as given 0.200 0.200 0.200" in page["replay-0"]
     assert "after step 1 0.100 0.100 0.100" in page["replay-0"]
-    assert "begins anew from the measured motion every 20 s" in page["replay-0"]
+    assert "restarts from the measured motion every 20 s" in page["replay-0"]
 
 
 def test_confusions_tell_rivals_and_what_parts_them(page: dict[str, str]) -> None:
@@ -149,7 +149,7 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     [
         ("comparison", studies.comparison(), ["model", "places"], "The model errs by 2.00 m/s 5 s ahead."),
         ("diagnosis", studies.found(), ["findings", "confusions", "next"], "The model lacks ocean current."),
-        ("diagnosis", studies.nothing(), ["findings", "next"], "What is left is no more than noise."),
+        ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
         ("replay", studies.replay(), ["replay-0"], "Measured motion against simulated."),
         ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),
@@ -187,7 +187,9 @@ def test_a_comparison_with_an_earlier_one_tells_both() -> None:
 
 def test_values_that_are_no_toml_are_refused() -> None:
     broken = studies.found().with_columns(parameters=pl.lit("{ v_N = "))
-    with pytest.raises(DataError, match=r"values of ocean_current are not inline TOML.*diagnose anew"):
+    with pytest.raises(
+        DataError, match=r"values of ocean_current are not inline TOML.*run `hydro diagnose` again"
+    ):
         render(alone("diagnosis", broken))
 
 

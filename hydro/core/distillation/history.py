@@ -36,7 +36,7 @@ def stride(period: float, dt: float) -> int:
     rows = round(period / dt)
     if rows < 1 or abs(rows * dt - period) > TOLERANCE * dt:
         raise DataError(
-            f"the model remembers velocities {period:g} s apart, which is no multiple of the sample time of "
+            f"the model has past velocities {period:g} s apart, which is no multiple of the sample time of "
             f"{dt:g} s: resample the log"
         )
     return rows

@@ -206,7 +206,7 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
 
 
 def _contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
-    """One setting that the data contradict: what they look like, by how much, and what to write."""
+    """One setting that the data contradict: what agrees instead, by how much, and what to write."""
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))
     quantity, unit = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))[which]
@@ -262,7 +262,7 @@ def _white(values: Array) -> float:
 
 
 def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
-    """What looks wrong in a way that no other reading mends."""
+    """What disagrees under every reading of the columns."""
     errors, motion = evidence.errors(found), evidence.motion(found)
     least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
     for name, error, whole, floor, unit in zip(
@@ -271,11 +271,11 @@ def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
         if error > floor and error > UNEXPLAINED * whole:
             yield (
                 f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged velocity by "
-                f"{error:.2g} {unit}, and no choice of frames, units and signs mends it: look for a wrong "
+                f"{error:.2g} {unit}, and no choice of frames, units and signs removes it: look for a wrong "
                 "column, a delay or jumps"
             )
     if not evidence.upright(found.attitude):
-        yield "by its attitude the vehicle flies on its back: is attitude.body or attitude.world another?"
+        yield "by its attitude the vehicle is upside down: check attitude.body and attitude.world"
     if (above := evidence.above_water(found.position)) > MOSTLY:
         yield (
             f"the depth is negative in {100.0 * above:.0f} % of the log: unless it counts from below the "

@@ -116,7 +116,7 @@ def load(model: Model) -> Residual:
     """Build the network of a model artefact, with its weights and scalers, ready to predict.
 
     Raises:
-        DataError: If the tensors are not those that the architecture asks for.
+        DataError: If the tensors are not those that the architecture requires.
     """
     network = build(model.architecture)
     wanted = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
@@ -125,7 +125,7 @@ def load(model: Model) -> Residual:
         shape, asked = found.get(name, "missing"), wanted.get(name, "none")
         if shape != asked:
             raise DataError(
-                f"model {model.name}: tensor {name} is {shape}, the architecture asks for {asked}: "
+                f"model {model.name}: tensor {name} is {shape}, the architecture requires {asked}: "
                 "train the model again"
             )
     network.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in model.tensors.items()})

@@ -1,4 +1,4 @@
-"""ResMLP: a projection, residual blocks with layer norms, and a way out (paper III-C, ResMLP-12x6)."""
+"""ResMLP: a projection, residual blocks with layer norms, and an output layer (paper III-C, ResMLP-12x6)."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@
 C is made from a learned symmetric inertia by the skew parametrisation (Fossen theorem 3.2), so that
 nu^T C nu = 0; D is positive semi-definite by construction, so that the vehicle, which feels -D nu, loses the
 power (1 + |nu|) |A^T nu|^2, which is never negative. A network makes A from the direction of motion and from
-1 / (1 + |nu|), which tells skin friction from form drag; |nu| is the root mean square of the standardised
+1 / (1 + |nu|), which separates skin friction from form drag; |nu| is the root mean square of the standardised
 velocities. All these are bounded, and so drag grows as the square of the speed beyond the speeds of the
 training data, as it does in water.
 

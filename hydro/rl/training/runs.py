@@ -85,7 +85,7 @@ def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfi
     if unknown := [name for name in choices if name not in known]:
         near = [name for name in known if name.endswith(unknown[0])]
         meant = near or get_close_matches(unknown[0], known) or list(known)
-        raise UsageError(f"no choice is called {unknown[0]!r}: choose of {', '.join(meant)}")
+        raise UsageError(f"no choice is called {unknown[0]!r}: choose one of {', '.join(meant)}")
     try:
         return _config(known | choices)
     except msgspec.MsgspecError as error:

@@ -1,0 +1,143 @@
+"""A log and its map to a raw table, with an account of what was done: what `hydro import` does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from hydro.core.errors import DataError
+from hydro.core.logs.aliases import guess
+from hydro.core.logs.convention_check import Verdict, check
+from hydro.core.logs.importing import Imported, raw_table
+from hydro.core.logs.logmap import LogMap, command, measured
+from hydro.io import logmap
+from hydro.io.log import Log
+from hydro.io.sessions import sessions
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """How a raw table came about.
+
+    Attributes:
+        map: What the columns were taken for.
+        imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
+        verdict: What the kinematics of the log say of the map's frames, units and signs.
+    """
+
+    map: LogMap
+    imported: Imported
+    verdict: Verdict
+
+    def lines(self) -> Iterator[str]:
+        """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
+        yield from _account(self.imported)
+        yield from _judged(self.verdict)
+
+
+def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap:
+    """The map of a log: as given, or guessed from the columns' names.
+
+    Args:
+        source: The log.
+        file: A map, its file, or None to guess.
+        name: What a session is called that nobody names.
+
+    Raises:
+        DataError: the file is not a map, or the names do not suffice for a guess.
+    """
+    if isinstance(file, LogMap):
+        meaning = file
+    elif file is not None:
+        meaning = logmap.read(file)
+    else:
+        names = source.frame.columns
+        try:
+            meaning = logmap.from_guess(guess(names, source.texts()), names)
+        except DataError as error:
+            raise DataError(f"{source.name}: {error}") from error
+    if meaning.session.column is None and meaning.session.name is None:
+        session = msgspec.structs.replace(meaning.session, name=name)
+        meaning = msgspec.structs.replace(meaning, session=session)
+    return meaning
+
+
+def import_log(
+    source: Log, meaning: LogMap, *, rate: float | None = None, strict: bool = False
+) -> ImportReport:
+    """Resample a log on one clock in the raw table's frames, and check its conventions by kinematics.
+
+    Args:
+        source: The log.
+        meaning: What its columns mean.
+        rate: Rows per second; by default the median of the channels' own rates.
+        strict: Refuse a log whose motion contradicts the map.
+
+    Raises:
+        DataError: a column is missing or not numbers, time goes backwards, or, with `strict`, the motion
+            contradicts the map.
+    """
+    logs = sessions(source, meaning)
+    try:
+        imported = raw_table(logs, meaning, rate)
+    except DataError as error:
+        raise DataError(f"{source.name}: {error}") from error
+    verdict = check(imported.logs, imported.times, imported.dt, meaning)
+    if strict and verdict.contradictions:
+        others = len(verdict.contradictions) - 1
+        more = f" (and {others} more: see without --strict)" if others else ""
+        raise DataError(f"{source.name}: {verdict.contradictions[0]}{more}")
+    return ImportReport(meaning, imported, verdict)
+
+
+def described(meaning: LogMap) -> Iterator[str]:
+    """What each block of a map says, in a few words."""
+    yield f"time {meaning.time.column} [{meaning.time.unit}]"
+    if meaning.session.column is not None:
+        yield f"session {meaning.session.column}"
+    place, turned = meaning.position, meaning.attitude
+    settings = {
+        "position": f"{place.world}, {place.unit}",
+        "attitude": f"{turned.body} in {turned.world}, {turned.layout if turned.quaternion else turned.unit}",
+        "velocity": f"{meaning.velocity.frame}, {meaning.velocity.unit}",
+        "rates": f"{meaning.rates.frame}, {meaning.rates.unit}",
+    }
+    for name, words in settings.items():
+        columns = " ".join(source.column for source in measured(getattr(meaning, name)))
+        yield f"{name} {columns} [{words}]"
+    columns = " ".join(command(source).column for source in meaning.commands.columns)
+    yield f"commands {columns} [{meaning.commands.unit}]"
+
+
+def _account(imported: Imported) -> Iterator[str]:
+    """How many rows there are, and what is missing."""
+    sessions, rate = len(imported.logs), 1.0 / imported.dt
+    yield (
+        f"{imported.frame.height:,} rows at {rate:g} Hz in {sessions} session{'s' if sessions > 1 else ''}"
+    )
+    if imported.gaps:
+        longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
+        total = sum(gap.stop - gap.start for gap in imported.gaps)
+        yield (
+            f"gaps left open: {len(imported.gaps)}, {total:.3g} s in all; the longest, "
+            f"{longest.stop - longest.start:.3g} s, after {longest.start:.5g} s of {longest.session}"
+        )
+    if imported.left_out:
+        yield f"left out, for no two rows have all columns: {', '.join(imported.left_out)}"
+    for name, count in imported.clipped.items():
+        yield f"warning: {name} is beyond -1 to 1 in {count:,} rows and clipped: check commands.unit and pwm"
+
+
+def _judged(verdict: Verdict) -> Iterator[str]:
+    """What the kinematics say."""
+    yield from (f"warning: {line}" for line in verdict.contradictions)
+    translation, rotation = verdict.agreement
+    if not verdict.contradictions and translation == translation:  # NaN where nothing was tested
+        yield (
+            f"pose and velocity agree: d(position)/dt to {translation:.2g} m/s, the attitude's rate to "
+            f"{rotation:.2g} rad/s"
+        )
+    yield from (f"note: {line}" for line in verdict.notes)

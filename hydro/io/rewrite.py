@@ -1,0 +1,118 @@
+"""A vehicle as the text of a vehicle file that keeps the comments and the layout of an earlier one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import toml
+from hydro.io.vehicle import parse
+
+
+def rewritten(vehicle: Vehicle, text: str = "") -> str:
+    """The text of a vehicle file that says what `vehicle` is, with as much of `text` as still holds.
+
+    Args:
+        vehicle: The vehicle.
+        text: An earlier file: comments, layout and the spelling of numbers stay where nothing has changed,
+            and tables of effects and thrusters are known by their names. From scratch by default.
+
+    Raises:
+        DataError: `text` is not a vehicle, or `vehicle` breaks a rule of vehicle files.
+    """
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    if text:
+        _merge(document, parse(text, "source"), vehicle)
+    else:
+        content = {"format": vehicle.format, **_stated(vehicle)}
+        for key in sorted(content, key=lambda key: isinstance(content[key], dict | list)):  # tables last
+            _set(document, key, content[key])
+    made = _spaced(tomlkit.dumps(document), text)
+    parse(made, vehicle.name)
+    return made
+
+
+def _stated(value: Any) -> Any:
+    """A vehicle as TOML has it: tables, lists and scalars, without None and without what is its default."""
+    if isinstance(value, msgspec.Struct):
+        fields = ((field, getattr(value, field.name)) for field in msgspec.structs.fields(value))
+        return {field.name: _stated(inner) for field, inner in fields if inner != field.default}
+    if isinstance(value, Mapping):
+        return {key: _stated(inner) for key, inner in value.items() if inner is not None}
+    if isinstance(value, list | tuple):
+        return [_stated(inner) for inner in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+
+
+def _items(value: Any) -> dict[str, Any]:
+    """The keys of a struct or a table that have a value, defaults too."""
+    if isinstance(value, msgspec.Struct):
+        value = {name: getattr(value, name) for name in value.__struct_fields__}
+    return {key: inner for key, inner in value.items() if inner is not None}
+
+
+def _merge(table: Any, old: Any, new: Any) -> None:
+    """Make a document's table, which says what `old` is, say what `new` is; leave alone what is the same."""
+    from tomlkit.items import AoT
+
+    before, after = _items(old), _items(new)
+    for key in [key for key in table if key not in after]:
+        table.remove(key)
+    for key, value in after.items():
+        stated, earlier = _stated(value), before.get(key)
+        if stated == _stated(earlier) and (key in table or earlier is not None):
+            continue
+        if isinstance(stated, dict) and isinstance(table.get(key), Mapping):
+            _merge(table[key], earlier, value)
+        elif isinstance(table.get(key), AoT) and all(isinstance(entry, dict) for entry in stated):
+            _merge_tables(table[key], list(earlier or ()), value)
+        else:
+            _set(table, key, stated)
+
+
+def _merge_tables(tables: Any, old: list[Any], new: Sequence[Any]) -> None:
+    """The same for an array of tables with names: those of no name in `new` go, others come between."""
+    for index, entry in enumerate(new):
+        names = [_items(one).get("name") for one in old[index:]]
+        name = _items(entry).get("name")
+        if name in names:
+            for _ in range(names.index(name)):
+                del tables[index], old[index]
+            _merge(tables[index], old[index], entry)
+        else:
+            tables.insert(index, toml.table(_stated(entry)))
+            old.insert(index, entry)
+    del tables[len(new) :]
+
+
+def _set(table: Any, key: str, value: Any) -> None:
+    """Set a key to plain content, lists of tables as `[[key]]`."""
+    import tomlkit
+
+    if _are_tables(value):
+        table[key] = tomlkit.aot()
+        for entry in value:
+            table[key].append(toml.table(entry))
+    else:
+        table[key] = toml.table({key: value})[key]
+
+
+def _are_tables(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(entry, Mapping) for entry in value)
+
+
+def _spaced(made: str, text: str) -> str:
+    """The text with an empty line before every header that an earlier text has not set closer."""
+    lines: list[str] = []
+    for line in made.splitlines(keepends=True):
+        last = lines[-1] if lines else "\n"
+        if line.startswith("[") and last.strip() and not last.startswith("#") and last + line not in text:
+            lines.append("\n")
+        lines.append(line)
+    return "".join(lines)
