@@ -30,7 +30,7 @@ from hydro.core.identification.multiple_shooting import (
 )
 from hydro.core.identification.normal_equations import Normal, eliminate
 from hydro.core.recording.arrays import Array
-from hydro.core.simulation.integrate import BODY
+from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.thrusters import same_states
 
 

@@ -59,6 +59,15 @@ def quaternion_kernel(quaternion: Array, out: Array) -> None:
 
 
 @jit
+def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, out: Array) -> None:
+    """Write the product q (w, x, y, z) into `out` (4,): first the turn on the right, then q."""
+    out[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z
+    out[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y
+    out[2] = q[0] * y - q[1] * z + q[2] * w + q[3] * x
+    out[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * w
+
+
+@jit
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
     for k in range(phi.size):
         rotation_kernel(phi[k], theta[k], psi[k], out[k])
