@@ -252,7 +252,7 @@ def _grams(
     flown = 0
     for manoeuvre in library(reference):
         try:
-            motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, rate=RATE)
+            motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, steps=1)
         except DataError:  # a motion without bounds is none to propose
             continue
         record = _record(manoeuvre, motion)

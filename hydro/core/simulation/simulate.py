@@ -69,7 +69,7 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         raise DataError(
             f"commands: a gap in t before row {at}, and no pose and velocity to go on from; fill the gap"
         )
-    program, log = assemble(vehicle), velocity_log(vehicle)
+    program, log, steps = assemble(vehicle), velocity_log(vehicle), steps_of_row(dt)
     t = commands["t"].to_numpy().astype(np.float64)
     demand = np.ascontiguousarray(commands.select(names).to_numpy().astype(np.float64))
     given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
@@ -80,11 +80,16 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
         motion[rows] = trajectory(
-            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], dt=dt, settled=bool(resumed)
+            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], settled=bool(resumed), steps=steps
         )
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
     return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
+
+
+def steps_of_row(dt: float, rate: float = RATE) -> int:
+    """Integration steps of a row of `dt` [s] that make at least `rate` of them a second [Hz]."""
+    return max(1, math.ceil(dt * rate * (1.0 - 1e-9)))
 
 
 def trajectory(
@@ -94,9 +99,8 @@ def trajectory(
     *,
     eta: ArrayLike = (0.0,) * 6,
     nu: ArrayLike = (0.0,) * 6,
-    dt: float | None = None,
     settled: bool = False,
-    rate: float = RATE,
+    steps: int | None = None,
 ) -> Array:
     """True motion of one unbroken segment.
 
@@ -106,9 +110,8 @@ def trajectory(
         t: Times [s], shape (N,), rising.
         eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
         nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
-        dt: Sample time [s] that the number of steps per row follows from; by default the mean step of `t`.
         settled: Thrusters start settled on the first command; by default at rest.
-        rate: Least number of integration steps per second [Hz].
+        steps: Integration steps of a row; by default so many that `RATE` of them or more make a second.
 
     Returns:
         Pose and velocity (x ... psi, u ... r), shape (N, 12).
@@ -125,8 +128,8 @@ def trajectory(
         )
     pose = np.asarray(eta, np.float64)
     first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
-    interval = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
-    course = Course(demand, clock, max(1, math.ceil(interval * rate * (1.0 - 1e-9))), 0.0)
+    interval = float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
+    course = Course(demand, clock, steps_of_row(interval) if steps is None else steps, 0.0)
     out = np.empty((clock.size, BODY))
     reached = _follow(program.flat, first, course, settled, out)
     if reached < clock.size:

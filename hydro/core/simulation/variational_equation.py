@@ -85,21 +85,15 @@ class Deviations(NamedTuple):
 
 
 @jit
-def deviations_of(changes: Changes, states: int, out: Array) -> Deviations:
-    """No deviations yet, of a vehicle with so many internal states."""
-    size, total = DEVIATION + states, out.shape[2]
-    delta, middle, slope = np.zeros((size, total)), np.zeros((size, total)), np.zeros((size, size))
-    return Deviations(changes, delta, middle, slope, np.zeros((size - 6, total - DEVIATION)), out)
-
-
-@jit
-def begin(deviations: Deviations, ahead: Array) -> None:
-    """Begin anew; `ahead` (states, P) is what a unit of each parameter changes internal states by."""
-    delta = deviations.delta
-    delta[:] = 0.0
+def deviations_of(changes: Changes, ahead: Array, out: Array) -> Deviations:
+    """Deviations at a beginning; `ahead` (states, P) is what a unit of each parameter changes states by."""
+    size, total = DEVIATION + ahead.shape[0], out.shape[2]
+    delta = np.zeros((size, total))
     for i in range(DEVIATION):
         delta[i, i] = 1.0
     delta[DEVIATION:, DEVIATION:] = ahead
+    slope, push = np.zeros((size, size)), np.zeros((size - 6, total - DEVIATION))
+    return Deviations(changes, delta, np.zeros((size, total)), slope, push, out)
 
 
 @jit
