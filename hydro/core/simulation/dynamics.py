@@ -173,7 +173,7 @@ def rates_kernel(
         tau: (6,) overwritten.
         rates: (y.size,) written; nu_dot of CO stands in 7 to 12.
     """
-    observe_state(flat, y, s)
+    observe(flat, y[0:3], y[3:7], y[7:BODY], s)
     u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
     for i in range(3):
         row = ROTATION + 3 * i

@@ -94,14 +94,14 @@ def obey(thrusters: Thrusters, course: Course, now: float) -> float:
     Returns:
         Time of the next change [s], infinite after the last.
     """
-    change, t, upcoming = np.inf, course.t, thrusters.upcoming
-    for i in range(thrusters.target.size):
-        row = thrusters.table[i]
-        while upcoming[i] < t.size and t[upcoming[i]] + row[DELAY] <= now:
-            thrusters.target[i] = settled_state(row, course.commands[upcoming[i], i])
+    table, target, upcoming = thrusters.table, thrusters.target, thrusters.upcoming
+    commands, t, change = course.commands, course.t, np.inf
+    for i in range(target.size):
+        while upcoming[i] < t.size and t[upcoming[i]] + table[i, DELAY] <= now:
+            target[i] = settled_state(table[i], commands[upcoming[i], i])
             upcoming[i] += 1
         if upcoming[i] < t.size:
-            change = min(change, t[upcoming[i]] + row[DELAY])
+            change = min(change, t[upcoming[i]] + table[i, DELAY])
     return change
 
 
