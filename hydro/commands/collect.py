@@ -93,9 +93,8 @@ def collect(
             subject,
             count,
             seed,
-            excitation=excitation,
+            programme=sim.Programme(excitation, depth),
             noise=sigma,
-            depth=depth,
             threads=threads,
             report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
         )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import HALF_TURN
 from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import Water
 
@@ -118,4 +119,4 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Ar
         moved = data.mocap_pos[model.body(f"{PILLAR}{number}").mocapid[0]]
         moved[:2] = (x, -y) if np.isfinite(x) else (_AWAY, 0.0)
     if target is not None:
-        data.mocap_pos[model.body(GOAL).mocapid[0]] = mjcf.FLIP * target
+        data.mocap_pos[model.body(GOAL).mocapid[0]] = HALF_TURN * target

@@ -16,8 +16,10 @@ from hydro.core.errors import DataError
 
 Array = NDArray[np.float64]
 
-FRD_FLU: Array = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-"""Signs that turn a twist or wrench in FRD axes into FLU axes and back (half a turn about x)."""
+HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
+"""Half a turn about x, its own inverse: signs that turn FRD into FLU axes, and NED into a z-up world."""
+FRD_FLU: Array = np.concatenate([HALF_TURN, HALF_TURN])
+"""The same of a twist or wrench."""
 
 _LOCK = 1e-8  # below this cos(theta), roll and yaw turn about the same axis
 
@@ -207,6 +209,17 @@ def swap_frd_flu(x: ArrayLike) -> Array:
     if values.shape[-1:] not in {(3,), (6,)}:
         raise DataError(f"FRD/FLU: the last axis must have 3 or 6 components, got shape {values.shape}")
     return np.asarray(values * FRD_FLU[: values.shape[-1]])
+
+
+def swap_quaternion(quaternion: ArrayLike) -> Array:
+    """The rotations (..., 4) from FRD to NED as those from FLU to the z-up world, or back: F R F."""
+    turned: Array = np.asarray(quaternion, float) * np.concatenate([[1.0], HALF_TURN])
+    return turned
+
+
+def wrapped(angle: ArrayLike) -> Array:
+    """Angles [rad] within (-pi, pi]."""
+    return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2.0 * np.pi))
 
 
 def skew(a: ArrayLike) -> Array:

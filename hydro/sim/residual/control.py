@@ -139,14 +139,9 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step."""
     first = states[TICK] == 0.0
     filters = states[FILTER : FILTER + 12].reshape(6, 2)
-    if first:
-        for i in range(6):
-            filters[i, 0] = nu[i]
-            filters[i, 1] = 0.0
-    else:
-        row = min(int(states[TICK]), int(block[AT_GAIN_ROWS]) - 1)
-        begin = int(block[AT_GAINS]) + 12 * row
-        filter_step(filters, nu, block[begin : begin + 12].reshape(6, 2), block[AT_PERIOD])
+    begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
+    forward = block[begin : begin + 12 * rows].reshape(rows, 6, 2)
+    filter_step(int(states[TICK]), filters, nu, forward, block[AT_PERIOD])
     states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
 
     memory = states[STATES : STATES + int(block[AT_MEMORY])]
