@@ -367,6 +367,5 @@ def replay(
     from hydro.sim.residual.conditioning import preset
 
     flown = sim.variants(models, variants)
-    return sim.replay(
-        raw, vehicle, flown, conditioning=preset(conditioning, vehicle), piece=piece, dataset=dataset
-    )
+    setup = sim.Setup(conditioning=preset(conditioning, vehicle))
+    return sim.replay(raw, vehicle, flown, setup=setup, piece=piece, dataset=dataset)

@@ -106,14 +106,14 @@ def replay(
     for name, artefact in zip(model or [], trained, strict=True):
         _require_same_effects(name, artefact, known)
     flown = sim.variants([models.from_artefact(artefact) for artefact in trained], variant or None)
+    physics = Physics(timestep=timestep, integrator=integrator)
+    setup = sim.Setup(conditioning=preset(conditioning, known), lead=lead, physics=physics)
     with progress("replay") as update, about(raw):
         series, errors = sim.replay(
             source.frame,
             known,
             flown,
-            conditioning=preset(conditioning, known),
-            lead=lead,
-            physics=Physics(timestep=timestep, integrator=integrator),
+            setup=setup,
             dataset=dataset_name(raw),
             piece=piece,
             progress=lambda name, done, total: update(done, total, name),

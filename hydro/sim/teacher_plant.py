@@ -118,12 +118,12 @@ def _fly(mask: Mask, fleet: _Fleet, begin: bool, period: float, gravity: float, 
         if steps > 0:
             advance(motion, thrusters, course, 0.0, period / steps, None)
         fleet.y[k], fleet.lags[k] = motion.y, thrusters.rotors[2]
-        _read(motion, thrusters, gravity, k, readings)
+        _read(motion, thrusters, gravity, int(k), readings)
 
 
 @jit
 def _read(motion: Motion, thrusters: Thrusters, gravity: float, k: int, readings: Readings) -> None:
-    """Write the readings of vehicle k; where it left the realm of numbers, mark it and keep what they were."""
+    """Write the readings of vehicle k, or mark it as diverged and keep what they were."""
     y, s, work, rotors = motion.y, motion.s, motion.work, thrusters.rotors[2]
     rates_kernel(motion.flat, motion.facets, y, s, rotors, work[3, :6], work[0])
     if not np.isfinite(y.sum() + work[0].sum()):

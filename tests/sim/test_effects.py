@@ -102,7 +102,12 @@ def reference(vehicle, held, *, timestep=0.002):
     return np.stack(
         [
             trajectory(
-                program, np.vstack([segment, segment[-1:]]), t, eta=ETA, nu=nu, steps=steps_of_row(DT, 1.0 / timestep)
+                program,
+                np.vstack([segment, segment[-1:]]),
+                t,
+                eta=ETA,
+                nu=nu,
+                steps=steps_of_row(DT, 1.0 / timestep),
             )[1:]
             for segment, nu in zip(held, STARTS, strict=False)
         ]

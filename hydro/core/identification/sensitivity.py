@@ -180,9 +180,7 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
     return flat.size == other.size and np.array_equal(flat[:begin], other[:begin])
 
 
-def _predicted(
-    base: Loaded, varied: Varied, shots: Shots, part: slice, count: int
-) -> tuple[Array, Array]:
+def _predicted(base: Loaded, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
     """Predicted states (s, length, 13), and columns (s, length, 12, 12 + P + 1), the first of them filled."""
     places, known = shots.places(part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))

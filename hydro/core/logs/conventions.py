@@ -24,8 +24,8 @@ from hydro.core.logs.logmap import (
     command,
     named,
 )
-from hydro.core.vehicle.frames import HALF_TURN
 from hydro.core.logs.resample import Channel, channel, held, interpolated, same_sign, unwrapped
+from hydro.core.vehicle.frames import HALF_TURN
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

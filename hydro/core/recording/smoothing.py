@@ -120,7 +120,7 @@ def _hold_last(values: Array, rows: int) -> Array:
 def _step(state: Array, z: float, gain: Array, dt: float) -> float:
     """One prediction and correction of one axis, (nu, nu_dot) in place; the innovation."""
     predicted = state[0] + dt * state[1]
-    innovation = z - predicted
+    innovation: float = z - predicted
     state[0] = predicted + gain[0] * innovation
     state[1] += gain[1] * innovation
     return innovation

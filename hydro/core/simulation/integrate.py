@@ -228,4 +228,4 @@ def march(
             now = t[at + k]
             length = course.length if course.length > 0.0 else (t[at + k + 1] - now) / course.steps
             advance(motion, thrusters, course, now, length, deviations)
-    return last + 1
+    return int(last + 1)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
+from hydro.core.vehicle.frames import wrapped
 
 Array = NDArray[np.float64]
 

@@ -80,7 +80,13 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
         motion[rows] = trajectory(
-            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], settled=bool(resumed), steps=steps
+            program,
+            demand[rows],
+            t[rows],
+            eta=given[begin, :6],
+            nu=velocity[0],
+            settled=bool(resumed),
+            steps=steps,
         )
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])

@@ -148,11 +148,10 @@ def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
 @jit
 def _feels_inflow(flat: Array) -> bool:
     """Whether the thrust of any thruster depends on the motion."""
-    table = thrusters_of(flat)
+    table, feels = thrusters_of(flat), False
     for i in range(table.shape[0]):
-        if table[i, INFLOW] != 0.0:
-            return True
-    return False
+        feels = feels or table[i, INFLOW] != 0.0
+    return feels
 
 
 @jit

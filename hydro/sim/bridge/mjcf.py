@@ -183,7 +183,9 @@ def _add_hull(
     mesh = folder / hull.mesh if folder is not None and hull.mesh else None
     if mesh is None:
         half = np.array([hull.length, hull.width, hull.height]) / 2
-        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=HALF_TURN * hull.center, **style)
+        return body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=HALF_TURN * hull.center, **style
+        )
     if not mesh.is_file():
         raise DataError(
             f"{mesh}: the hull mesh named by the vehicle file is not there; correct hull.mesh or leave it out"
@@ -213,7 +215,7 @@ def _add_thruster(
     if thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
     else:
-        site = body.add_site(name=name, pos=HALF_TURN * thruster.position, size=[0.03, 0.03, 0.03])
+        site = body.add_site(name=name, pos=HALF_TURN * np.array(thruster.position), size=[0.03, 0.03, 0.03])
         wrench = np.concatenate([thruster.direction, np.zeros(3)])
     actuator = spec.add_actuator(
         name=name,

@@ -53,4 +53,3 @@ def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
     linear = np.einsum("...ji,...j->...i", back, swap_frd_flu(qvel[..., :3]))
     eta = np.concatenate([swap_frd_flu(qpos[..., :3]), euler_from_quaternion(quaternion)], axis=-1)
     return eta, np.concatenate([linear, swap_frd_flu(qvel[..., 3:6])], axis=-1)
-

@@ -31,7 +31,7 @@ from hydro.core.recording.smoothing import Design, filter_step, gains
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
 from hydro.sim.residual.layers import COLUMNS, damping
-from hydro.sim.residual.network import Network, network_kernel
+from hydro.sim.residual.network import Network, Weights, network_kernel
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -154,17 +154,13 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
     begin = int(block[AT_SCALERS])
     work = np.empty(int(block[AT_ROOM]), np.float32)
-    network_kernel(
+    network = Weights(
         block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
         weights,
         block[AT_PHYSFEAT] > 0.0,
         block[begin : begin + 2 * inputs + 12],
-        state,
-        memory,
-        np.empty(inputs),
-        work,
-        wrench,
     )
+    network_kernel(network, state, memory, work, wrench)
     history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
         held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]
