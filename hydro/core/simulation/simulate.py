@@ -79,15 +79,8 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         velocity = given[begin : begin + 1, 6:]
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
-        motion[rows] = trajectory(
-            program,
-            demand[rows],
-            t[rows],
-            eta=given[begin, :6],
-            nu=velocity[0],
-            settled=bool(resumed),
-            steps=steps,
-        )
+        begun = {"eta": given[begin, :6], "nu": velocity[0], "settled": bool(resumed)}
+        motion[rows] = trajectory(program, demand[rows], t[rows], steps=steps, **begun)
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
     return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
