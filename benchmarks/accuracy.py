@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from hydro.core.effects import assemble
 from hydro.core.simulation.sensor_noise import PROFILES
-from hydro.core.simulation.simulate import trajectory
+from hydro.core.simulation.simulate import steps_of_row, trajectory
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.sim.bridge.mjcf import Integrator
@@ -57,7 +57,7 @@ def reference(vehicle: Vehicle, eta: Array, nu: Array, commands: Array) -> Array
     held = np.concatenate([commands, commands[:, -1:]], axis=1)
     return np.stack(
         [
-            trajectory(program, held[k], t, eta=eta[k], nu=nu[k], dt=HELD, rate=REFERENCE)[1:]
+            trajectory(program, held[k], t, eta=eta[k], nu=nu[k], steps=steps_of_row(HELD, REFERENCE))[1:]
             for k in range(SEGMENTS)
         ]
     )

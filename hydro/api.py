@@ -538,7 +538,7 @@ def replay(
         raw,
         vehicle,
         flown,
-        conditioning=preset(conditioning, vehicle),
+        setup=sim.Setup(conditioning=preset(conditioning, vehicle)),
         piece=piece,
         dataset=dataset,
         progress=progress

@@ -120,9 +120,8 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Art
             subject,
             count,
             given.seed,
-            excitation=given.excitation,
+            programme=sim.Programme(given.excitation, given.depth),
             noise=sigma,
-            depth=given.depth,
             threads=given.threads,
             report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
         )

@@ -176,14 +176,14 @@ def _flown(given: _Given, file: Path | None) -> _Flown:
     for name, artefact in zip(given.models, trained, strict=True):
         _require_same_effects(name, artefact, known)
     flown = sim.variants([models.from_artefact(artefact) for artefact in trained], given.variants or None)
+    physics = Physics(timestep=given.timestep, integrator=given.integrator)
+    setup = sim.Setup(conditioning=preset(given.conditioning, known), lead=given.lead, physics=physics)
     with progress("replay") as update, about(given.raw):
         series, errors = sim.replay(
             source.frame,
             known,
             flown,
-            conditioning=preset(given.conditioning, known),
-            lead=given.lead,
-            physics=Physics(timestep=given.timestep, integrator=given.integrator),
+            setup=setup,
             dataset=dataset_name(given.raw),
             piece=given.piece,
             progress=lambda name, done, total: update(done, total, name),

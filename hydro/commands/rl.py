@@ -344,12 +344,10 @@ def watch(
     world = settings.world
     size = world.length, world.width, world.depth
     if output.suffix == ".mp4":
-        from hydro.sim.film import film
+        from hydro.sim.film import Flown, film
 
-        shown = flight.pose, flight.targets, flight.pillars
-        film(
-            builder.vehicle, size, *shown, radius=world.pillar_radius, period=settings.period, output=output,
-        )  # fmt: skip
+        flown = Flown(flight.pose, flight.targets, flight.pillars, settings.period)
+        film(builder.vehicle, flown, size, radius=world.pillar_radius, output=output)
     else:
         from hydro.report.training import draw_flight, save
 

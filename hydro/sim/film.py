@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import wrapped
 from hydro.sim import scene
 from hydro.sim.bridge import states
 
@@ -25,15 +27,29 @@ SWING = 0.05
 """Share of a turn that the camera follows in a frame."""
 
 
+@dataclass(frozen=True)
+class Flown:
+    """A flight to be shown.
+
+    Attributes:
+        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (K, 7).
+        targets: What the vehicle swims to, a red sphere, (K, 3), NED [m].
+        pillars: Axes (P, 2), NED [m].
+        period: Time between poses [s].
+    """
+
+    pose: Array
+    targets: Array
+    pillars: Array
+    period: float
+
+
 def film(
     vehicle: Vehicle,
+    flown: Flown,
     size: tuple[float, float, float],
-    pose: Array,
-    targets: Array,
-    pillars: Array,
     *,
     radius: float,
-    period: float,
     output: Path,
     folder: Path | None = None,
 ) -> None:
@@ -41,12 +57,9 @@ def film(
 
     Args:
         vehicle: The vehicle file.
+        flown: The flight.
         size: Length, width and depth of the tank [m].
-        pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (K, 7).
-        targets: What it swims to, a red sphere, (K, 3), NED [m].
-        pillars: Axes (P, 2), NED [m].
         radius: Of the pillars [m].
-        period: Time between poses [s].
         output: The file; its suffix says the format.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
 
@@ -60,7 +73,7 @@ def film(
         raise UsageError(
             "films need the extra `video`: pip install 'deep-hydro-sim[video]', or name a .png"
         ) from error
-    model = scene.tank(vehicle, size, pillars=len(pillars), radius=radius, folder=folder)
+    model = scene.tank(vehicle, size, pillars=len(flown.pillars), radius=radius, folder=folder)
     model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
     model.stat.extent = max(size)  # pillars that are put away are far; what is near would be clipped
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.4, 0.6
@@ -71,25 +84,23 @@ def film(
             "MuJoCo finds no OpenGL to render with: set MUJOCO_GL=egl or osmesa, or name a .png"
         ) from error
     films: Any = imageio
-    with renderer, films.get_writer(output, fps=round(1.0 / period), macro_block_size=8) as writer:
-        for frame in _frames(model, renderer, pose, targets, pillars):
+    with renderer, films.get_writer(output, fps=round(1.0 / flown.period), macro_block_size=8) as writer:
+        for frame in _frames(model, renderer, flown):
             writer.append_data(frame)
 
 
-def _frames(
-    model: mujoco.MjModel, renderer: Any, pose: Array, targets: Array, pillars: Array
-) -> Iterator[NDArray[np.uint8]]:
+def _frames(model: mujoco.MjModel, renderer: Any, flown: Flown) -> Iterator[NDArray[np.uint8]]:
     """One picture per pose, from a camera that follows."""
     data = mujoco.MjData(model)
     camera = mujoco.MjvCamera()
     camera.distance, camera.elevation = DISTANCE, ELEVATION
-    camera.azimuth = bow(pose[0])
-    for now, target in zip(pose, targets, strict=True):
+    camera.azimuth = bow(flown.pose[0])
+    for now, target in zip(flown.pose, flown.targets, strict=True):
         data.qpos[:], data.qvel[:] = states.coordinates(now, np.zeros(6))
-        scene.place(model, data, pillars, target)
+        scene.place(model, data, flown.pillars, target)
         mujoco.mj_forward(model, data)
         camera.lookat[:] = data.qpos[:3]
-        camera.azimuth += SWING * ((bow(now) - camera.azimuth + 180.0) % 360.0 - 180.0)
+        camera.azimuth += SWING * np.degrees(wrapped(np.radians(bow(now) - camera.azimuth)))
         renderer.update_scene(data, camera)
         yield renderer.render()
 

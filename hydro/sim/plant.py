@@ -7,20 +7,53 @@ and `step`, so that compiled code can read them without a copy.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import quaternion_kernel
+from hydro.core.vehicle.frames import HALF_TURN, quaternion_kernel
 from hydro.sim.bridge.water import Water
 from hydro.sim.student import Physics, Student
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Snapshot = dict[str, NDArray[np.generic]]
+
+
+class Readings(NamedTuple):
+    """What is read off N vehicles: the arrays of a `Plant`."""
+
+    pose: Array
+    velocity: Array
+    specific_force: Array
+    thrust: Array
+    diverged: Mask
+
+    @classmethod
+    def of(cls, count: int, thrusters: int) -> Readings:
+        """Of so many vehicles, at rest at the origin."""
+        pose, diverged = np.zeros((count, 7)), np.zeros(count, dtype=np.bool_)
+        pose[:, 3] = 1.0
+        return cls(pose, np.zeros((count, 6)), np.zeros((count, 3)), np.zeros((count, thrusters)), diverged)
+
+
+class Coordinates(NamedTuple):
+    """Motion of N vehicles in MuJoCo's terms.
+
+    Attributes:
+        qpos: (N, 7).
+        qvel: (N, 6).
+        qacc: (N, 6), at the beginning of the last physics step.
+        warning: Counters (N, warnings, 2).
+    """
+
+    qpos: Array
+    qvel: Array
+    qacc: Array
+    warning: NDArray[np.int32]
 
 
 class Plant(Protocol):
@@ -89,15 +122,13 @@ class StudentPlant:
         self._steps = physics.steps(period, "the control step")
         self._student = Student(vehicle, water, count=count, physics=physics, threads=threads, folder=folder)
         batch, thrusters = self._student.batch, len(vehicle.thruster)
-        self._motion = batch.qpos, batch.qvel, batch.qacc, batch.warning
+        self._motion = Coordinates(batch.qpos, batch.qvel, batch.qacc, batch.warning)
         self._force = batch.actuator_force[:, :thrusters]
         self._ctrl = batch.ctrl[:, :thrusters]
         self._gravity = vehicle.environment.gravity
         self.vehicle = vehicle
-        self.pose, self.velocity = np.zeros((count, 7)), np.zeros((count, 6))
-        self.pose[:, 3] = 1.0
-        self.specific_force, self.thrust = np.zeros((count, 3)), np.zeros((count, thrusters))
-        self.diverged, self._all = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
+        self._readings, self._all = Readings.of(count, thrusters), np.ones(count, dtype=np.bool_)
+        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
@@ -113,9 +144,7 @@ class StudentPlant:
 
     def _read(self, mask: Mask) -> None:
         """Bring the arrays of some vehicles up to date."""
-        read_kernel(
-            mask, *self._motion, self._gravity, self.pose, self.velocity, self.specific_force, self.diverged
-        )
+        read_kernel(mask, self._motion, self._gravity, self._readings)
         self.thrust[mask] = self._force[mask]
 
     def snapshot(self) -> Snapshot:
@@ -138,35 +167,28 @@ _READ = ("pose", "velocity", "specific_force", "thrust", "diverged")
 
 
 @jit
-def read_kernel(
-    mask: Mask,
-    qpos: Array,
-    qvel: Array,
-    qacc: Array,
-    warning: NDArray[np.int32],
-    gravity: float,
-    pose: Array,
-    velocity: Array,
-    specific_force: Array,
-    diverged: Mask,
-) -> None:
+def upright(state: Array, pose: Array) -> None:
+    """Write position and quaternion (7,), the quaternion with w >= 0."""
+    sign = 1.0 if state[3] >= 0.0 else -1.0
+    for i in range(7):
+        pose[i] = state[i] if i < 3 else sign * state[i]
+
+
+@jit
+def read_kernel(mask: Mask, motion: Coordinates, gravity: float, readings: Readings) -> None:
     """Motion of some vehicles in NED and FRD from MuJoCo's coordinates (see `sim.bridge.states`).
 
     A row that MuJoCo warned of, or that is not finite, is marked as diverged and keeps what it held.
 
     Args:
         mask: Which rows to read (N,).
-        qpos: (N, 7).
-        qvel: (N, 6).
-        qacc: (N, 6), at the beginning of the last physics step.
-        warning: Counters (N, warnings, 2).
+        motion: Theirs.
         gravity: [m/s^2].
-        pose: (N, 7) written.
-        velocity: (N, 6) written.
-        specific_force: (N, 3) written.
-        diverged: (N,), set and never cleared.
+        readings: Written, but for the thrusts; `diverged` is set and never cleared.
     """
     R, force = np.empty(9), np.empty(3)
+    qpos, qvel, qacc, warning = motion.qpos, motion.qvel, motion.qacc, motion.warning
+    pose, velocity, diverged = readings.pose, readings.velocity, readings.diverged
     for k in np.flatnonzero(mask):
         for kind in range(warning.shape[1]):
             if warning[k, kind, 1] > 0:
@@ -175,15 +197,15 @@ def read_kernel(
             diverged[k] = True
         if diverged[k]:
             continue
-        sign = 1.0 if qpos[k, 3] >= 0.0 else -1.0
-        for i in range(7):
-            pose[k, i] = qpos[k, i] if i < 3 else sign * qpos[k, i]
-        for i in (1, 2, 5, 6):
-            pose[k, i] = -pose[k, i]
+        upright(qpos[k], pose[k])
+        for i in range(1, 3):
+            pose[k, i] *= HALF_TURN[i]
+            pose[k, 4 + i] *= HALF_TURN[i]
         quaternion_kernel(pose[k, 3:7], R)
-        force[0], force[1], force[2] = qacc[k, 0], -qacc[k, 1], -qacc[k, 2] - gravity
         for i in range(3):
-            here = 1.0 if i == 0 else -1.0
+            force[i] = HALF_TURN[i] * qacc[k, i]
+        force[2] -= gravity
+        for i in range(3):
             velocity[k, i] = R[i] * qvel[k, 0] - R[3 + i] * qvel[k, 1] - R[6 + i] * qvel[k, 2]
-            velocity[k, 3 + i] = here * qvel[k, 3 + i]
-            specific_force[k, i] = R[i] * force[0] + R[3 + i] * force[1] + R[6 + i] * force[2]
+            velocity[k, 3 + i] = HALF_TURN[i] * qvel[k, 3 + i]
+            readings.specific_force[k, i] = R[i] * force[0] + R[3 + i] * force[1] + R[6 + i] * force[2]

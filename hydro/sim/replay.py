@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import compress
 from pathlib import Path
@@ -109,20 +109,47 @@ def _needs_effects(model: TrainedModel) -> bool:
     return model.subtract == "effects"
 
 
+@dataclass(frozen=True)
+class Setup:
+    """How variants are flown.
+
+    Attributes:
+        conditioning: Conditioning of a network's wrench (paper III-B); none by default.
+        design: Filter for the online acceleration; by default one that trusts every sample.
+        control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
+        lead: How far ahead a network is asked, as a share of the control step, see `sim.residual.control`.
+        physics: Step and integrator; the paper's 500 Hz by default.
+        threads: Threads that share the segments.
+        folder: Folder of the vehicle file, where a hull mesh is looked for.
+    """
+
+    conditioning: Conditioning = OFF
+    design: Design | None = None
+    control_step: float = 0.04
+    lead: float = 0.5
+    physics: Physics = field(default_factory=Physics)
+    threads: int = 1
+    folder: Path | None = None
+
+    def student(self, variant: Variant, vehicle: Vehicle, count: int) -> Student:
+        """So many vehicles that fly as a variant."""
+        water = _water(variant, vehicle, self._control)
+        return Student(
+            vehicle, water, count=count, physics=self.physics, threads=self.threads, folder=self.folder
+        )
+
+    def _control(self, network: Network) -> Control:
+        return Control(network, self.control_step, self.design, self.conditioning, self.lead)
+
+
 def replay(
     raw: pl.DataFrame,
     vehicle: Vehicle,
     flown: Sequence[Variant] = BASELINES,
     *,
-    conditioning: Conditioning = OFF,
-    design: Design | None = None,
-    control_step: float = 0.04,
-    lead: float = 0.5,
-    physics: Physics | None = None,
+    setup: Setup | None = None,
     dataset: str = "recording",
     piece: float | None = None,
-    threads: int = 1,
-    folder: Path | None = None,
     progress: Progress | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Replay every session, and after every gap anew, from its first row's state under its recorded commands.
@@ -135,16 +162,10 @@ def replay(
         raw: Raw table.
         vehicle: The vehicle file it was recorded with.
         flown: What to fly, see `variants`.
-        conditioning: Conditioning of a network's wrench (paper III-B); none by default.
-        design: Filter for the online acceleration; by default one that trusts every sample.
-        control_step: Time for which a network's wrench is held [s]; the paper's 25 Hz by default.
-        lead: How far ahead a network is asked, as a share of the control step, see `sim.residual.control`.
-        physics: Step and integrator; the paper's 500 Hz by default.
+        setup: How; by default as the paper does, but for the lead.
         dataset: Name of the recording in the metrics.
         piece: Also measure every piece of so many seconds of each session, such as the segments of a sequence
             of commands; its dataset is called `recording 10-20 s`.
-        threads: Threads that share the segments.
-        folder: Folder of the vehicle file, where a hull mesh is looked for.
         progress: Called with a variant's name, rows of the longest segment flown, and its rows in all.
 
     Returns:
@@ -158,38 +179,69 @@ def replay(
         DataError: The table does not fit the vehicle.
         UsageError: The log's sample time is no multiple of the physics step.
     """
-    physics = physics or Physics()
-    commands = _commands(raw, vehicle)
-    bounds = segments(raw)
-    steps = physics.steps(sample_time(raw), "the log's sample time")
-    resumed = resumes(raw, bounds)
-    measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
-    log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
-    begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
+    setup, record = setup or Setup(), _Recorded.of(raw, vehicle)
+    steps, measured = setup.physics.steps(sample_time(raw), "the log's sample time"), record.measured
     series, metrics = [_series(raw, MEASURED, measured, np.ones(len(measured), dtype=bool))], []
     for variant in flown:
-        water = _water(
-            variant,
-            vehicle,
-            partial(Control, period=control_step, design=design, conditioning=conditioning, lead=lead),
-        )
-        student = Student(vehicle, water, count=len(bounds), physics=physics, threads=threads, folder=folder)
-        first = bounds[:, 0]
-        settled = np.where(resumed[:, None], commands[first], np.nan)
-        student.start(measured[first, :6], begun[first], settled=settled)
+        student = setup.student(variant, vehicle, len(record.bounds))
         report = partial(progress, variant.name) if progress is not None else None
-        motion = _fly(student, np.hstack([measured[:, :6], begun]), commands, bounds, steps, report)
-        motion[:, 6:] = _along(sensor.measured, log, clock, motion[:, 6:], bounds)
-        before = _before(log, clock, bounds)
-        motion[before, 6:9] = measured[before, 6:9]
+        motion = _logged(record, student, steps, report)
         valid: NDArray[np.bool_] = np.asarray(np.isfinite(motion).all(axis=1))
         series.append(_series(raw, variant.name, motion, valid))
         metrics.append(_metrics(variant, dataset, raw, measured, motion, valid))
         if piece is not None:
             metrics += _by_piece(variant, dataset, raw, measured, motion, valid, piece)
         if variant.network is not None:
-            metrics.append(_conditioning_metrics(variant, dataset, student, valid[bounds[:, 1] - 1]))
+            metrics.append(_conditioning_metrics(variant, dataset, student, valid[record.bounds[:, 1] - 1]))
     return pl.concat(series), pl.concat(metrics)
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """A recording that is flown again.
+
+    Attributes:
+        measured: Pose and velocity as logged, (N, 12).
+        begun: Velocity behind what was logged, (N, 6).
+        commands: (N, n).
+        clock: Times [s], (N,).
+        bounds: Segments, (S, 2).
+        resumed: Which of them follow a gap, (S,).
+        log: The vehicle's velocity log.
+    """
+
+    measured: Array
+    begun: Array
+    commands: Array
+    clock: Array
+    bounds: Bounds
+    resumed: NDArray[np.bool_]
+    log: Array
+
+    @classmethod
+    def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
+        """The recording in a raw table."""
+        commands, bounds = _commands(raw, vehicle), segments(raw)
+        measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
+        log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
+        begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
+        return cls(measured, begun, commands, clock, bounds, resumes(raw, bounds), log)
+
+
+def _logged(
+    record: _Recorded, student: Student, steps: int, report: Callable[[int, int], None] | None
+) -> Array:
+    """What the log would have told of flying it again, (N, 12), NaN from where a flight diverged."""
+    measured, begun, bounds = record.measured, record.begun, record.bounds
+    first = bounds[:, 0]
+    settled = np.where(record.resumed[:, None], record.commands[first], np.nan)
+    student.start(measured[first, :6], begun[first], settled=settled)
+    known = np.hstack([measured[:, :6], begun])
+    motion = _fly(student, known, record.commands, bounds, steps, report)
+    motion[:, 6:] = _along(sensor.measured, record.log, record.clock, motion[:, 6:], bounds)
+    before = _before(record.log, record.clock, bounds)
+    motion[before, 6:9] = measured[before, 6:9]
+    return motion
 
 
 def _along(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import HALF_TURN
 from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import Water
 
@@ -49,7 +50,34 @@ def tank(
         DataError: The vehicle cannot be simulated.
     """
     spec = mjcf.scene(vehicle, water, folder=folder)
-    length, width, depth = size
+    half = 0.5 * np.array(size)
+    _enclose(spec, half)
+    for number in range(pillars):
+        body = spec.worldbody.add_body(name=f"{PILLAR}{number}", mocap=True, pos=[_AWAY, 0.0, -half[2]])
+        kind, rgba = mujoco.mjtGeom.mjGEOM_CYLINDER, [0.75, 0.35, 0.2, 1.0]
+        _add(body, kind, [radius, half[2], 0.0], [0.0, 0.0, 0.0], rgba)
+    goal = spec.worldbody.add_body(name=GOAL, mocap=True, pos=[_AWAY, 0.0, -half[2]])
+    kind, rgba = mujoco.mjtGeom.mjGEOM_SPHERE, [0.9, 0.1, 0.1, 1.0]
+    _add(goal, kind, [0.15, 0.0, 0.0], [0.0, 0.0, 0.0], rgba, SURFACE_GROUP)
+    return native.prepare(spec.compile())
+
+
+def _enclose(spec: mujoco.MjSpec, half: Array) -> None:
+    """Walls, a floor of sand and the surface around water of half a length, width and depth."""
+    middle, box = HALF_TURN * half, mujoco.mjtGeom.mjGEOM_BOX
+    for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
+        center, extent = middle.copy(), half.copy()
+        center[axis] += side * (half[axis] + _THICK)
+        extent[axis] = _THICK
+        _add(spec.worldbody, box, extent, center, [0.35, 0.5, 0.6, 0.15])
+    floor = spec.worldbody.geoms[-1]
+    floor.material, floor.rgba = _sand(spec), [1.0, 1.0, 1.0, 1.0]
+    surface, extent = np.array([middle[0], middle[1], 0.0]), np.array([half[0], half[1], 0.001])
+    _add(spec.worldbody, box, extent, surface, [0.5, 0.8, 1, 0.08], SURFACE_GROUP)
+
+
+def _sand(spec: mujoco.MjSpec) -> str:
+    """Name of a chequered material whose squares are a metre wide."""
     spec.add_texture(
         name="sand",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -61,43 +89,7 @@ def tank(
     )
     material = spec.add_material(name="sand", texrepeat=[1.0, 1.0], texuniform=True)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "sand"
-    middle = np.array([0.5 * length, -0.5 * width, -0.5 * depth])
-    half = np.array([0.5 * length, 0.5 * width, 0.5 * depth])
-    for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1), (2, -1)):
-        center, extent = middle.copy(), half.copy()
-        center[axis] += side * (half[axis] + _THICK)
-        extent[axis] = _THICK
-        _add(spec.worldbody, mujoco.mjtGeom.mjGEOM_BOX, extent, center, [0.35, 0.5, 0.6, 0.15])
-    floor = spec.worldbody.geoms[-1]
-    floor.material, floor.rgba = "sand", [1.0, 1.0, 1.0, 1.0]
-    surface = [middle[0], middle[1], 0.0]
-    _add(
-        spec.worldbody,
-        mujoco.mjtGeom.mjGEOM_BOX,
-        [half[0], half[1], 0.001],
-        surface,
-        [0.5, 0.8, 1, 0.08],
-        SURFACE_GROUP,
-    )
-    for number in range(pillars):
-        body = spec.worldbody.add_body(name=f"{PILLAR}{number}", mocap=True, pos=[_AWAY, 0.0, middle[2]])
-        _add(
-            body,
-            mujoco.mjtGeom.mjGEOM_CYLINDER,
-            [radius, half[2], 0.0],
-            [0.0, 0.0, 0.0],
-            [0.75, 0.35, 0.2, 1.0],
-        )
-    goal = spec.worldbody.add_body(name=GOAL, mocap=True, pos=[_AWAY, 0.0, middle[2]])
-    _add(
-        goal,
-        mujoco.mjtGeom.mjGEOM_SPHERE,
-        [0.15, 0.0, 0.0],
-        [0.0, 0.0, 0.0],
-        [0.9, 0.1, 0.1, 1.0],
-        SURFACE_GROUP,
-    )
-    return native.prepare(spec.compile())
+    return "sand"
 
 
 def _add(
@@ -118,4 +110,4 @@ def place(model: mujoco.MjModel, data: mujoco.MjData, pillars: Array, target: Ar
         moved = data.mocap_pos[model.body(f"{PILLAR}{number}").mocapid[0]]
         moved[:2] = (x, -y) if np.isfinite(x) else (_AWAY, 0.0)
     if target is not None:
-        data.mocap_pos[model.body(GOAL).mocapid[0]] = mjcf.FLIP * target
+        data.mocap_pos[model.body(GOAL).mocapid[0]] = HALF_TURN * target

@@ -27,16 +27,15 @@ from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
-from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
-from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array, Role
 from hydro.core.errors import DataError
-from hydro.core.simulation.dynamics import observe
+from hydro.core.simulation.dynamics import BODY, afloat, settle
 from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan
-from hydro.core.simulation.integrate import BODY, advance
+from hydro.core.simulation.integrate import Course, at_rest, march, resume
+from hydro.core.simulation.pilot import Pilot
 from hydro.core.simulation.sensor_noise import Noise, disturb
 from hydro.core.simulation.steady_motion import wrench_limits
-from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing, mixing_kernel
+from hydro.core.vehicle.control_allocation import Mixing, mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.ellipsoid import added_mass_matrix
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
@@ -52,6 +51,19 @@ REPLACED = frozenset(with_role(Role.HULL_WATER))
 MOTION_COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 Report = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Programme:
+    """What a vehicle is recorded doing.
+
+    Attributes:
+        excitation: One of `simulation.excitation.DECKS`.
+        depth: Depth of the start and of the hold [m].
+    """
+
+    excitation: str = "hybrid"
+    depth: float = DEPTH
 
 
 @dataclass(frozen=True)
@@ -129,9 +141,8 @@ def collect(
     rows: int,
     seed: int,
     *,
-    excitation: str = "hybrid",
+    programme: Programme | None = None,
     noise: Noise | None = None,
-    depth: float = DEPTH,
     threads: int | None = None,
     report: Report | None = None,
 ) -> pl.DataFrame:
@@ -141,9 +152,8 @@ def collect(
         subject: From `teacher`.
         rows: Rows to record in all, at 50 Hz.
         seed: Seed of the sessions, the demands, the headings and the noise.
-        excitation: Programme, one of `simulation.excitation.DECKS`.
+        programme: What it does, and how deep.
         noise: Of the sensors; none by default.
-        depth: Depth of the start and of the hold [m].
         threads: Sessions flown at a time, by default one per core; the result does not depend on it.
         report: Called with the number of rows done, from this thread.
 
@@ -153,10 +163,11 @@ def collect(
     Raises:
         DataError: No such programme, no axis to excite, or a motion that grows beyond all bounds.
     """
-    sessions = plan(rows, seed, subject.mixing.axes, excitation=excitation)
+    flown = programme or Programme()
+    sessions = plan(rows, seed, subject.mixing.axes, excitation=flown.excitation)
 
     def fly_one(session: Session) -> pl.DataFrame:
-        return _logged(subject, session, seed, depth, noise or Noise())
+        return _logged(subject, session, seed, flown.depth, noise or Noise())
 
     frames: list[pl.DataFrame] = []
     done = 0
@@ -199,12 +210,11 @@ def fly(
     first[2], first[3:7], first[7:] = depth, quaternion_from_euler(0.0, 0.0, heading), nu
     aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
     states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
-    crew = subject.mixing
+    crew, program = subject.mixing, subject.program
     wrenches = np.ascontiguousarray(demand) * crew.authority
-    reached: int = _march(
-        subject.program.flat, subject.facets, crew.gains, crew.allocation, crew.table, wrenches, aim, first,
-        states, commands,
-    )  # fmt: skip
+    pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, first[2], aim)
+    course = Course(commands, np.arange(rows) / RATE, SUBSTEPS, 1.0 / (RATE * SUBSTEPS))
+    reached: int = _follow(program.flat, subject.facets, first, course, pilot, states)
     if reached < rows:
         raise DataError(
             f"the motion grows beyond all bounds by t = {reached / RATE:g} s: check the vehicle's inertia, "
@@ -233,63 +243,16 @@ def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: 
 
 
 @jit
-def _march(
-    flat: Array,
-    facets: Array,
-    gains: Array,
-    allocation: Array,
-    believed: Array,
-    wrenches: Array,
-    aim: Array,
-    first: Array,
-    states: Array,
-    commands: Array,
-) -> int:
-    """Fly one session from `first` (13,); the number of rows of `states` (N, 13) that stayed finite.
+def _follow(flat: Array, facets: Array, first: Array, course: Course, pilot: Pilot, out: Array) -> int:
+    """Fly one session from `first` (13,); the number of rows of `out` (N, 13) that stayed finite.
 
-    `believed` is the thruster table that the mixing knows, the program's own may hold hidden faults.
+    The commands of the course are the pilot's, written row by row.
     """
-    table = thrusters_of(flat)
-    count, rows = table.shape[0], wrenches.shape[0]
-    h = 1.0 / (RATE * SUBSTEPS)
-    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
-    y[:BODY] = first
-    observe(flat, y[:3], y[3:7], y[7:BODY], s)
-    start(flat, s, y[BODY:])
-    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
-    rotors, work, tau = np.zeros((3, count)), np.zeros((4, y.size)), np.zeros(6)
-    t = np.arange(rows) / RATE
-    due = (0.0, 0.0)
-    for k in range(rows):
-        if not np.isfinite(y.sum()):
-            return k
-        states[k] = y[:BODY]
-        observe(flat, y[:3], y[3:7], y[7:BODY], s)
-        tau[:] = wrenches[k]
-        hold_kernel(
-            gains, s[ROTATION : ROTATION + 9], s[POSITION + 2], s[VELOCITY : VELOCITY + 6], first[2], aim, tau
-        )
-        mixing_kernel(allocation, believed, tau, commands[k])
-        for j in range(SUBSTEPS):
-            now, end = t[k] + j * h, t[k] + (j + 1) * h
-            due = advance(
-                flat,
-                facets,
-                table,
-                commands,
-                t,
-                now,
-                end,
-                due,
-                target,
-                upcoming,
-                decay,
-                rotors,
-                y,
-                s,
-                work,
-            )
-    return int(rows)
+    motion, thrusters = afloat(flat, facets), at_rest(flat)
+    motion.y[:BODY] = first
+    settle(motion)
+    resume(thrusters, course, 0, False)
+    return march(motion, thrusters, course, 0, out, pilot, None)
 
 
 def _ellipsoid_added_mass(vehicle: Vehicle) -> Array:

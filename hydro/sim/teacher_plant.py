@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import MOTION, RELATIVE_VELOCITY, ROTATION
-from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
+from hydro.core.effects.layout import ROTATION
+from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.effects.record import Array
-from hydro.core.simulation.dynamics import observe
+from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
 from hydro.core.simulation.excitation import RATE
-from hydro.core.simulation.integrate import BODY, advance, rates_kernel
+from hydro.core.simulation.integrate import Course, Thrusters, advance, at_rest, resume
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.thrusters import DELAY, INFLOW, inflow_speed, state_to_thrust
-from hydro.sim.plant import Mask, Snapshot
+from hydro.core.vehicle.thrusters import DELAY
+from hydro.sim.plant import Mask, Readings, Snapshot, upright
 from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (RATE * SUBSTEPS)
@@ -49,17 +49,15 @@ class TeacherPlant:
             DataError: The vehicle has no teacher.
         """
         subject = teacher(vehicle, mesh=mesh, hidden=hidden)
-        self._flat, self._facets = subject.program.flat, subject.facets
-        self._period, self._gravity = period, vehicle.environment.gravity
-        table = thrusters_of(self._flat)
+        flat, self._period, self._gravity = subject.program.flat, period, vehicle.environment.gravity
+        table = thrusters_of(flat)
         thrusters, past = len(table), 2 + math.ceil(table[:, DELAY].max(initial=0.0) / period)
         self.vehicle = vehicle
-        self.pose, self.velocity = np.zeros((count, 7)), np.zeros((count, 6))
-        self.pose[:, 3] = 1.0
-        self.specific_force, self.thrust = np.zeros((count, 3)), np.zeros((count, thrusters))
-        self.diverged = np.zeros(count, dtype=np.bool_)
-        self._y = np.zeros((count, BODY + int(self._flat[STATE_COUNT])))
+        self._readings = Readings.of(count, thrusters)
+        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
+        self._y = np.zeros((count, BODY + int(flat[STATE_COUNT])))
         self._lags, self._commands = np.zeros((count, thrusters)), np.zeros((count, past, thrusters))
+        self._fleet = _Fleet(flat, subject.facets, self._y, self._lags, self._commands)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
@@ -76,10 +74,7 @@ class TeacherPlant:
 
     def _fly(self, mask: Mask, period: float, *, begin: bool = False) -> None:
         """Fly some vehicles for a time, and bring their arrays up to date."""
-        _march(
-            mask, begin, period, self._gravity, self._flat, self._facets, self._commands, self._y, self._lags,
-            self.pose, self.velocity, self.specific_force, self.thrust, self.diverged,
-        )  # fmt: skip
+        _fly(mask, self._fleet, begin, period, self._gravity, self._readings)
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""
@@ -94,73 +89,52 @@ class TeacherPlant:
 _STATE = ("pose", "velocity", "specific_force", "thrust", "diverged", "_y", "_lags", "_commands")
 
 
-@jit
-def _march(
-    mask: Mask,
-    begin: bool,
-    period: float,
-    gravity: float,
-    flat: Array,
-    facets: Array,
-    commands: Array,
-    y: Array,
-    lags: Array,
-    pose: Array,
-    velocity: Array,
-    specific_force: Array,
-    thrust: Array,
-    diverged: Mask,
-) -> None:
-    """Fly the vehicles of a mask (N,) for a time [s]; `begin` starts the effects' internal states first.
+class _Fleet(NamedTuple):
+    """N vehicles of one kind: program, hull, states (N, 13 + states), lag states (N, n), and commands.
 
-    `commands` (N, K, n) are those of the last K control steps, the last one of which begins now.
+    The commands (N, K, n) are those of the last K control steps, the last one of which begins now.
     """
-    table = thrusters_of(flat)
-    count, past = table.shape[0], commands.shape[1]
-    s, work, rotors = np.zeros(MOTION), np.zeros((4, y.shape[1])), np.zeros((3, count))
-    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
+
+    flat: Array
+    facets: Array
+    y: Array
+    lags: Array
+    commands: Array
+
+
+@jit
+def _fly(mask: Mask, fleet: _Fleet, begin: bool, period: float, gravity: float, readings: Readings) -> None:
+    """Fly the vehicles of a mask (N,) for a time [s]; `begin` starts the effects' internal states first."""
+    motion, thrusters, past = afloat(fleet.flat, fleet.facets), at_rest(fleet.flat), fleet.commands.shape[1]
     t = (np.arange(past) - (past - 1.0)) * period
     steps = int(np.ceil(period / STEP - 1e-6))
     for k in np.flatnonzero(mask):
+        course = Course(fleet.commands[k], t, steps, 0.0)
+        motion.y[:] = fleet.y[k]
         if begin:
-            observe(flat, y[k, :3], y[k, 3:7], y[k, 7:BODY], s)
-            start(flat, s, y[k, BODY:])
-        rotors[2], due = lags[k], (0.0, 0.0)
-        upcoming[:] = 0
-        for j in range(steps):
-            now, end = period * j / steps, period * (j + 1) / steps
-            due = advance(
-                flat,
-                facets,
-                table,
-                commands[k],
-                t,
-                now,
-                end,
-                due,
-                target,
-                upcoming,
-                decay,
-                rotors,
-                y[k],
-                s,
-                work,
-            )
-        lags[k] = rotors[2]
-        rates_kernel(flat, facets, y[k], s, rotors[2], work[3, :6], work[0])
-        if not np.isfinite(y[k].sum() + work[0].sum()):
-            diverged[k] = True
-            continue
-        sign = 1.0 if y[k, 3] >= 0.0 else -1.0
-        for i in range(7):
-            pose[k, i] = y[k, i] if i < 3 else sign * y[k, i]
-        velocity[k] = y[k, 7:BODY]
-        _feel(gravity, s[ROTATION + 6 : ROTATION + 9], velocity[k], work[0, 7:10], specific_force[k])
-        for i in range(count):
-            inflow = 0.0
-            if table[i, INFLOW] != 0.0:
-                inflow = inflow_speed(table[i], s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6])
-            thrust[k, i] = state_to_thrust(table[i], rotors[2, i], inflow)
+            settle(motion)
+        resume(thrusters, course, past - 1, False)
+        thrusters.rotors[2] = fleet.lags[k]
+        if steps > 0:
+            advance(motion, thrusters, course, 0.0, period / steps, None)
+        fleet.y[k], fleet.lags[k] = motion.y, thrusters.rotors[2]
+        _read(motion, thrusters, gravity, int(k), readings)
+
+
+@jit
+def _read(motion: Motion, thrusters: Thrusters, gravity: float, k: int, readings: Readings) -> None:
+    """Write the readings of vehicle k, or mark it as diverged and keep what they were."""
+    y, s, work, rotors = motion.y, motion.s, motion.work, thrusters.rotors[2]
+    rates_kernel(motion.flat, motion.facets, y, s, rotors, work[3, :6], work[0])
+    if not np.isfinite(y.sum() + work[0].sum()):
+        readings.diverged[k] = True
+        return
+    upright(y, readings.pose[k])
+    readings.velocity[k] = y[7:BODY]
+    down = s[ROTATION + 6 : ROTATION + 9]
+    _feel(gravity, down, readings.velocity[k], work[0, 7:10], readings.specific_force[k])
+    for i in range(rotors.size):
+        readings.thrust[k, i] = thrust_of(thrusters.table[i], rotors[i], s)
 
 
 @jit

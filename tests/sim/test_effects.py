@@ -10,7 +10,7 @@ from mujoco import batch, rollout
 from sim.effects import DT, EFFECTS, ETA, NU, ROWS, commands, preset, with_effect
 
 from hydro.core.effects import CATALOGUE, assemble
-from hydro.core.simulation.simulate import trajectory
+from hydro.core.simulation.simulate import steps_of_row, trajectory
 from hydro.sim.bridge import mjcf, native, states
 from hydro.sim.student import Physics, Student
 
@@ -46,7 +46,12 @@ def reference(vehicle, held, *, timestep=0.002):
     return np.stack(
         [
             trajectory(
-                program, np.vstack([segment, segment[-1:]]), t, eta=ETA, nu=nu, dt=DT, rate=1.0 / timestep
+                program,
+                np.vstack([segment, segment[-1:]]),
+                t,
+                eta=ETA,
+                nu=nu,
+                steps=steps_of_row(DT, 1.0 / timestep),
             )[1:]
             for segment, nu in zip(held, STARTS, strict=False)
         ]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.io import vehicle as vehicles
-from hydro.sim.film import bow, film
+from hydro.sim.film import Flown, bow, film
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.2, 1.2), st.floats(-3.1, 3.1))
@@ -31,6 +31,7 @@ def test_a_film_shows_the_vehicle_before_its_target(tmp_path, datasets):
     pose = np.tile([12.0, 6.0, 4.0, 1.0, 0.0, 0.0, 0.0], (3, 1))
     target = np.tile([15.0, 6.0, 4.0], (3, 1))
     path = tmp_path / "film.mp4"
-    film(vehicle, (24, 12, 8), pose, target, np.empty((0, 2)), radius=0.1, period=0.04, output=path)
+    flown = Flown(pose, target, np.empty((0, 2)), 0.04)
+    film(vehicle, flown, (24, 12, 8), radius=0.1, output=path)
     red, green, blue = imageio.get_reader(path).get_data(1)[180, 320].astype(int)
     assert min(red, green) > 2 * blue, "the middle of the picture is the yellow hull"

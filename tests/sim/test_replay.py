@@ -15,7 +15,7 @@ from hydro.core.simulation.simulate import simulate
 from hydro.io import schema
 from hydro.io import vehicle as vehicle_file
 from hydro.report.tables import piece_errors, replay_errors
-from hydro.sim.replay import BASELINES, EFFECTS, Variant, replay, variants
+from hydro.sim.replay import BASELINES, EFFECTS, Setup, Variant, replay, variants
 from hydro.sim.residual.conditioning import Conditioning
 from hydro.sim.student import Physics
 
@@ -52,7 +52,7 @@ def of(series, name):
 
 def test_the_recorded_vehicle_flies_its_recording_again(craft):
     raw = recording(craft)
-    series, metrics = replay(raw, craft, [EFFECTS], physics=RK4)
+    series, metrics = replay(raw, craft, [EFFECTS], setup=Setup(physics=RK4))
     flown, measured = of(series, "effects"), of(series, "measured")
     assert measured.equals(raw.select(measured.columns))
     assert flown.select("session", "t").equals(raw.select("session", "t"))
@@ -64,7 +64,7 @@ def test_the_recorded_vehicle_flies_its_recording_again(craft):
 def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
     delayed = msgspec.structs.replace(craft, effect=(*craft.effect, {"name": "command_delay", "d": 0.1}))
     raw = recording(delayed)
-    series, _ = replay(raw, delayed, [EFFECTS], physics=RK4)
+    series, _ = replay(raw, delayed, [EFFECTS], setup=Setup(physics=RK4))
     flown = (
         of(series, "effects").drop("session").to_numpy() - of(series, "measured").drop("session").to_numpy()
     )
@@ -84,7 +84,7 @@ def test_velocities_are_compared_as_the_log_misreads_them(craft):
     misread = sensor.measured(velocity_log(logging), raw["t"].to_numpy(), nu)
     assert abs(misread - nu).max() > 0.02
     logged = raw.with_columns(pl.Series(name, misread[:, i]) for i, name in enumerate("uvw"))
-    series, metrics = replay(logged, logging, [EFFECTS], physics=RK4)
+    series, metrics = replay(logged, logging, [EFFECTS], setup=Setup(physics=RK4))
     assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
     pose = of(series, "effects").select("x", "y", "z").to_numpy() - raw.select("x", "y", "z").to_numpy()
     assert abs(pose).max() < 1e-7
@@ -101,19 +101,19 @@ def test_a_late_log_is_compared_with_a_late_log(craft):
     logged = raw.with_columns(pl.Series(name, read[:, i]) for i, name in enumerate("uvw"))[30:]
     late_by = abs(logged.select(*"uvw").to_numpy() - raw[30:].select(*"uvw").to_numpy()).max()
     assert late_by > 0.02
-    series, metrics = replay(logged, logging, [EFFECTS], physics=RK4)
+    series, metrics = replay(logged, logging, [EFFECTS], setup=Setup(physics=RK4))
     assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
     flown = of(series, "effects").drop("session").to_numpy()
     assert abs(flown - logged.select(of(series, "effects").columns[1:]).to_numpy()).max() < 1e-7
     # A flight without the delay in the file begins with the velocity of a moment ago.
-    _, unaware = replay(logged, craft, [EFFECTS], physics=RK4)
+    _, unaware = replay(logged, craft, [EFFECTS], setup=Setup(physics=RK4))
     assert unaware.filter(pl.col("metric") == "rmse")["value"].max() > 1e-3
 
 
 def test_the_baselines_are_what_they_say(craft):
     raw = recording(craft, sessions=("a",))
     bare = msgspec.structs.replace(craft, effect=())
-    series, _ = replay(raw, craft, BASELINES, physics=RK4)
+    series, _ = replay(raw, craft, BASELINES, setup=Setup(physics=RK4))
     expected = simulate(raw, bare)
     flown = of(series, "MJ0")
     assert (
@@ -142,7 +142,7 @@ def test_mujoco_s_own_fluid_slows_an_ellipsoid_as_its_documentation_says(craft):
         pl.lit(0.0).alias(name) for name in ("phi", "theta", "v", "w", "p", "q", "r")
     )
     coasting = still.with_columns(pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)).with_columns(u=1.0)
-    series, _ = replay(coasting[:50], floating, [BASELINES[2]], physics=RK4)
+    series, _ = replay(coasting[:50], floating, [BASELINES[2]], setup=Setup(physics=RK4))
     u = of(series, "MJ0+ellipsoid")["u"].to_numpy()
     a, b, c = craft.hull.length / 2, craft.hull.width / 2, craft.hull.height / 2
     drag = craft.environment.water_density * np.pi * (0.5 * b * c + 0.25 * (a * b - b * c))
@@ -157,7 +157,7 @@ def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
     push = np.array([4.0, -3.0, 2.0, 0.5, -0.4, 0.3])
     model.scalers = model.scalers | {"output_mean": push}
     raw = recording(craft, sessions=("a",))
-    series, metrics = replay(raw, craft, variants([model], ["MJ1"]), physics=RK4)
+    series, metrics = replay(raw, craft, variants([model], ["MJ1"]), setup=Setup(physics=RK4))
     assert set(metrics["model"]) == {"mlp"}
     first, second = of(series, "MJ1").select("u", "v", "w", "p", "q", "r").to_numpy()[:2]
     # M nu_dot = -g - tau_ML + thrust, and the thrust has only begun to build up.
@@ -205,7 +205,7 @@ def test_a_network_of_what_all_effects_leave_flies_the_recording(craft):
             "effects": ["effects", "effects+MJ4"],
             "inertia": ["MJ4"],
         }[subtract]
-        series, _ = replay(raw, level, flying[-1:], control_step=0.002, physics=RK4)
+        series, _ = replay(raw, level, flying[-1:], setup=Setup(control_step=0.002, physics=RK4))
         flown[subtract] = of(series, flying[-1].name).drop("session").to_numpy()
     expected = of(series, "measured").drop("session").to_numpy()
     assert abs(flown["effects"] - expected).max() < 3e-3
@@ -217,7 +217,7 @@ def test_conditioning_is_applied_and_counted(craft):
     raw = recording(craft, sessions=("a",))
     strict = Conditioning(limits=(1.0,) * 6)
     free, _ = replay(raw, craft, variants([model], ["MJ4"]))
-    held, metrics = replay(raw, craft, variants([model], ["MJ4"]), conditioning=strict)
+    held, metrics = replay(raw, craft, variants([model], ["MJ4"]), setup=Setup(conditioning=strict))
     assert not of(free, "MJ4").equals(of(held, "MJ4"))
     shares = metrics.filter(pl.col("metric") == "clipped")
     assert shares["axis"].to_list() == ["X", "Y", "Z", "K", "M", "N"]
@@ -248,7 +248,7 @@ def test_a_divergence_is_told_and_its_rows_are_dropped(craft):
 def test_more_threads_change_nothing_and_tables_fit_their_schemas(craft):
     raw = recording(craft)
     one = replay(raw, craft, BASELINES)
-    two = replay(raw, craft, BASELINES, threads=2)
+    two = replay(raw, craft, BASELINES, setup=Setup(threads=2))
     assert one[0].equals(two[0])
     assert one[1].equals(two[1])
     schema.load("replay").check(one[0], "replay")
@@ -269,10 +269,10 @@ def test_what_does_not_fit_is_refused(craft):
     with pytest.raises(DataError, match="also has cmd_9"):
         replay(raw.with_columns(cmd_9=pl.lit(0.0)), craft)
     with pytest.raises(UsageError, match="no multiple of the physics step"):
-        replay(raw, craft, physics=Physics(timestep=0.003))
+        replay(raw, craft, setup=Setup(physics=Physics(timestep=0.003)))
     _, model = trained("mlp")
     with pytest.raises(UsageError, match=r"control step of 0\.001 s"):
-        replay(raw, craft, variants([model]), control_step=0.001)
+        replay(raw, craft, variants([model]), setup=Setup(control_step=0.001))
     with pytest.raises(UsageError, match="no variant is called 'MJ9'"):
         variants([], ["MJ9"])
     with pytest.raises(UsageError, match="cannot be told apart"):
@@ -284,7 +284,7 @@ def test_stonefish_baselines_stray_as_far_as_they_did(stonefish, datasets):
     # `simulate`; Euler's own error at 2 ms is part of these figures (RK4 gives 2.17 in surge).
     vehicle = vehicle_file.read(datasets / "stonefish" / "vehicle.toml")[0]
     raw = pl.read_parquet(stonefish / "replay90.parquet")
-    _, metrics = replay(raw, vehicle, BASELINES, physics=Physics(integrator="euler"))
+    _, metrics = replay(raw, vehicle, BASELINES, setup=Setup(physics=Physics(integrator="euler")))
     added_mass = metrics.filter((pl.col("variant") == "MJ0+M_A") & (pl.col("metric") == "rmse"))
     np.testing.assert_allclose(added_mass["value"][:6], [2.57, 2.33, 2.20, 0.815, 0.60, 2.88], rtol=0.02)
 

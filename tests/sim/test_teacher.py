@@ -23,7 +23,7 @@ from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION, panel_wrench, su
 from hydro.core.vehicle.rigid_body import coriolis_matrix, mass_matrix, potential, restoring
 from hydro.core.vehicle.thrusters import configuration_matrix
 from hydro.io.vehicle import read
-from hydro.sim.teacher import collect, fly, teacher
+from hydro.sim.teacher import Programme, collect, fly, teacher
 
 PRESETS = sorted((Path(__file__).resolve().parents[2] / "datasets" / "vehicles").glob("*.toml"))
 MASS, RHO, G = 120.0, 1025.0, 9.81
@@ -229,7 +229,7 @@ def test_noise_is_on_the_log_alone_and_of_its_size():
 
 
 def test_a_recording_is_sampled_at_50_hz_from_rest_at_depth():
-    frame = collect(teacher(craft()), 3000, 0, depth=35.0)
+    frame = collect(teacher(craft()), 3000, 0, programme=Programme(depth=35.0))
     assert frame.columns[:14] == ["session", "t", *NAMES]
     first = frame.group_by("session", maintain_order=True).first()
     assert first.select("u", "v", "w", "p", "q", "r", "x", "y").to_numpy().any() == np.False_
@@ -244,7 +244,7 @@ def test_a_recording_is_sampled_at_50_hz_from_rest_at_depth():
 @pytest.mark.parametrize("excitation", sorted(DECKS))
 def test_every_preset_keeps_upright_and_under_water_and_is_excited(path, excitation):
     vehicle, _ = read(path)
-    frame = collect(teacher(vehicle), 6000, 1, excitation=excitation)
+    frame = collect(teacher(vehicle), 6000, 1, programme=Programme(excitation))
     tilt = frame.select(pl.col("phi", "theta").abs().max()).to_numpy()
     assert tilt.max() < 1.3
     assert frame["z"].min() > 20.0
@@ -283,7 +283,7 @@ def test_bad_input_is_told():
     with pytest.raises(DataError, match="no such parameter"):
         teacher(craft(), hidden=[{"name": "ocean_current", "north": 1.0}])
     with pytest.raises(DataError, match="there are hybrid"):
-        collect(subject, 100, 0, excitation="jumps")
+        collect(subject, 100, 0, programme=Programme("jumps"))
     with pytest.raises(DataError, match="thrusters produce no axis"):
         collect(teacher(craft(thrusters=False)), 100, 0)
     explosive = [{"name": "body_lift", "L11": -1e6}]

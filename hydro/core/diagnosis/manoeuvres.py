@@ -24,8 +24,8 @@ from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.recording.arrays import Array, Recording
+from hydro.core.simulation.dynamics import NO_HULL
 from hydro.core.simulation.excitation import HEAVE, PITCH, RATE, ROLL, SURGE, SWAY, YAW
-from hydro.core.simulation.integrate import NO_HULL
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.simulation.steady_motion import fluid_wrench, wrench_limits
 from hydro.core.vehicle.control_allocation import Mixing, mixing, mixing_kernel
@@ -252,7 +252,7 @@ def _grams(
     flown = 0
     for manoeuvre in library(reference):
         try:
-            motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, rate=RATE)
+            motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, steps=1)
         except DataError:  # a motion that diverges is none to propose
             continue
         record = _record(manoeuvre, motion)

@@ -23,7 +23,7 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -86,9 +86,8 @@ def labels(
     bounds = segments(raw)
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)
-    designed = gains(chosen)
-    table, log, known = thruster_table(vehicle), velocity_log(vehicle), _constants(vehicle)
-    configuration = np.ascontiguousarray(table[:, UNIT_WRENCH])
+    designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
+    known = _constants(vehicle, table)
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
     after_gap, dt = resumes(raw, bounds), sample_time(raw)
     count = len(commands)
@@ -106,19 +105,23 @@ def labels(
         forces = np.empty((0, 6))
         if subtract == "effects":
             forces = effect_forces(vehicle, _columns(part, POSE), motion[:, :, 0], within, dt)
-        _label_kernel(motion, attitude, thrust, configuration, *known, forces, out[:, start:stop])
+        _label_kernel(_Rows(motion, attitude, thrust, forces), known, out[:, start:stop])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
     _require_finite(raw, out)
-    names = (
+    return raw.with_columns(pl.Series(name, column) for name, column in zip(_names(count), out, strict=True))
+
+
+def _names(thrusters: int) -> list[str]:
+    """Names of the columns that labels add."""
+    return [
         *(f"{name}_s" for name in VELOCITIES),
         *(f"{name}_dot" for name in VELOCITIES),
-        *(f"f_{i + 1}" for i in range(count)),
+        *(f"f_{i + 1}" for i in range(thrusters)),
         *(f"{name}_prop" for name in WRENCH),
         *(f"{name}_res" for name in WRENCH),
-    )
-    return raw.with_columns(pl.Series(name, column) for name, column in zip(names, out, strict=True))
+    ]
 
 
 def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
@@ -209,9 +212,30 @@ def _velocities(frame: pl.DataFrame, bounds: Bounds, log: Array) -> Array:
     return nu
 
 
-def _constants(vehicle: Vehicle) -> tuple[Array, Array]:
-    """M, shape (6, 6), and the four numbers of weight and buoyancy."""
-    return mass_matrix(vehicle) + inertia_matrix(vehicle), balance(vehicle)
+class _Constants(NamedTuple):
+    """Of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
+
+    configuration: Array
+    mass: Array
+    weight: Array
+
+
+class _Rows(NamedTuple):
+    """Of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), and forces of the effects.
+
+    The forces (N, 6) are accounted for in tau_res; or (0, 6), none.
+    """
+
+    motion: Array
+    attitude: Array
+    thrust: Array
+    forces: Array
+
+
+def _constants(vehicle: Vehicle, table: Array) -> _Constants:
+    """What labels need of a vehicle and its thruster table."""
+    mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
+    return _Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
 
 
 def _through_water(motion: Array, attitude: Array, water: Array) -> Array:
@@ -222,20 +246,10 @@ def _through_water(motion: Array, attitude: Array, water: Array) -> Array:
 
 
 @jit
-def _label_kernel(
-    motion: Array,
-    attitude: Array,
-    thrust: Array,
-    configuration: Array,
-    mass: Array,
-    weight: Array,
-    forces: Array,
-    out: Float32,
-) -> None:
-    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res.
-
-    `forces` (N, 6) of the effects are accounted for in tau_res; or (0, 6), none.
-    """
+def _label_kernel(rows: _Rows, known: _Constants, out: Float32) -> None:
+    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
+    motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
+    configuration, mass, weight = known.configuration, known.mass, known.weight
     count = thrust.shape[1]
     down, tau, restoring = np.empty(3), np.empty(6), np.empty(6)
     for k in range(motion.shape[0]):
@@ -257,5 +271,5 @@ def _label_kernel(
             out[i, k] = motion[k, i, 0]
             out[6 + i, k] = motion[k, i, 1]
             out[12 + count + i, k] = tau[i]
-            known = forces[k, i] if forces.shape[0] else 0.0
-            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + known
+            exerted = forces[k, i] if forces.shape[0] else 0.0
+            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + exerted

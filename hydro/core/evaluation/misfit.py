@@ -41,7 +41,7 @@ from hydro.core.identification.multiple_shooting import (
 )
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import POSE, Array, Recording, noise
-from hydro.core.simulation.integrate import BODY
+from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
 
 Rows = NDArray[np.int64]

@@ -12,20 +12,21 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
-from hydro.core.effects.layout import MOTION
-from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.recording.arrays import Array, Recording, noise, smoothed
-from hydro.core.simulation.dynamics import observe
-from hydro.core.simulation.integrate import BODY, NO_HULL, advance, resume
-from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
+from hydro.core.simulation.integrate import Course, at_rest, march, resume
+from hydro.core.simulation.simulate import steps_of_row
+from hydro.core.simulation.variational_equation import Changes, deviations_of
+from hydro.core.vehicle.frames import quaternion_from_euler, quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
 
 Rows = NDArray[np.int64]
@@ -43,6 +44,54 @@ WILD = 20.0
 ENDLESS = 1e9
 """Residual or derivative [standard deviations] of a prediction that knows no bounds: sums still hold it."""
 TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
+
+
+class Places(NamedTuple):
+    """Where S shots lie in a recording.
+
+    Attributes:
+        commands: Of the recording, (N, n).
+        t: Its times [s], (N,).
+        bounds: Rows of each shot's segment, (S, 2).
+        resumed: Whether that follows a gap, (S,).
+        starts: First row of each shot, (S,).
+        steps: Integration steps of a row.
+    """
+
+    commands: Array
+    t: Array
+    bounds: Rows
+    resumed: NDArray[np.bool_]
+    starts: Rows
+    steps: int
+
+
+class Beginnings(NamedTuple):
+    """States at the beginning of S shots.
+
+    Attributes:
+        first: Of the body, (S, 13).
+        rotors: Lag states, (S, n).
+        memory: Internal states, (S, states).
+    """
+
+    first: Array
+    rotors: Array
+    memory: Array
+
+
+class Answers(NamedTuple):
+    """How S shots answer to their beginnings and to P parameters.
+
+    Attributes:
+        changes: The parameters.
+        ahead: What a unit of each changes the internal states at the beginning by, (S, states, P).
+        out: Written: deviations for a unit of the beginning and of each parameter, (S, K, 12, 12 + P).
+    """
+
+    changes: Changes
+    ahead: Array
+    out: Array
 
 
 @dataclass(frozen=True)
@@ -80,6 +129,18 @@ class Shots:
     def residuals(self) -> int:
         """Numbers compared in one shot."""
         return (self.length - self.lead) * CHANNELS
+
+    def places(self, part: slice) -> Places:
+        """Where some of the shots lie."""
+        record, segment = self.record, self.segment[part]
+        return Places(
+            commands=record.commands,
+            t=record.t,
+            bounds=record.segments[segment],
+            resumed=record.after_gap[segment],
+            starts=np.ascontiguousarray(self.starts[part]),
+            steps=steps_of_row(record.dt, 1.0 / LONGEST_STEP),
+        )
 
 
 def aim(
@@ -186,6 +247,10 @@ class Loaded:
         """The same for the shots that a mask (S,) keeps."""
         return Loaded(self.model, self.rotors[kept], self.memory[kept])
 
+    def beginnings(self, first: Array, part: slice) -> Beginnings:
+        """States at the beginning of some shots, `first` (S, 13) those of the body of all."""
+        return Beginnings(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
+
 
 def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
     """Work out a candidate's states at the beginning of every shot; `like` has perhaps the same thrusters."""
@@ -217,32 +282,15 @@ def predict(
     Returns:
         Position, quaternion, nu of every row, (s, length, 13); not finite where a motion knows no bounds.
     """
-    record, begin = shots.record, shots.first if first is None else first
-    starts = np.ascontiguousarray(shots.starts[part])
-    out = np.empty((starts.size, shots.length, BODY))
-    _shoot(
-        loaded.model.program.flat,
-        record.commands,
-        record.t,
-        record.segments[shots.segment[part]],
-        record.after_gap[shots.segment[part]],
-        starts,
-        substeps(record),
-        np.ascontiguousarray(begin[part]),
-        loaded.rotors[part],
-        loaded.memory[part],
-        out,
-    )
+    places = shots.places(part)
+    beginnings = loaded.beginnings(shots.first if first is None else first, part)
+    out = np.empty((places.starts.size, shots.length, BODY))
+    shoot(loaded.model.program.flat, places, beginnings, out, None)
     if loaded.model.log.any():
-        clock = np.arange(shots.length) * record.dt
+        clock = np.arange(shots.length) * shots.record.dt
         finite = np.nan_to_num(out[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
         out[..., 7:] = sensor.measured(loaded.model.log, clock, finite)
     return out
-
-
-def substeps(record: Recording) -> int:
-    """Integration steps of one row of a recording."""
-    return max(1, int(np.ceil(record.dt / LONGEST_STEP * (1.0 - 1e-9))))
 
 
 def residuals(
@@ -282,18 +330,19 @@ def cost(loaded: Loaded, shots: Shots) -> float:
 
 def displaced(first: Array, shift: Array) -> Array:
     """Beginnings (S, 13) moved by (S, 12): position, small rotation about the body's axes, nu."""
-    half = 0.5 * shift[:, 3:6]
-    w = np.ones(len(first)) * np.sqrt(np.maximum(1.0 - (half**2).sum(axis=1), 0.0))
-    a, b, c = half[:, 0], half[:, 1], half[:, 2]
-    q0, q1, q2, q3 = first[:, 3:7].T
     out = np.empty((len(first), BODY))
-    out[:, :3] = first[:, :3] + shift[:, :3]
-    out[:, 3] = q0 * w - q1 * a - q2 * b - q3 * c
-    out[:, 4] = q0 * a + q1 * w + q2 * c - q3 * b
-    out[:, 5] = q0 * b - q1 * c + q2 * w + q3 * a
-    out[:, 6] = q0 * c + q1 * b - q2 * a + q3 * w
-    out[:, 7:] = first[:, 7:] + shift[:, 6:]
+    _displace(first, shift, out)
     return out
+
+
+@jit
+def _displace(first: Array, shift: Array, out: Array) -> None:
+    for m in range(first.shape[0]):
+        out[m, :3] = first[m, :3] + shift[m, :3]
+        a, b, c = 0.5 * shift[m, 3], 0.5 * shift[m, 4], 0.5 * shift[m, 5]
+        w = np.sqrt(max(1.0 - (a * a + b * b + c * c), 0.0))
+        quaternion_product_kernel(first[m, 3:7], w, a, b, c, out[m, 3:7])
+        out[m, 7:] = first[m, 7:] + shift[m, 6:]
 
 
 @jit
@@ -314,54 +363,26 @@ def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> Non
 
 
 @jit
-def _shoot(
-    flat: Array,
-    commands: Array,
-    t: Array,
-    bounds: Rows,
-    resumed: NDArray[np.bool_],
-    starts: Rows,
-    substeps: int,
-    first: Array,
-    rotor: Array,
-    memory: Array,
-    out: Array,
-) -> None:
-    """Predict each shot; commands of its own segment alone are felt, from before its beginning too."""
-    table = thrusters_of(flat)
-    count = table.shape[0]
-    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
-    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
-    rotors, work = np.zeros((3, count)), np.zeros((4, max(y.size, 6)))
-    for m in range(starts.size):
-        begin, end = bounds[m, 0], bounds[m, 1]
-        clock, demand, at = t[begin:end], commands[begin:end], starts[m] - begin
-        y[:BODY] = first[m]
-        y[BODY:] = memory[m]
-        observe(flat, y[:3], y[3:7], y[7:BODY], s)
-        rotors[2] = rotor[m]
-        due = resume(table, demand, clock, at, resumed[m], target, upcoming)
-        for k in range(out.shape[1]):
-            out[m, k] = y[:BODY]
-            if k + 1 == out.shape[1]:
-                break
-            h = (clock[at + k + 1] - clock[at + k]) / substeps
-            for j in range(substeps):
-                now, stop = clock[at + k] + j * h, clock[at + k] + (j + 1) * h
-                due = advance(
-                    flat,
-                    NO_HULL,
-                    table,
-                    demand,
-                    clock,
-                    now,
-                    stop,
-                    due,
-                    target,
-                    upcoming,
-                    decay,
-                    rotors,
-                    y,
-                    s,
-                    work,
-                )
+def shoot(flat: Array, places: Places, beginnings: Beginnings, out: Array, answers: Answers | None) -> None:
+    """Predict shots; commands of its own segment alone are felt by each, from before its beginning too.
+
+    Args:
+        flat: The vehicle's program.
+        places: Where they lie.
+        beginnings: What they begin from.
+        out: Written: predicted state of the body, (S, K, 13); NaN behind a row that is not finite.
+        answers: How they answer to changes, written besides; or None.
+    """
+    motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
+    for m in range(places.starts.size):
+        begin, end = places.bounds[m, 0], places.bounds[m, 1]
+        course = Course(places.commands[begin:end], places.t[begin:end], places.steps, 0.0)
+        at = places.starts[m] - begin
+        motion.y[:BODY], motion.y[BODY:] = beginnings.first[m], beginnings.memory[m]
+        resume(thrusters, course, at, places.resumed[m])
+        thrusters.rotors[2] = beginnings.rotors[m]
+        if answers is None:
+            march(motion, thrusters, course, at, out[m], None, None)
+        else:
+            deviations = deviations_of(answers.changes, answers.ahead[m], answers.out[m])
+            march(motion, thrusters, course, at, out[m], None, deviations)

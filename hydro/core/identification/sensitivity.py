@@ -1,6 +1,6 @@
 """The least-squares problem of predicted shots: their residuals, and how these answer to every parameter.
 
-Derivatives come from the variational equation (`identification.variational_equation`) where a parameter acts
+Derivatives come from the variational equation (`simulation.variational_equation`) where a parameter acts
 on forces, and from the prediction itself where it acts on the velocity log alone.  What moves the moments at
 which commands take effect, or brings internal states of its own, is predicted once more and the difference
 taken.
@@ -18,38 +18,51 @@ import numpy as np
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
 from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
-from hydro.core.identification import multiple_shooting, variational_equation
+from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
     ENDLESS,
     TOGETHER,
     TRUST,
+    Answers,
     Loaded,
     Rows,
     Shots,
 )
 from hydro.core.identification.normal_equations import Normal, eliminate
 from hydro.core.recording.arrays import Array
-from hydro.core.simulation.integrate import BODY
+from hydro.core.simulation.dynamics import BODY
+from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
 from hydro.core.vehicle.thrusters import same_states
 
 
 @dataclass(frozen=True)
+class Moved:
+    """A candidate, and the same with one parameter changed, one each.
+
+    Attributes:
+        base: The candidate.
+        others: Those with a parameter changed.
+        shares: By how much, in the unit that the parameters of the problem are to have, (P,).
+    """
+
+    base: Loaded
+    others: Sequence[Loaded]
+    shares: Array
+
+
+@dataclass(frozen=True)
 class Varied:
-    """Parameters that act on forces, as `identification.variational_equation.vary` takes them.
+    """Parameters that act on forces.
 
     Attributes:
         of: Which of all parameters, (Q,).
-        kinds: (Q,).
-        programs: Programs in a row.
-        where: (Q, 4).
+        changes: What they change.
         ahead: Change of the internal states at the beginning of every shot, (S, states, Q).
     """
 
     of: Rows
-    kinds: Rows
-    programs: Array
-    where: Rows
+    changes: Changes
     ahead: Array
 
 
@@ -73,22 +86,22 @@ def linearise(
     Returns:
         Gram matrices per shot, and how the beginnings go along with the parameters.
     """
-    count, shares = len(moved), np.asarray(steps, float)
+    count, near = len(moved), Moved(base, moved, np.asarray(steps, float))
     pieces = len(shots.starts)
     gram = np.empty((pieces, count + 1, count + 1))
     follow = np.empty((pieces, CHANNELS, count + 1))
     channels = np.zeros((pieces, CHANNELS))
     logged = [i for i, other in enumerate(moved) if _same_motion(base, other)]
-    varied = _varied(base, moved, shares, logged)
+    varied = _varied(near, logged)
     rest = [i for i in range(count) if i not in logged and i not in varied.of]
     order = np.argsort([*varied.of, *logged, *rest])
     order = np.concatenate([np.arange(CHANNELS), CHANNELS + order, [CHANNELS + count]])
 
     def work(begin: int) -> None:
         part = slice(begin, begin + TOGETHER)
-        states, columns = _predicted(base, varied, shares, shots, part, count)
+        states, columns = _predicted(base, varied, shots, part, count)
         done = CHANNELS + len(varied.of)
-        _through_log(base, moved, logged, shares, shots, states, columns, done)
+        _through_log(near, logged, shots, states, columns, done)
         columns = columns[:, shots.lead :]
         with np.errstate(over="ignore", invalid="ignore"):
             _weigh(
@@ -98,7 +111,7 @@ def linearise(
                 columns[..., : done + len(logged)],
                 columns[..., -1],
             )
-            _again(columns[..., -1], moved, rest, shares, shots, part, columns[..., done + len(logged) : -1])
+            _again(near, rest, shots, part, columns[..., done + len(logged) :])
         flat = columns.reshape(len(states), shots.residuals, CHANNELS + count + 1)
         tame = np.abs(flat) < ENDLESS
         lost = ~tame[..., -1].all(axis=1)
@@ -122,12 +135,13 @@ def _same_motion(base: Loaded, other: Loaded) -> bool:
     )
 
 
-def _varied(base: Loaded, moved: Sequence[Loaded], shares: Array, logged: Sequence[int]) -> Varied:
+def _varied(near: Moved, logged: Sequence[int]) -> Varied:
     """Those parameters, but those of the log, whose effect on the motion the variational equation gives."""
-    flat, states = base.model.program.flat, base.model.program.states
+    base, program = near.base, near.base.model.program
+    flat, states = program.flat, program.states
     of, kinds, where, programs, ahead = [], [], [], list[Array](), []
     place = 0
-    for i, (other, share) in enumerate(zip(moved, shares, strict=True)):
+    for i, (other, share) in enumerate(zip(near.others, near.shares, strict=True)):
         its = other.model.program.flat
         alike = np.array_equal(base.model.log, other.model.log)
         if i in logged or not alike or other.model.program.states != states:
@@ -136,11 +150,11 @@ def _varied(base: Loaded, moved: Sequence[Loaded], shares: Array, logged: Sequen
             continue
         pair = changed_effects(flat, its)
         if pair is not None:
-            kind = variational_equation.FORCES
+            kind = FORCES
         elif _thrust_alone(flat, its):
-            kind, pair = variational_equation.THRUST, (its, its[:0])
+            kind, pair = THRUST, (its, its[:0])
         else:
-            kind, pair = variational_equation.WHOLE, (its, its[:0])
+            kind, pair = WHOLE, (its, its[:0])
         of.append(i)
         kinds.append(kind)
         middle = place + pair[0].size
@@ -150,9 +164,12 @@ def _varied(base: Loaded, moved: Sequence[Loaded], shares: Array, logged: Sequen
         ahead.append((other.memory - base.memory) / share)
     return Varied(
         np.array(of, np.int64),
-        np.array(kinds, np.int64),
-        np.concatenate([*programs, np.zeros(0)]),
-        np.array(where, np.int64).reshape(-1, 4),
+        Changes(
+            np.array(kinds, np.int64),
+            np.concatenate([*programs, np.zeros(0)]),
+            np.array(where, np.int64).reshape(-1, 4),
+            near.shares[of],
+        ),
         np.stack(ahead, axis=-1) if ahead else np.zeros((*base.memory.shape, 0)),
     )
 
@@ -163,56 +180,33 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
     return flat.size == other.size and np.array_equal(flat[:begin], other[:begin])
 
 
-def _predicted(
-    base: Loaded, varied: Varied, shares: Array, shots: Shots, part: slice, count: int
-) -> tuple[Array, Array]:
+def _predicted(base: Loaded, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
     """Predicted states (s, length, 13), and columns (s, length, 12, 12 + P + 1), the first of them filled."""
-    record, starts = shots.record, np.ascontiguousarray(shots.starts[part])
-    states = np.empty((starts.size, shots.length, BODY))
-    columns = np.empty((starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
-    variational_equation.vary(
-        base.model.program.flat,
-        varied.kinds,
-        varied.programs,
-        varied.where,
-        shares[varied.of],
-        record.commands,
-        record.t,
-        record.segments[shots.segment[part]],
-        record.after_gap[shots.segment[part]],
-        starts,
-        multiple_shooting.substeps(record),
-        np.ascontiguousarray(shots.first[part]),
-        base.rotors[part],
-        base.memory[part],
-        np.ascontiguousarray(varied.ahead[part]),
-        states,
-        columns[..., : CHANNELS + len(varied.of)],
+    places, known = shots.places(part), CHANNELS + len(varied.of)
+    states = np.empty((places.starts.size, shots.length, BODY))
+    columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
+    ahead = np.ascontiguousarray(varied.ahead[part])
+    answers = Answers(varied.changes, ahead, columns[..., :known])
+    multiple_shooting.shoot(
+        base.model.program.flat, places, base.beginnings(shots.first, part), states, answers
     )
     return states, columns
 
 
 def _through_log(
-    base: Loaded,
-    moved: Sequence[Loaded],
-    logged: Sequence[int],
-    shares: Array,
-    shots: Shots,
-    states: Array,
-    columns: Array,
-    done: int,
+    near: Moved, logged: Sequence[int], shots: Shots, states: Array, columns: Array, done: int
 ) -> None:
     """What the log writes down of states and columns, and the columns of its own parameters.
 
     A reading is linear in the motion but for its bias.
     """
-    log, clock = base.model.log, np.arange(shots.length) * shots.record.dt
+    log, clock = near.base.model.log, np.arange(shots.length) * shots.record.dt
     nu = np.nan_to_num(states[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
     read = sensor.measured(log, clock, nu) if log.any() else nu
     for i, which in enumerate(logged, done):
-        other = sensor.measured(moved[which].model.log, clock, nu)
+        other = sensor.measured(near.others[which].model.log, clock, nu)
         columns[:, :, :6, i] = 0.0
-        columns[:, :, 6:, i] = (other - read) / shares[which]
+        columns[:, :, 6:, i] = (other - read) / near.shares[which]
     if log.any():
         unbiased = log.copy()
         unbiased[sensor.BIAS] = 0.0
@@ -221,20 +215,12 @@ def _through_log(
         states[..., 7:] = read
 
 
-def _again(
-    still: Array,
-    moved: Sequence[Loaded],
-    rest: Sequence[int],
-    shares: Array,
-    shots: Shots,
-    part: slice,
-    columns: Array,
-) -> None:
-    """Columns of all other parameters, (s, K, 12, R): differences from the residual `still` (s, K, 12)."""
+def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns: Array) -> None:
+    """Columns of all other parameters, (s, K, 12, R), before that of the residual: differences from it."""
+    still = columns[..., -1]
     for i, which in enumerate(rest):
-        columns[..., i] = (still - multiple_shooting.residuals(moved[which], shots, None, part)) / shares[
-            which
-        ]
+        moved = multiple_shooting.residuals(near.others[which], shots, None, part)
+        columns[..., i] = (still - moved) / near.shares[which]
 
 
 @jit

@@ -25,17 +25,17 @@ from hydro.core.logs.logmap import (
     named,
 )
 from hydro.core.logs.resample import Channel, channel, held, interpolated, same_sign, unwrapped
+from hydro.core.vehicle.frames import HALF_TURN
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-HALF_TURN: Array = np.diag([1.0, -1.0, -1.0])
 AXES: dict[str, Array] = {
     "NED": np.eye(3),
     "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-    "NWU": HALF_TURN,
+    "NWU": np.diag(HALF_TURN),
     "FRD": np.eye(3),
-    "FLU": HALF_TURN,
+    "FLU": np.diag(HALF_TURN),
 }
 """Matrices that turn a vector of each world into NED, and of each body into FRD."""
 

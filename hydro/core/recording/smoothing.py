@@ -88,11 +88,6 @@ def gains(design: Design) -> Gains:
     return Gains(forward * [1.0, 1.0 / dt], backward * [1.0, dt, 1.0 / dt, 1.0])
 
 
-def steady_gain(design: Design) -> Array:
-    """Settled gain of the online filter, shape (6, 2) [-, 1/s]; for `filter_step`."""
-    return np.array(gains(design).forward[-1])
-
-
 def _unit_gains(ratio: float) -> tuple[Array, Array]:
     """Forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
     from filterpy.common import Q_continuous_white_noise
@@ -122,38 +117,40 @@ def _hold_last(values: Array, rows: int) -> Array:
 
 
 @jit
-def _step(nu: float, dot: float, z: float, k_nu: float, k_dot: float, dt: float) -> tuple[float, float]:
-    """One prediction and correction of one axis."""
-    predicted = nu + dt * dot
-    innovation = z - predicted
-    return predicted + k_nu * innovation, dot + k_dot * innovation
+def _step(state: Array, z: float, gain: Array, dt: float) -> float:
+    """One prediction and correction of one axis, (nu, nu_dot) in place; the innovation."""
+    predicted = state[0] + dt * state[1]
+    innovation: float = z - predicted
+    state[0] = predicted + gain[0] * innovation
+    state[1] += gain[1] * innovation
+    return innovation
 
 
 @jit
-def filter_step(state: Array, z: Array, gain: Array, dt: float) -> None:
-    """Advance the six filters in place by one sample.
+def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> None:
+    """Advance the six filters in place by one sample; the first one begins them.
 
     Args:
+        row: Samples since the start of the segment.
         state: nu and nu_dot of each axis, shape (6, 2) [m/s, rad/s; m/s^2, rad/s^2].
         z: Measured velocity, shape (6,) [m/s, rad/s].
-        gain: Gain of this row, shape (6, 2) [-, 1/s].
+        forward: Gains by row since the start, shape (n, 6, 2) [-, 1/s]; see `Gains`.
         dt: Time since the last sample [s].
     """
+    gain = forward[min(row, forward.shape[0] - 1)]
     for i in range(6):
-        state[i, 0], state[i, 1] = _step(state[i, 0], state[i, 1], z[i], gain[i, 0], gain[i, 1], dt)
+        if row == 0:
+            state[i, 0], state[i, 1] = z[i], 0.0
+        else:
+            _step(state[i], z[i], gain[i], dt)
 
 
 @jit
 def _filter_segment(z: Array, forward: Array, dt: float, out: Array) -> None:
     """Filtered (nu, nu_dot) of one segment into `out` (N, 6, 2)."""
-    settled = forward.shape[0] - 1
-    for i in range(6):
-        out[0, i, 0], out[0, i, 1] = z[0, i], 0.0
-        for k in range(1, z.shape[0]):
-            row = min(k, settled)
-            out[k, i, 0], out[k, i, 1] = _step(
-                out[k - 1, i, 0], out[k - 1, i, 1], z[k, i], forward[row, i, 0], forward[row, i, 1], dt
-            )
+    for k in range(z.shape[0]):
+        out[k] = out[max(k - 1, 0)]
+        filter_step(k, out[k], z[k], forward, dt)
 
 
 @jit
@@ -314,16 +311,14 @@ def _unit_design(ratio: float, rows: int) -> Array:
 def _innovations_kernel(z: Array, windows: Bounds, design: Array, out: Array) -> None:
     """Sums over the windows of e^2 / s, of log s, and their number, for each axis, into `out` (6, 3)."""
     out[:] = 0.0
+    state = np.zeros(2)
     for m in range(windows.shape[0]):
         start, stop = windows[m, 0], windows[m, 1]
         for i in range(6):
-            nu, step = z[start, i], 0.0
+            state[0], state[1] = z[start, i], 0.0
             for k in range(1, stop - start):
-                k1, k2, s = design[k, 0], design[k, 1], design[k, 2]
-                nu += step
-                innovation = z[start + k, i] - nu
-                nu += k1 * innovation
-                step += k2 * innovation
+                s = design[k, 2]
+                innovation = _step(state, z[start + k, i], design[k], 1.0)
                 if k >= UNINFORMED:
                     out[i, 0] += innovation * innovation / s
                     out[i, 1] += math.log(s)

@@ -9,10 +9,15 @@ turns in the body:
     nu_r = nu - [R^T v_c; 0],  nu_r_dot = nu_dot + [omega x R^T v_c; 0]
 
 The kernels take a program's flat vector (`core.effects.program`) and the state of motion `s` of
-`core.effects.layout`.
+`core.effects.layout`.  The state y that is integrated is position (3), unit quaternion (4), nu (6) and the
+internal states of the effects.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
 
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
@@ -20,6 +25,7 @@ from hydro.core.effects.layout import (
     CONSTANTS,
     INVERSE_MASS_MATRIX,
     MASS_MATRIX,
+    MOTION,
     POSITION,
     RELATIVE_VELOCITY,
     ROTATION,
@@ -27,15 +33,48 @@ from hydro.core.effects.layout import (
 )
 from hydro.core.effects.program import (
     HEADER,
+    STATE_COUNT,
     THRUSTER_COUNT,
     THRUSTER_TABLE,
     relative_to_water,
+    start,
     wrench,
 )
 from hydro.core.effects.record import Array
 from hydro.core.vehicle.frames import quaternion_kernel
+from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel
 from hydro.core.vehicle.thrusters import COLUMNS, INFLOW, inflow_speed, state_to_thrust
+
+BODY = 13
+"""Length of the state of the body itself, before the effects' internal states."""
+NO_HULL: Array = np.zeros((8, 0))
+"""Facets of a vehicle whose file alone says what the water does."""
+
+
+class Motion(NamedTuple):
+    """A vehicle on its way.
+
+    Attributes:
+        flat: Its program.
+        facets: (8, F) hull of the panel method, or `NO_HULL`.
+        y: State, (13 + internal states,).
+        s: State of motion of `core.effects.layout`, that of wherever the vehicle was looked at last.
+        work: (4, y.size) room for three states and a wrench.
+    """
+
+    flat: Array
+    facets: Array
+    y: Array
+    s: Array
+    work: Array
+
+
+@jit
+def afloat(flat: Array, facets: Array) -> Motion:
+    """A vehicle that is nowhere yet."""
+    size = BODY + int(flat[STATE_COUNT])
+    return Motion(flat, facets, np.zeros(size), np.zeros(MOTION), np.zeros((4, size)))
 
 
 @jit
@@ -50,15 +89,32 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
 
 
 @jit
+def observe_state(flat: Array, y: Array, s: Array) -> None:
+    """The same of a state y."""
+    observe(flat, y[:3], y[3:7], y[7:BODY], s)
+
+
+@jit
+def settle(motion: Motion) -> None:
+    """Begin the effects' internal states as if the body had always moved as it does."""
+    observe_state(motion.flat, motion.y, motion.s)
+    start(motion.flat, motion.s, motion.y[BODY:])
+
+
+@jit
+def thrust_of(row: Array, rotor: float, s: Array) -> float:
+    """Thrust [N] of a thruster (a row of the thruster table) from its lag state, in the water's flow."""
+    inflow = inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
+    return state_to_thrust(row, rotor, inflow)
+
+
+@jit
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
     """Add tau_prop = B f to `tau`, f the thrusts of the lag states `rotors` (n,) in the water's flow."""
     begin = int(flat[THRUSTER_TABLE])
     for i in range(int(flat[THRUSTER_COUNT])):
         row = flat[begin + i * COLUMNS : begin + (i + 1) * COLUMNS]
-        inflow = (
-            inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
-        )
-        thrust = state_to_thrust(row, rotors[i], inflow)
+        thrust = thrust_of(row, rotors[i], s)
         for j in range(6):
             tau[j] += row[j] * thrust
 
@@ -100,3 +156,33 @@ def _turn_with_body(s: Array, nu_dot: Array) -> None:
     nu_dot[0] -= q * z - r * y
     nu_dot[1] -= r * x - p * z
     nu_dot[2] -= p * y - q * x
+
+
+@jit
+def rates_kernel(
+    flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
+) -> None:
+    """Rates of the state: kinematics by quaternion (Fossen 2011, section 2.2.2), and the balance.
+
+    Args:
+        flat: The vehicle's program.
+        facets: (8, F), or `NO_HULL`.
+        y: State.
+        s: State of motion, overwritten.
+        rotors: (n,) lag states.
+        tau: (6,) overwritten.
+        rates: (y.size,) written; nu_dot of CO stands in 7 to 12.
+    """
+    observe(flat, y[0:3], y[3:7], y[7:BODY], s)
+    u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
+    for i in range(3):
+        row = ROTATION + 3 * i
+        rates[i] = s[row] * u + s[row + 1] * v + s[row + 2] * w
+    rates[3] = -0.5 * (y[4] * p + y[5] * q + y[6] * r)
+    rates[4] = 0.5 * (y[3] * p - y[6] * q + y[5] * r)
+    rates[5] = 0.5 * (y[6] * p + y[3] * q - y[4] * r)
+    rates[6] = 0.5 * (-y[5] * p + y[4] * q + y[3] * r)
+    tau[:] = 0.0
+    propel(flat, s, rotors, tau)
+    panel_wrench_kernel(s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6], facets, tau)
+    accelerate(flat, s, y[BODY:], rates[BODY:], tau, rates[7:BODY])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
+from hydro.core.vehicle.frames import wrapped
 
 Array = NDArray[np.float64]
 
@@ -64,6 +65,6 @@ def disturb(motion: Array, noise: Noise, rng: np.random.Generator) -> Array:
         (N, 12); phi and psi within (-pi, pi], theta within [-pi/2, pi/2].
     """
     noisy: Array = motion + rng.standard_normal(motion.shape) * noise.deviations
-    noisy[:, [3, 5]] = np.pi - np.mod(np.pi - noisy[:, [3, 5]], 2.0 * np.pi)
+    noisy[:, [3, 5]] = wrapped(noisy[:, [3, 5]])
     noisy[:, 4] = np.clip(noisy[:, 4], -0.5 * np.pi, 0.5 * np.pi)
     return noisy

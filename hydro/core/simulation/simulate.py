@@ -15,16 +15,13 @@ from numpy.typing import ArrayLike
 
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
-from hydro.core.effects.layout import MOTION
-from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
 from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
-from hydro.core.simulation.dynamics import observe
-from hydro.core.simulation.integrate import BODY, NO_HULL, advance
+from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat, settle
+from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
-from hydro.core.vehicle.thrusters import settled_state
 
 RATE = 500.0
 """Integration steps per second, at least [Hz]."""
@@ -72,7 +69,7 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         raise DataError(
             f"commands: a gap in t before row {at}, and no pose and velocity to go on from; fill the gap"
         )
-    program, log = assemble(vehicle), velocity_log(vehicle)
+    program, log, steps = assemble(vehicle), velocity_log(vehicle), steps_of_row(dt)
     t = commands["t"].to_numpy().astype(np.float64)
     demand = np.ascontiguousarray(commands.select(names).to_numpy().astype(np.float64))
     given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
@@ -82,12 +79,16 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         velocity = given[begin : begin + 1, 6:]
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
-        motion[rows] = trajectory(
-            program, demand[rows], t[rows], eta=given[begin, :6], nu=velocity[0], dt=dt, settled=bool(resumed)
-        )
+        begun = {"eta": given[begin, :6], "nu": velocity[0], "settled": bool(resumed)}
+        motion[rows] = trajectory(program, demand[rows], t[rows], steps=steps, **begun)
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
     return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
+
+
+def steps_of_row(dt: float, rate: float = RATE) -> int:
+    """Integration steps of a row of `dt` [s] that make at least `rate` of them a second [Hz]."""
+    return max(1, math.ceil(dt * rate * (1.0 - 1e-9)))
 
 
 def trajectory(
@@ -97,9 +98,8 @@ def trajectory(
     *,
     eta: ArrayLike = (0.0,) * 6,
     nu: ArrayLike = (0.0,) * 6,
-    dt: float | None = None,
     settled: bool = False,
-    rate: float = RATE,
+    steps: int | None = None,
 ) -> Array:
     """True motion of one unbroken segment.
 
@@ -109,9 +109,8 @@ def trajectory(
         t: Times [s], shape (N,), rising.
         eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
         nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
-        dt: Sample time [s] that the number of steps per row follows from; by default the mean step of `t`.
         settled: Thrusters start settled on the first command; by default at rest.
-        rate: Least number of integration steps per second [Hz].
+        steps: Integration steps of a row; by default so many that `RATE` of them or more make a second.
 
     Returns:
         Pose and velocity (x ... psi, u ... r), shape (N, 12).
@@ -128,10 +127,10 @@ def trajectory(
         )
     pose = np.asarray(eta, np.float64)
     first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
-    interval = dt if dt is not None else float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
-    substeps = max(1, math.ceil(interval * rate * (1.0 - 1e-9)))
+    interval = float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
+    course = Course(demand, clock, steps_of_row(interval) if steps is None else steps, 0.0)
     out = np.empty((clock.size, BODY))
-    reached = _march(program.flat, NO_HULL, demand, clock, substeps, settled, first, out)
+    reached = _follow(program.flat, first, course, settled, out)
     if reached < clock.size:
         raise DataError(
             f"the motion grows beyond all bounds by t = {clock[reached]:g} s; check the vehicle's damping"
@@ -140,53 +139,11 @@ def trajectory(
 
 
 @jit
-def _march(
-    flat: Array,
-    facets: Array,
-    commands: Array,
-    t: Array,
-    substeps: int,
-    settled: bool,
-    first: Array,
-    out: Array,
-) -> int:
+def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
     """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
-    table = thrusters_of(flat)
-    count = table.shape[0]
-    y, s = np.zeros(BODY + int(flat[STATE_COUNT])), np.zeros(MOTION)
-    y[:BODY] = first
-    observe(flat, y[:3], y[3:7], y[7:BODY], s)
-    start(flat, s, y[BODY:])
-    target, upcoming, decay = np.zeros(count), np.zeros(count, np.int64), np.ones(count)
-    rotors, work = np.zeros((3, count)), np.zeros((4, y.size))
-    if settled and t.size:
-        for i in range(count):
-            rotors[2, i] = target[i] = settled_state(table[i], commands[0, i])
-    due = (t[0] if t.size else 0.0, 0.0)
-    for k in range(t.size):
-        out[k] = y[:BODY]
-        if not np.isfinite(y.sum()):
-            return k
-        if k + 1 == t.size:
-            break
-        h = (t[k + 1] - t[k]) / substeps
-        for j in range(substeps):
-            now, end = t[k] + j * h, t[k] + (j + 1) * h
-            due = advance(
-                flat,
-                facets,
-                table,
-                commands,
-                t,
-                now,
-                end,
-                due,
-                target,
-                upcoming,
-                decay,
-                rotors,
-                y,
-                s,
-                work,
-            )
-    return int(t.size)
+    motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
+    motion.y[:BODY] = first
+    settle(motion)
+    resume(thrusters, course, 0, settled)
+    thrusters.rotors[2] = thrusters.target
+    return march(motion, thrusters, course, 0, out, None, None)

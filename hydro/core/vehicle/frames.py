@@ -16,8 +16,10 @@ from hydro.core.errors import DataError
 
 Array = NDArray[np.float64]
 
-FRD_FLU: Array = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-"""Signs that turn a twist or wrench in FRD axes into FLU axes and back (half a turn about x)."""
+HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
+"""Half a turn about x, its own inverse: signs that turn FRD into FLU axes, and NED into a z-up world."""
+FRD_FLU: Array = np.concatenate([HALF_TURN, HALF_TURN])
+"""The same of a twist or wrench."""
 
 _LOCK = 1e-8  # below this cos(theta), roll and yaw turn about the same axis
 
@@ -56,6 +58,15 @@ def quaternion_kernel(quaternion: Array, out: Array) -> None:
     out[6] = twice * (x * z - w * y)
     out[7] = twice * (y * z + w * x)
     out[8] = 1.0 - twice * (x * x + y * y)
+
+
+@jit
+def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, out: Array) -> None:
+    """Write the product q (w, x, y, z) into `out` (4,): first the turn on the right, then q."""
+    out[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z
+    out[1] = q[0] * x + q[1] * w + q[2] * z - q[3] * y
+    out[2] = q[0] * y - q[1] * z + q[2] * w + q[3] * x
+    out[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * w
 
 
 @jit
@@ -198,6 +209,17 @@ def swap_frd_flu(x: ArrayLike) -> Array:
     if values.shape[-1:] not in {(3,), (6,)}:
         raise DataError(f"FRD/FLU: the last axis must have 3 or 6 components, got shape {values.shape}")
     return np.asarray(values * FRD_FLU[: values.shape[-1]])
+
+
+def swap_quaternion(quaternion: ArrayLike) -> Array:
+    """The rotations (..., 4) from FRD to NED as those from FLU to the z-up world, or back: F R F."""
+    turned: Array = np.asarray(quaternion, float) * np.concatenate([[1.0], HALF_TURN])
+    return turned
+
+
+def wrapped(angle: ArrayLike) -> Array:
+    """Angles [rad] within (-pi, pi]."""
+    return np.asarray(np.pi - np.mod(np.pi - np.asarray(angle, float), 2.0 * np.pi))
 
 
 def skew(a: ArrayLike) -> Array:

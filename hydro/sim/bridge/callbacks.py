@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hydro.core.compiled import cfunc, jit
 from hydro.core.effects import layout
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, relative_to_water, start, wrench
+from hydro.core.vehicle.frames import HALF_TURN
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.core.vehicle.thrusters import (
     INFLOW,
@@ -66,9 +67,9 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
         numbers(data, structs.QVEL, dof, 6),
     )
     for i in range(3):
-        here = 1.0 if i == 0 else -1.0
+        here = HALF_TURN[i]
         for j in range(3):
-            there = 1.0 if j == 0 else -1.0
+            there = HALF_TURN[j]
             P[i, j] = here * xmat[3 * j + i]
             s[layout.ROTATION + 3 * i + j] = here * there * xmat[3 * i + j]
         s[layout.POSITION + i] = here * xpos[i]
@@ -122,7 +123,7 @@ def _add_inertia(A: Array, P: Array, half: Array, rows: Integers, addresses: Int
         at = addresses[i]
         for j in range(i + 1):
             M[at + j] += P[0, i] * half[0, j] + P[1, i] * half[1, j] + P[2, i] * half[2, j]
-        sign = 1.0 if i == 0 else -1.0
+        sign = HALF_TURN[i]
         at = addresses[3 + i]
         for j in range(4 + i):
             M[at + j] += sign * half[3 + i, j]

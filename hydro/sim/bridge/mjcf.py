@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Hull, Thruster, Vehicle
+from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
 from hydro.core.vehicle.thrusters import ASYMMETRY, DELAY, GAIN, INFLOW, LAG_STEP, SPEED_LAG, TIME_CONSTANT
 from hydro.sim.bridge.water import PREFIX, Water, wet
 
 Array = NDArray[np.float64]
 Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
-
-FLIP = np.array([1.0, -1.0, -1.0])
-"""FRD <-> FLU, and NED <-> z-up world: the same half turn about x."""
 
 _INTEGRATORS = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -152,13 +150,13 @@ def _add_mass(body: mujoco.MjsBody, vehicle: Vehicle, name: str) -> None:
         - _point_inertia(rest, rest_center - center_of_gravity)
     )
     _refuse_impossible(rest_inertia, vehicle.name)
-    flipped = rest_inertia * np.outer(FLIP, FLIP)
+    flipped = rest_inertia * np.outer(HALF_TURN, HALF_TURN)
     body.explicitinertial = True
     body.mass = rest
-    body.ipos = FLIP * rest_center
+    body.ipos = HALF_TURN * rest_center
     body.fullinertia = flipped[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
-    float_ = body.add_body(name=f"{name}/buoyancy", pos=FLIP * center_of_buoyancy)
+    float_ = body.add_body(name=f"{name}/buoyancy", pos=HALF_TURN * center_of_buoyancy)
     float_.explicitinertial = True
     float_.ipos = np.zeros(3)
     float_.mass = lent
@@ -185,7 +183,9 @@ def _add_hull(
     mesh = folder / hull.mesh if folder is not None and hull.mesh else None
     if mesh is None:
         half = np.array([hull.length, hull.width, hull.height]) / 2
-        return body.add_geom(type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=FLIP * hull.center, **style)
+        return body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=half, pos=HALF_TURN * hull.center, **style
+        )
     if not mesh.is_file():
         raise DataError(
             f"{mesh}: the hull mesh named by the vehicle file is not there; correct hull.mesh or leave it out"
@@ -215,13 +215,13 @@ def _add_thruster(
     if thruster.wrench is not None:
         site, wrench = body.add_site(name=name), np.array(thruster.wrench)
     else:
-        site = body.add_site(name=name, pos=FLIP * thruster.position, size=[0.03, 0.03, 0.03])
+        site = body.add_site(name=name, pos=HALF_TURN * np.array(thruster.position), size=[0.03, 0.03, 0.03])
         wrench = np.concatenate([thruster.direction, np.zeros(3)])
     actuator = spec.add_actuator(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_SITE,
         target=site.name,
-        gear=wrench * np.concatenate([FLIP, FLIP]),
+        gear=wrench * FRD_FLU,
         ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
         ctrlrange=[-1.0, 1.0],
     )

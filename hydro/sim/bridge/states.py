@@ -16,6 +16,7 @@ from hydro.core.vehicle.frames import (
     quaternion_from_euler,
     rotation_from_quaternion,
     swap_frd_flu,
+    swap_quaternion,
 )
 
 Array = NDArray[np.float64]
@@ -40,21 +41,15 @@ def coordinates(pose: Array, nu: Array) -> tuple[Array, Array]:
     """`qpos` (..., 7) and `qvel` (..., 6) of x y z and quaternion (..., 7), FRD to NED, and nu (..., 6)."""
     quaternion = pose[..., 3:]
     linear = np.einsum("...ij,...j->...i", rotation_from_quaternion(quaternion), nu[..., :3])
-    qpos = np.concatenate([swap_frd_flu(pose[..., :3]), _turn(quaternion)], axis=-1)
+    qpos = np.concatenate([swap_frd_flu(pose[..., :3]), swap_quaternion(quaternion)], axis=-1)
     return qpos, np.concatenate([swap_frd_flu(linear), swap_frd_flu(nu[..., 3:])], axis=-1)
 
 
 def from_mujoco(qpos: ArrayLike, qvel: ArrayLike) -> tuple[Array, Array]:
     """The state eta (..., 6) and nu (..., 6) of MuJoCo's coordinates `qpos` (..., 7) and `qvel` (..., 6)."""
     qpos, qvel = np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
-    quaternion = _turn(qpos[..., 3:7])
+    quaternion = swap_quaternion(qpos[..., 3:7])
     back = rotation_from_quaternion(quaternion)
     linear = np.einsum("...ji,...j->...i", back, swap_frd_flu(qvel[..., :3]))
     eta = np.concatenate([swap_frd_flu(qpos[..., :3]), euler_from_quaternion(quaternion)], axis=-1)
     return eta, np.concatenate([linear, swap_frd_flu(qvel[..., 3:6])], axis=-1)
-
-
-def _turn(quaternion: Array) -> Array:
-    """The same rotation seen from axes turned half about x: F R F as a quaternion."""
-    turned: Array = quaternion * np.array([1.0, 1.0, -1.0, -1.0])
-    return turned

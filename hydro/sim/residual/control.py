@@ -31,7 +31,7 @@ from hydro.core.recording.smoothing import Design, filter_step, gains
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
 from hydro.sim.residual.layers import COLUMNS, damping
-from hydro.sim.residual.network import Network, network_kernel
+from hydro.sim.residual.network import Network, Weights, network_kernel
 
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
@@ -139,14 +139,9 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step."""
     first = states[TICK] == 0.0
     filters = states[FILTER : FILTER + 12].reshape(6, 2)
-    if first:
-        for i in range(6):
-            filters[i, 0] = nu[i]
-            filters[i, 1] = 0.0
-    else:
-        row = min(int(states[TICK]), int(block[AT_GAIN_ROWS]) - 1)
-        begin = int(block[AT_GAINS]) + 12 * row
-        filter_step(filters, nu, block[begin : begin + 12].reshape(6, 2), block[AT_PERIOD])
+    begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
+    forward = block[begin : begin + 12 * rows].reshape(rows, 6, 2)
+    filter_step(int(states[TICK]), filters, nu, forward, block[AT_PERIOD])
     states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
 
     memory = states[STATES : STATES + int(block[AT_MEMORY])]
@@ -159,17 +154,13 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
     begin = int(block[AT_SCALERS])
     work = np.empty(int(block[AT_ROOM]), np.float32)
-    network_kernel(
+    network = Weights(
         block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
         weights,
         block[AT_PHYSFEAT] > 0.0,
         block[begin : begin + 2 * inputs + 12],
-        state,
-        memory,
-        np.empty(inputs),
-        work,
-        wrench,
     )
+    network_kernel(network, state, memory, work, wrench)
     history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
         held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]

@@ -8,6 +8,7 @@ MuJoCo's activations).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,38 +108,28 @@ class Network:
         if before.shape != (len(x), self.memory):
             raise DataError(f"past velocities: expected shape {(len(x), self.memory)}, got {before.shape}")
         out = np.empty((len(x), _AXES))
-        _network_columns(
-            self.program,
-            self.weights,
-            self.physfeat,
-            self.scalers,
-            x,
-            np.ascontiguousarray(before),
-            np.empty(self.room, np.float32),
-            out,
-        )
+        network = Weights(self.program, self.weights, self.physfeat, self.scalers)
+        _network_columns(network, x, np.ascontiguousarray(before), np.empty(self.room, np.float32), out)
         return out
 
 
-@jit
-def network_kernel(
-    program: Array,
-    weights: Array32,
-    physfeat: bool,
-    scalers: Array,
-    state: Array,
-    memory: Array,
-    features: Array,
-    work: Array32,
-    out: Array,
-) -> None:
-    """Write tau_res (6,) of one state (12,) and its memory to `out`.
+class Weights(NamedTuple):
+    """A network as its kernel takes it: the fields of `Network` of the same names."""
 
-    `features`, as many as the network's inputs, and `work`, the workspace, are scratch.
-    """
-    inputs = features.size
+    program: Array
+    weights: Array32
+    physfeat: bool
+    scalers: Array
+
+
+@jit
+def network_kernel(network: Weights, state: Array, memory: Array, work: Array32, out: Array) -> None:
+    """Write tau_res (6,) of one state (12,) and its memory to `out`; `work` is the workspace."""
+    scalers = network.scalers
+    inputs = (scalers.size - 2 * out.size) // 2
     own = inputs - memory.size
-    if physfeat:
+    features = np.empty(inputs)
+    if network.physfeat:
         physfeat_kernel(state, features[:own])
     else:
         for j in range(own):
@@ -147,23 +138,13 @@ def network_kernel(
         features[own + j] = memory[j]
     for j in range(inputs):
         work[j] = np.float32((features[j] - scalers[j]) / scalers[inputs + j])
-    layers.run(program, weights, state[:6], work)
+    layers.run(network.program, network.weights, state[:6], work)
     last = work.size - out.size
     for j in range(out.size):
         out[j] = scalers[2 * inputs + j] + scalers[2 * inputs + out.size + j] * work[last + j]
 
 
 @jit
-def _network_columns(
-    program: Array,
-    weights: Array32,
-    physfeat: bool,
-    scalers: Array,
-    states: Array,
-    past: Array,
-    work: Array32,
-    out: Array,
-) -> None:
-    features = np.empty((scalers.size - 2 * out.shape[1]) // 2)
+def _network_columns(network: Weights, states: Array, past: Array, work: Array32, out: Array) -> None:
     for k in range(states.shape[0]):
-        network_kernel(program, weights, physfeat, scalers, states[k], past[k], features, work, out[k])
+        network_kernel(network, states[k], past[k], work, out[k])

@@ -93,7 +93,7 @@ def test_a_second_process_starts_from_disk():
         "p = program.assemble(BARE)\n"
         "program.wrench(p.flat, np.zeros(24), np.zeros(0), np.zeros(0), np.zeros(6))\n"
         "simulate.trajectory(p, np.zeros((2, 2)), [0.0, 0.02])\n"
-        "for f in (program.wrench, simulate._march):\n"
+        "for f in (program.wrench, simulate._follow):\n"
         "    assert f.stats.cache_hits and not f.stats.cache_misses, f\n"
     )
     where = os.pathsep.join([os.path.dirname(__file__), *sys.path])

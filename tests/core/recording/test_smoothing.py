@@ -25,7 +25,6 @@ from hydro.core.recording.smoothing import (
     gains,
     reach,
     smooth,
-    steady_gain,
 )
 
 DT = 0.02
@@ -109,7 +108,7 @@ def test_settled_gain_solves_the_riccati_equation(exponent):
     F, H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     P = solve_discrete_are(F.T, H.T, Q_continuous_white_noise(2, 1.0, ratio), np.eye(1))
     expected = P[:, 0] / (P[0, 0] + 1.0) * [1.0, 1.0 / DT]
-    np.testing.assert_allclose(steady_gain(design(ratio))[3], expected, rtol=1e-6)
+    np.testing.assert_allclose(gains(design(ratio)).forward[-1, 3], expected, rtol=1e-6)
 
 
 def test_without_noise_the_smoother_is_the_natural_cubic_spline():
@@ -165,9 +164,9 @@ def test_segments_start_afresh(method):
 def test_online_steps_are_the_offline_filter():
     z, d = walk(2000), design(1e-2)
     offline = smooth(z, [[0, 2000]], d, "kalman")
-    state, gain = offline[999].copy(), steady_gain(d)
+    state, gain = offline[999].copy(), gains(d).forward
     for k in range(1000, 2000):
-        filter_step(state, z[k], gain, DT)
+        filter_step(k, state, z[k], gain, DT)
     np.testing.assert_allclose(state, offline[-1], rtol=0, atol=1e-12)
 
 

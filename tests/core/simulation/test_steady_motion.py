@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hydro.core.effects import assemble
-from hydro.core.simulation.integrate import NO_HULL
+from hydro.core.simulation.dynamics import NO_HULL
 from hydro.core.simulation.steady_motion import MARGIN, TILT, TURN_RATE, fluid_wrench, wrench_limits
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Vehicle
 from hydro.core.vehicle.ellipsoid import added_mass_matrix

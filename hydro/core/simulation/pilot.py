@@ -1,0 +1,39 @@
+"""A pilot: commands made row by row from the true state, by a demanded wrench and light holds."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hydro.core.compiled import jit
+from hydro.core.effects.layout import POSITION, ROTATION, VELOCITY
+from hydro.core.effects.record import Array
+from hydro.core.vehicle.control_allocation import hold_kernel, mixing_kernel
+
+
+class Pilot(NamedTuple):
+    """What a pilot wants and what it knows of the vehicle.
+
+    Attributes:
+        gains: (4, 2) of the holds, as in `vehicle.control_allocation.Mixing`.
+        allocation: Pseudo-inverse of B (n, 6).
+        table: Thruster table (n, columns) that it knows; the vehicle's own may hold hidden faults.
+        wrenches: (N, 6) demanded [N, N m].
+        depth: To hold [m].
+        heading: (cos, sin) of the heading to hold; (0, 0) for none.
+    """
+
+    gains: Array
+    allocation: Array
+    table: Array
+    wrenches: Array
+    depth: float
+    heading: Array
+
+
+@jit
+def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
+    """Write the commands (n,) of a row at the state of motion `s`; `tau` (6,) is room for a wrench."""
+    tau[:] = pilot.wrenches[row]
+    R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]
+    hold_kernel(pilot.gains, R, s[POSITION + 2], nu, pilot.depth, pilot.heading, tau)
+    mixing_kernel(pilot.allocation, pilot.table, tau, commands)
