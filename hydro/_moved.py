@@ -24,12 +24,12 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "wiring:thruster_order log_faults findings extend:findings advice manoeuvres",
     "hydro.core.evaluation": "compare misfit metrics conditions:regimes places:failure_regimes "
     "restarts:rolling_prediction",
-    "hydro.core.identification": "fit parameters shooting:multiple_shooting variation:variational_equation "
+    "hydro.core.identification": "fit parameters shooting:multiple_shooting "
     "sensitivity weakform:weak_form normal:normal_equations descent:levenberg_marquardt suspects candidate "
     "passive:passivity beginnings:initial_guess given:prior",
     "hydro.core.distillation": "labels split features history",
     "hydro.core.simulation": "dynamics integrate simulate excitation handling:steady_motion "
-    "noise:sensor_noise",
+    "noise:sensor_noise variation:variational_equation",
     "hydro.core.logs": "logmap importing resample conventions aliases alternatives agreement "
     "kinematics:convention_check",
     "hydro.core.recording": "segments smoothing readings:sensor_faults dead_reckoning",
