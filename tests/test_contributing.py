@@ -100,7 +100,7 @@ def recorded(copy: Path) -> Path:
     vehicle = (copy / "datasets" / "vehicles" / "auv151.toml").read_text()
     (copy / "hidden.toml").write_text(f'{vehicle}\n[[effect]]\nname = "cubic_damping"\ndiagonal = {CUBIC}\n')
     t = np.arange(2000) * 0.04
-    ahead = 0.9 * np.sin(2.0 * np.pi * t / 27.0) * (0.4 + 0.6 * np.sin(2.0 * np.pi * t / 80.0) ** 2)
+    ahead = 0.7 * np.sin(2.0 * np.pi * t / 27.0) * (0.4 + 0.6 * np.sin(2.0 * np.pi * t / 80.0) ** 2)
     commands = {
         f"cmd_{i + 1}": (ahead if i < 4 else 0.0) + 0.3 * np.sin(2.0 * np.pi * t / (5.0 + 1.3 * i) + i)
         for i in range(8)
