@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
@@ -40,7 +40,6 @@ from hydro.core.vehicle.thrusters import configuration_matrix
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
-Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 

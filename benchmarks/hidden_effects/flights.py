@@ -15,7 +15,8 @@ import polars as pl
 from scipy.interpolate import CubicSpline
 
 from benchmarks.hidden_effects.build import build
-from benchmarks.hidden_effects.plant import BODY, Array, Plant, fly
+from benchmarks.hidden_effects.plant import BODY, Plant, fly
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.excitation import Session, demands

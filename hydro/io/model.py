@@ -10,12 +10,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.io import table
 from hydro.io.table import Artefact
-
-Array = NDArray[np.float64]
-
 
 SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""

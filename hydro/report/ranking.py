@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import kendalltau, mannwhitneyu
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 SAMPLES = 2000
 INTERVAL = (2.5, 97.5)  # percentiles

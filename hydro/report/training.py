@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.io.files import explained
 from hydro.report import figures
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 PANELS = {"reward": "mean reward of an evaluation", "success": "share of an evaluation that arrived"}
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import DataError, UsageError
 from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
@@ -26,8 +27,6 @@ from hydro.sim.residual.lowering import TrainedModel
 from hydro.sim.residual.network import Network
 from hydro.sim.student import Physics, Student
 
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 Progress = Callable[[str, int, int], None]
 
 POSE = ("x", "y", "z", "phi", "theta", "psi")
@@ -193,7 +192,7 @@ def replay(
 
 
 def _along(
-    through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Bounds
+    through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Rows
 ) -> Array:
     """Velocities (N, 6) through a velocity log, or back, segment by segment; as far as they are finite."""
     out = nu.copy()
@@ -203,7 +202,7 @@ def _along(
     return out
 
 
-def _before(log: Array, t: Array, bounds: Bounds) -> NDArray[np.bool_]:
+def _before(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
     """Rows (N,) in which a late log tells of the time before the flight: there it reads what it read."""
     begun = np.repeat(t[bounds[:, 0]], np.diff(bounds, axis=1)[:, 0])
     return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
@@ -237,7 +236,7 @@ def _fly(
     student: Student,
     measured: Array,
     commands: Array,
-    bounds: Bounds,
+    bounds: Rows,
     steps: int,
     report: Callable[[int, int], None] | None,
 ) -> Array:

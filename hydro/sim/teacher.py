@@ -23,11 +23,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
-from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import observe
 from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan

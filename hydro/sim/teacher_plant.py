@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import MOTION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
-from hydro.core.effects.record import Array
 from hydro.core.simulation.dynamics import observe
 from hydro.core.simulation.excitation import RATE
 from hydro.core.simulation.integrate import BODY, advance, rates_kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import DELAY, INFLOW, inflow_speed, state_to_thrust
-from hydro.sim.plant import Mask, Snapshot
+from hydro.sim.plant import Snapshot
 from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (RATE * SUBSTEPS)

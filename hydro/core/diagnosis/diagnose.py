@@ -9,13 +9,14 @@ explains.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
+from hydro.core.columns import Array, Progress
 from hydro.core.diagnosis import advice, naming, slow, unexplained
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.findings import Diagnosis, Finding
@@ -43,10 +44,8 @@ from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import in_file, steadied
 from hydro.core.identification.suspects import CURVED, choice
-from hydro.core.recording.arrays import Array, Recording, drawn, recording
+from hydro.core.recording.arrays import Recording, drawn, recording
 from hydro.core.vehicle.description import Vehicle
-
-Report = Callable[[str, float], None]
 
 SECONDS = (multiple_shooting.SECONDS, 0.5 * multiple_shooting.SECONDS, 0.25 * multiple_shooting.SECONDS)
 """Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
@@ -65,7 +64,7 @@ IMITATED = 0.5
 """What no effect explains, in units of what a finding explains, from which it casts doubt on the finding."""
 
 
-def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Report | None = None) -> Diagnosis:
+def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, report: Progress | None = None) -> Diagnosis:
     """Find what is missing in a vehicle file.
 
     Args:

@@ -8,12 +8,13 @@ last.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
 
+from hydro.core.columns import Progress
 from hydro.core.diagnosis import search
 from hydro.core.diagnosis.diagnose import aimed, diagnose
 from hydro.core.diagnosis.extend import extended, tables
@@ -29,7 +30,6 @@ from hydro.core.recording.arrays import recording
 from hydro.core.recording.sensor_faults import freed
 from hydro.core.vehicle.description import Vehicle
 
-Report = Callable[[str, float], None]
 Table = Mapping[str, Any]
 
 MOST = 6
@@ -80,7 +80,7 @@ def explain(
     *,
     holdout: pl.DataFrame | None = None,
     done: Sequence[Step] = (),
-    report: Report | None = None,
+    report: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
 
@@ -163,7 +163,7 @@ def _finding(step: Step) -> dict[str, Table]:
 
 
 def _next(
-    steps: Sequence[Step], vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, told: Report
+    steps: Sequence[Step], vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, told: Progress
 ) -> Step:
     """The step after these."""
     log = sound(vehicle, raw)
@@ -229,6 +229,6 @@ def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataF
     )
 
 
-def _part(told: Report, begin: float, end: float) -> Report:
+def _part(told: Progress, begin: float, end: float) -> Progress:
     """A report of one part of the work."""
     return lambda words, share: told(words, begin + (end - begin) * share)

@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.fit import UNDETERMINED
 from hydro.core.identification.parameters import Entry
-from hydro.core.recording.arrays import Array
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 VECTORS: Mapping[str, tuple[str, str, str]] = {

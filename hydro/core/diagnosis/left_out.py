@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis import naming
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, block_length
-from hydro.core.recording.arrays import Array, Rows
 
 SESSIONS = 3
 """Sessions from which whole sessions are left out."""

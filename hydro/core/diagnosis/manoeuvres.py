@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.effects import Program, assemble, inertia_matrix
 from hydro.core.effects.sensor import DELAY
 from hydro.core.errors import DataError
@@ -23,7 +24,7 @@ from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.excitation import HEAVE, PITCH, RATE, ROLL, SURGE, SWAY, YAW
 from hydro.core.simulation.integrate import NO_HULL
 from hydro.core.simulation.simulate import trajectory

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.diagnosis.search import Model
 from hydro.core.identification.normal_equations import block_length
-
-Array = NDArray[np.float64]
 
 RESAMPLES = 2000
 TIED = 0.02

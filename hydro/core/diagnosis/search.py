@@ -9,15 +9,15 @@ best in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Progress
 from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
 from hydro.core.diagnosis.sensor_tests import KinematicTest, shown, vetoed
 from hydro.core.effects import CATALOGUE
@@ -29,8 +29,6 @@ from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.vehicle.description import Vehicle
 
-Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
 Wanted = Sequence[str | Mapping[str, Any]]
 
 ALPHA = 0.01
@@ -290,7 +288,7 @@ class Search:
         except DataError:  # and too far even so: it begins as the vehicle has it
             return fitted(model.vehicle, [*self.base, *chosen, name], model.problem, self.reach, QUICK)
 
-    def grow(self, told: Report) -> tuple[Model, list[Found], Round]:
+    def grow(self, told: Progress) -> tuple[Model, list[Found], Round]:
         """Let the best effect join until nothing more is significant and material.
 
         Args:

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.identification.normal_equations import Normal
-from hydro.core.recording.arrays import Array
 from hydro.core.vehicle.description import Vehicle
 
 FAR = 1e4

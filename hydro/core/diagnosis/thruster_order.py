@@ -16,13 +16,14 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from hydro.core.columns import Array
 from hydro.core.diagnosis.search import own_effects
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import Array
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.misfit import Misfit, Motion, force
 from hydro.core.evaluation.regimes import Pieces, families
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
 LEAST_PIECES = 50

@@ -17,12 +17,11 @@ from __future__ import annotations
 
 import numpy as np
 import polars as pl
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
 INPUTS = (*(f"{name}_s" for name in VELOCITIES), *(f"{name}_dot" for name in VELOCITIES))

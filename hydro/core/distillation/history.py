@@ -6,12 +6,11 @@ Before a recording or a flight began, the vehicle is taken to have moved as it d
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 AXES = 6
 TOLERANCE = 0.01  # of a sample time, within which a period must be whole

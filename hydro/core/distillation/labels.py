@@ -27,8 +27,8 @@ from typing import Literal
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
@@ -39,10 +39,6 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
 from hydro.core.vehicle.thrusters import INFLOW, UNIT_WRENCH, thrusts
-
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Bounds = NDArray[np.int64]
 
 Subtract = Literal["inertia", "effects"]
 
@@ -92,7 +88,7 @@ def labels(
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
     after_gap, dt = resumes(raw, bounds), sample_time(raw)
     count = len(commands)
-    out: Float32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
+    out: Array32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
 
     def work(first: int, last: int) -> None:
         start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
@@ -161,7 +157,7 @@ def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> list[str]:
     return names
 
 
-def _require_neighbours(raw: pl.DataFrame, bounds: Bounds) -> None:
+def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
     """A single row has no acceleration."""
     alone = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
     if alone.size:
@@ -171,7 +167,7 @@ def _require_neighbours(raw: pl.DataFrame, bounds: Bounds) -> None:
         )
 
 
-def _require_finite(raw: pl.DataFrame, out: Float32) -> None:
+def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
     """A value that is missing or not finite spreads over its whole segment: name the first row it reached."""
     broken = ~np.isfinite(out[-6:]).all(axis=0)
     if broken.any():
@@ -182,7 +178,7 @@ def _require_finite(raw: pl.DataFrame, out: Float32) -> None:
         )
 
 
-def _batches(bounds: Bounds) -> Iterator[tuple[int, int]]:
+def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
     """Runs of whole segments [first, last) of at least BATCH rows, or what is left."""
     first = 0
     for last in range(1, len(bounds) + 1):
@@ -199,7 +195,7 @@ def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
     return out
 
 
-def _velocities(frame: pl.DataFrame, bounds: Bounds, log: Array) -> Array:
+def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
     """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
     nu = _columns(frame, VELOCITIES)
     if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
@@ -230,7 +226,7 @@ def _label_kernel(
     mass: Array,
     weight: Array,
     forces: Array,
-    out: Float32,
+    out: Array32,
 ) -> None:
     """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res.
 

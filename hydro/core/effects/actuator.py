@@ -6,7 +6,8 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from hydro.core.effects.record import Array, Effect, Fill, Parameter
+from hydro.core.columns import Array
+from hydro.core.effects.record import Effect, Fill, Parameter
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 
 

@@ -6,9 +6,10 @@ therefore positive for a force that opposes motion.
 
 from __future__ import annotations
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))

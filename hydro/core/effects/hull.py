@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 
 SECTIONS = 32
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))

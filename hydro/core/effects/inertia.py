@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import ADDED_MASS, RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 
 UNITS = ("kg", "kg m", "kg m^2")
 COUPLED = ((1, 5), (2, 4), (0, 4), (1, 3), (0, 2))

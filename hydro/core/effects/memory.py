@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 
 
 @jit

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 
-Array = NDArray[np.float64]
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
 Fill = Callable[[Array, Array], None]

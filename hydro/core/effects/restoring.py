@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, ROTATION
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 
 
 @jit

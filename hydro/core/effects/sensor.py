@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.columns import Array
+from hydro.core.effects.record import Effect, Parameter
 from hydro.core.vehicle.frames import rotation
 
 # The log as a row of numbers, filled by the effects.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
-from hydro.core.effects.record import Array, Effect, Parameter
+from hydro.core.effects.record import Effect, Parameter
 from hydro.core.effects.restoring import push_down
 
 

@@ -10,30 +10,28 @@ much.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Progress, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.metrics import INTERVAL, SAMPLES
 from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
 from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import Array, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
 """Part of its own size to which the noise floor is known, in squares."""
 SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay clear of noise, for six axes
 
-Codes = NDArray[np.int64]
 Line = dict[str, Any]
-Report = Callable[[str, float], None]
 
 KEY = ("level", "horizon", "axis", "by", "place")
 SCHEMA = {
@@ -60,7 +58,7 @@ def compare(
     *,
     against: pl.DataFrame | None = None,
     seed: int = 0,
-    progress: Report | None = None,
+    progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Hold a vehicle file against a recording.
 
@@ -236,7 +234,7 @@ def _draws(blocks: int, seed: int) -> Array | None:
     return drawn.astype(np.float64)
 
 
-def _by_block(values: Array, code: Codes, count: int, block: Codes) -> Array:
+def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
     """Sums of values of pieces (P, A) over each block and code, (B, count, A); code -1 is left out."""
     blocks, of = int(block.max()) + 1, code >= 0
     place = block[of] * count + code[of]

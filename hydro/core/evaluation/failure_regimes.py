@@ -14,12 +14,9 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hydro.core.evaluation.regimes import PIECE, Codes, Condition, Family, conditions, phrase
-from hydro.core.recording.arrays import Array
-
-Mask = NDArray[np.bool_]
+from hydro.core.columns import Array, Mask, Rows
+from hydro.core.evaluation.regimes import PIECE, Condition, Family, conditions, phrase
 
 LEAST_TIME = 0.01
 """Share of the time that a place must last, and at least LEAST_SECONDS."""
@@ -51,7 +48,7 @@ class Place:
     share: float
 
 
-def rank(unexplained: Array, rows: Array, block: Codes, families: Sequence[Family]) -> list[Place]:
+def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family]) -> list[Place]:
     """The places where a model fails, the greatest share of the error first; what is left elsewhere last.
 
     Args:

@@ -14,9 +14,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 WRENCH_AXES, WRENCH_UNITS = ("X", "Y", "Z", "K", "M", "N"), ("N",) * 3 + ("N m",) * 3
 VELOCITY_AXES, VELOCITY_UNITS = ("u", "v", "w", "p", "q", "r"), ("m/s",) * 3 + ("rad/s",) * 3

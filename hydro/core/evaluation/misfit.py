@@ -22,9 +22,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
+from hydro.core.columns import Array, Rows
 from hydro.core.effects.layout import MASS, MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, WRENCH_UNITS
@@ -40,11 +40,9 @@ from hydro.core.identification.multiple_shooting import (
     residuals,
 )
 from hydro.core.recording import smoothing
-from hydro.core.recording.arrays import POSE, Array, Recording, noise
+from hydro.core.recording.arrays import POSE, Recording, noise
 from hydro.core.simulation.integrate import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
-
-Rows = NDArray[np.int64]
 
 HORIZONS = (1.0, 5.0, 20.0)
 """How far ahead predictions look [s]."""

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.evaluation.metrics import consecutive
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import configuration_matrix
-
-Codes = NDArray[np.int64]
 
 PIECE = 0.2
 """Length of a piece [s]."""
@@ -44,9 +43,9 @@ class Pieces:
         segment: Segment of each piece, (P,).
     """
 
-    starts: Codes
-    block: Codes
-    segment: Codes
+    starts: Rows
+    block: Rows
+    segment: Rows
 
     @classmethod
     def of(cls, record: Recording) -> Pieces:
@@ -87,7 +86,7 @@ class Family:
 
     by: str
     words: tuple[str, ...]
-    code: Codes
+    code: Rows
     doing: bool = True
     unions: tuple[tuple[str, tuple[int, ...]], ...] = ()
     alone: bool = False

@@ -9,7 +9,7 @@ a Levenberg-Marquardt iteration within bounds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Progress
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, sensitivity, weak_form
@@ -38,8 +39,6 @@ from hydro.core.recording.arrays import recording
 from hydro.core.recording.sensor_faults import freed
 from hydro.core.vehicle.description import Vehicle
 
-Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
@@ -135,7 +134,7 @@ def fit(
     method: Method = "output",
     noise: Array | None = None,
     most: int | None = MOST,
-    report: Report | None = None,
+    report: Progress | None = None,
 ) -> Fit:
     """Fit named effects to a recording.
 
@@ -265,7 +264,7 @@ def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tupl
     )
 
 
-def _settle(unknown: Free, values: Array, problem: Problem, told: Report) -> tuple[Array, Normal, Problem]:
+def _settle(unknown: Free, values: Array, problem: Problem, told: Progress) -> tuple[Array, Normal, Problem]:
     """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
     first = linearised(unknown, values / unknown.scales, problem)
     if first.chi2 > GROSS:

@@ -16,19 +16,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
 from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
-from hydro.core.recording.arrays import Array, Recording, noise, smoothed
+from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.simulation.dynamics import observe
 from hydro.core.simulation.integrate import BODY, NO_HULL, advance, resume
 from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.core.vehicle.thrusters import same_states
-
-Rows = NDArray[np.int64]
 
 SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""

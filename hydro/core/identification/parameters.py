@@ -17,14 +17,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, Effect, Parameter
 from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.effects.validate import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
 """Bounds of the power of a thrust curve."""

@@ -15,21 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
 from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
 from hydro.core.identification import multiple_shooting, variational_equation
-from hydro.core.identification.multiple_shooting import (
-    CHANNELS,
-    ENDLESS,
-    TOGETHER,
-    TRUST,
-    Loaded,
-    Rows,
-    Shots,
-)
+from hydro.core.identification.multiple_shooting import CHANNELS, ENDLESS, TOGETHER, TRUST, Loaded, Shots
 from hydro.core.identification.normal_equations import Normal, eliminate
-from hydro.core.recording.arrays import Array
 from hydro.core.simulation.integrate import BODY
 from hydro.core.vehicle.thrusters import same_states
 

@@ -14,13 +14,11 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.parameters import GRIDS, Free, effect_table, free
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 CURVED = ("fluid_memory", "surface_suction", "tether", "payload")
 """Effects that are not linear in all of their parameters."""

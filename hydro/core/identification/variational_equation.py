@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
     INVERSE_MASS_MATRIX,
@@ -24,12 +25,9 @@ from hydro.core.effects.layout import (
     VELOCITY,
 )
 from hydro.core.effects.program import HEADER, STATE_COUNT, relative_to_water, thrusters_of, wrench
-from hydro.core.effects.record import Array
 from hydro.core.simulation.dynamics import accelerate, observe, propel
 from hydro.core.simulation.integrate import BODY, NO_HULL, rates_kernel, resume, step, turn
 from hydro.core.vehicle.thrusters import INFLOW
-
-Rows = NDArray[np.int64]
 
 DEVIATION = 12
 """Numbers of a deviation of the body itself."""

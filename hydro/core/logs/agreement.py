@@ -13,16 +13,14 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hydro.core.columns import Array
 from hydro.core.logs import conventions
 from hydro.core.logs.alternatives import BODIES
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import Attitude, LogMap, Position, Rates, Velocity
 from hydro.core.recording.segments import GAP
-
-Array = NDArray[np.float64]
 
 SECONDS = 1.0
 """Length of a window [s]."""

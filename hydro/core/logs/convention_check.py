@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.logs.agreement import RESOLUTION, SECONDS, Evidence, windows
 from hydro.core.logs.alternatives import Change, cost, difference, flips, frame_changes
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import LogMap, measured
-
-Array = NDArray[np.float64]
 
 LEAST = 6  # windows; fewer show nothing
 TIE = 0.05  # relative difference of misfits that is none

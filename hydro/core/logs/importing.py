@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.conventions import SessionLog
@@ -16,8 +17,6 @@ from hydro.core.logs.logmap import LogMap, command, measured
 from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
-
-Array = NDArray[np.float64]
 
 POSE_AND_VELOCITY = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 

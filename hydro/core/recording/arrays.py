@@ -10,13 +10,11 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 POSE = ("x", "y", "z", "phi", "theta", "psi")
 VELOCITY = ("u", "v", "w", "p", "q", "r")

@@ -14,15 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
+from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Recording, channels, recording
 from hydro.core.recording.dead_reckoning import gone, rate_bias
 from hydro.core.vehicle.description import Vehicle
-
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.int64]
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
 REACH = 3
@@ -62,12 +59,12 @@ class Faults:
         stills: Which stand still though their sensor has noise, or the pose moves otherwise, (N, 12).
     """
 
-    jumps: Flags
-    marks: Flags
-    stills: Flags
+    jumps: Mask
+    marks: Mask
+    stills: Mask
 
     @property
-    def all(self) -> Flags:
+    def all(self) -> Mask:
         """Every faulty reading, (N, 12)."""
         return self.jumps | self.marks | self.stills
 
@@ -186,7 +183,7 @@ def _whiteness(samples: Sequence[Array]) -> float:
     return float(size[0] / max(size[1], 1e-300))
 
 
-def _contradicted(gone: Array, still: Flags) -> Flags:
+def _contradicted(gone: Array, still: Mask) -> Mask:
     """Those runs of a segment in which pose and velocities differ far more than elsewhere."""
     edges, out = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2), still.copy()
     for begin, end in edges:
@@ -198,7 +195,7 @@ def _contradicted(gone: Array, still: Flags) -> Flags:
     return out
 
 
-def _jumps(record: Recording, parts: Sequence[Array], known: Flags) -> Flags:
+def _jumps(record: Recording, parts: Sequence[Array], known: Mask) -> Mask:
     """Which readings of a channel jump away and back, (N,); those that are faulty anyway do not count."""
     out, apart = np.zeros(record.rows, bool), _apart(parts)
     series = [
@@ -225,7 +222,7 @@ def _apart(parts: Sequence[Array]) -> int:
     return int(np.median(np.diff(edges))) + 1
 
 
-def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
+def _samples(part: Array, known: Mask, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
     """First and past-the-last row, and value, of each sample of a channel, in one series or several.
 
     Equal rows are one sample.  Of a channel that was drawn in lines, each row is near a sample of one series
@@ -242,7 +239,7 @@ def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows
         yield np.maximum(rows - apart + 1, 0), np.minimum(rows + apart, len(part)), part[rows]
 
 
-def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Flags]:
+def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
     """Which samples of each series jump: again without those found, which spoil what is around them."""
     values, odd = [one.copy() for one in series], [np.zeros(len(one), bool) for one in series]
     for stride in bursts:
@@ -264,7 +261,7 @@ def _usual(off: Array) -> float:
     return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
 
 
-def _judged(y: Array, stride: int) -> tuple[Array, Flags]:
+def _judged(y: Array, stride: int) -> tuple[Array, Mask]:
     """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
 
     Args:

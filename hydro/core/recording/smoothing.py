@@ -18,13 +18,12 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 Method = Literal["rts", "kalman", "kalman-difference"]
 METHODS: tuple[str, ...] = ("rts", "kalman", "kalman-difference")
 
@@ -279,7 +278,7 @@ def estimate(
     return Design(float(dt), tuple(RATIOS[best].tolist()), tuple(noise_found.tolist()))
 
 
-def _windows(bounds: Bounds) -> Bounds:
+def _windows(bounds: Rows) -> Rows:
     """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2)."""
     pieces = [
         (at, min(at + WINDOW, stop)) for start, stop in bounds.tolist() for at in range(start, stop, WINDOW)
@@ -311,7 +310,7 @@ def _unit_design(ratio: float, rows: int) -> Array:
 
 
 @jit
-def _innovations_kernel(z: Array, windows: Bounds, design: Array, out: Array) -> None:
+def _innovations_kernel(z: Array, windows: Rows, design: Array, out: Array) -> None:
     """Sums over the windows of e^2 / s, of log s, and their number, for each axis, into `out` (6, 3)."""
     out[:] = 0.0
     for m in range(windows.shape[0]):

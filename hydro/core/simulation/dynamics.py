@@ -14,6 +14,7 @@ The kernels take a program's flat vector (`core.effects.program`) and the state 
 
 from __future__ import annotations
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
     BALANCE,
@@ -32,7 +33,6 @@ from hydro.core.effects.program import (
     relative_to_water,
     wrench,
 )
-from hydro.core.effects.record import Array
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel
 from hydro.core.vehicle.thrusters import COLUMNS, INFLOW, inflow_speed, state_to_thrust

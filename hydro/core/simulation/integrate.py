@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY, ROTATION
-from hydro.core.effects.record import Array
 from hydro.core.simulation.dynamics import accelerate, observe, propel
 from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state

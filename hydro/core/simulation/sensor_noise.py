@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.layout import MOTION
 from hydro.core.effects.program import STATE_COUNT, start, thrusters_of
-from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.simulation.dynamics import observe

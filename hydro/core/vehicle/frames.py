@@ -9,12 +9,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 FRD_FLU: Array = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """Signs that turn a twist or wrench in FRD axes into FLU axes and back (half a turn about x)."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32, Mask
 from hydro.core.compiled import jit
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
@@ -14,10 +15,6 @@ from hydro.rl.environment.geometry import collision_kernel
 from hydro.rl.environment.observation import observe_kernel
 from hydro.rl.environment.reward import COLLISION, SUCCESS, effort_cost, obstacle_cost, posture, shaping
 from hydro.rl.environment.tasks import PILLARS
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 RETURN, AGE, ENERGY, OVERSPEED, TOTALS = range(5)
 """Totals of an episode: sum of rewards, steps, seconds of full thrust, steps faster than is plausible."""

@@ -14,16 +14,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
 from hydro.rl.environment.config import Noise, Settings
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.environment.geometry import FLOOR
 from hydro.rl.environment.sonar import BEAMS, sonar_kernel
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 17
 ALTITUDE = SONAR + BEAMS

@@ -25,10 +25,11 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
+from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.encoding import Encoding
-from hydro.rl.training.policy import Array32, Policy, layers, median, network
-from hydro.rl.training.returns import Horizon, Mask, Transition
+from hydro.rl.training.policy import Policy, layers, median, network
+from hydro.rl.training.returns import Horizon, Transition
 
 torchrl_logger.setLevel("WARNING")
 
