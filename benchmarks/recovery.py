@@ -25,12 +25,11 @@ import polars as pl
 from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
-from hydro.core.columns import Array
+from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
 from hydro.core.identification.parameters import Free
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.excitation import Session, demands
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

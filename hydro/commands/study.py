@@ -173,6 +173,7 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
     import polars as pl
 
     from hydro.commands.shell import noise_for
+    from hydro.core.columns import MOTION
     from hydro.core.simulation.sensor_noise import disturb
     from hydro.io import table
 
@@ -181,10 +182,9 @@ def _disturb(data: Data, folder: Path, runner: Runner) -> None:
         return
     started = time.perf_counter()
     source = read(str(data.raw), "raw")
-    motion = ["x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r"]
-    clean = source.frame.select(pl.col(motion).cast(pl.Float64)).to_numpy()
+    clean = source.frame.select(pl.col(MOTION).cast(pl.Float64)).to_numpy()
     noisy = disturb(clean, noise_for(data.noise), np.random.default_rng(0))
-    frame = source.frame.with_columns(pl.Series(name, noisy[:, k]) for k, name in enumerate(motion))
+    frame = source.frame.with_columns(pl.Series(name, noisy[:, k]) for k, name in enumerate(MOTION))
     made = table.make(
         "raw",
         frame,

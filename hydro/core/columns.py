@@ -25,8 +25,8 @@ POSE = ("x", "y", "z", "phi", "theta", "psi")
 VELOCITY = ("u", "v", "w", "p", "q", "r")
 MOTION = (*POSE, *VELOCITY)
 WRENCH = ("X", "Y", "Z", "K", "M", "N")
-DEGREES_OF_FREEDOM = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-"""The words for the six axes of velocity and wrench."""
+DOF = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Words for the six degrees of freedom, the axes of velocity and wrench."""
 
 POSE_UNITS = ("m",) * 3 + ("rad",) * 3
 VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from hydro.core.columns import UNITS
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
-UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 MEASURED = "measured"
 PANELS = ("u", "p", "v", "q", "w", "r")
 LABELS = 7

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
-from hydro.report.tables import VELOCITIES
 
 TITLES = {
     "fit": "Errors of predictions {:g} s ahead on the data: u v w [m/s], p q r [rad/s], all [m/s]",
@@ -35,14 +35,14 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
         together as one speed [m/s].
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
-    rows = rows.filter(pl.col("axis").is_in([*VELOCITIES, "all"])).with_columns(
+    rows = rows.filter(pl.col("axis").is_in([*VELOCITY, "all"])).with_columns(
         name=pl.format("{} {}", "step", pl.col("effect").replace("", GIVEN))
     )
     noise = rows.filter(pl.col("step") == pl.col("step").max()).with_columns(
         name=pl.lit("noise alone"), rmse="noise_floor"
     )
     wide = pl.concat([rows, noise]).pivot(on="axis", index="name", values="rmse", maintain_order=True)
-    return wide.select(pl.col("name").alias("step"), *VELOCITIES, "all")
+    return wide.select(pl.col("name").alias("step"), *VELOCITY, "all")
 
 
 def headline(rows: pl.DataFrame) -> str:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.io.files import explained
 from hydro.report import figures, words
 from hydro.report.comparison import MOTIONS
 from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, wide
 from hydro.report.sources import Sources
 from hydro.report.standing import at_horizon
-from hydro.report.tables import VELOCITIES, replay_errors
+from hydro.report.tables import replay_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +62,7 @@ def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
         yield f"replay{suffix}", figures.draw_overlay(figures.overlay_table(one.frame))
     for number, one in enumerate(sources.metrics):
         errors = replay_errors(one.frame)
-        if set(VELOCITIES) & set(errors.columns):
+        if set(VELOCITY) & set(errors.columns):
             yield f"errors-{number + 1}" if number else "errors", figures.draw_errors(errors)
 
 
@@ -114,7 +115,7 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
     far = wide(rows.filter(axis="all")["rmse"])
     with mpl.rc_context(figures.STYLE):
         drawn = Figure(figsize=(11.2, 5.4), layout="constrained")
-        for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITIES, strict=True):
+        for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITY, strict=True):
             _draw_rungs(panel, rows.filter(axis=axis), axis)
             if far:
                 panel.set_yscale("log")

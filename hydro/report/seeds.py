@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import polars as pl
 
+from hydro.core.columns import VELOCITY, WRENCH
 from hydro.core.evaluation.metrics import SCHEMA
 from hydro.report.ranking import agreement, no_better
-from hydro.report.tables import VELOCITIES, WRENCH, of_a_piece
+from hydro.report.tables import of_a_piece
 
 
 def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
@@ -45,7 +46,7 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
         Empty where there are fewer than three models.
     """
     rows: list[tuple[str, str, str, str, str, float, float | None, float | None, str]] = []
-    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITIES, strict=True)):
+    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITY, strict=True)):
         offline = _networks(predicted.filter(pl.col("variant") == ""), wrench)
         flown = _networks(replayed.filter(~of_a_piece()), velocity)
         both = offline.join(flown, on=["model", "run"], how="left", suffix="_flown", maintain_order="left")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import polars as pl
 
-VELOCITIES = ("u", "v", "w", "p", "q", "r")
+from hydro.core.columns import VELOCITY, WRENCH
+
 PIECE = r" ([\d.]+-[\d.]+ s)$"
 """How the dataset of a piece of a recording ends."""
-WRENCH = ("X", "Y", "Z", "K", "M", "N")
 
 
 def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
@@ -21,7 +21,7 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         diverged, and in that case a column `diverged at` with the time [s] when it did.
     """
     metrics = metrics.filter(~of_a_piece())
-    errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITIES)
+    errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITY)
     diverged = metrics.filter(pl.col("metric") == "diverged").select(
         "variant", pl.col("value").alias("diverged at")
     )
@@ -48,7 +48,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         [rad/s].
     """
     chosen = metrics.filter(
-        of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITIES)
+        of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITY)
     ).with_columns(piece=pl.col("dataset").str.extract(PIECE))
     return chosen.pivot(
         on="axis",

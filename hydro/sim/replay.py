@@ -13,10 +13,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, Array, Rows, checked_commands
 from hydro.core.effects import sensor, velocity_log
-from hydro.core.errors import DataError, UsageError
-from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
+from hydro.core.errors import UsageError
+from hydro.core.evaluation.metrics import consecutive, measure
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
 from hydro.core.vehicle.description import Vehicle
@@ -29,7 +29,6 @@ from hydro.sim.student import Physics, Student
 
 Progress = Callable[[str, int, int], None]
 
-POSE = ("x", "y", "z", "phi", "theta", "psi")
 MEASURED = "measured"
 CHUNK = 100  # rows flown in one call
 BLOCK = 10.0  # s, of the bootstrap of the errors
@@ -162,7 +161,7 @@ def replay(
     bounds = segments(raw)
     steps = physics.steps(sample_time(raw), "the log's sample time")
     resumed = resumes(raw, bounds)
-    measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
+    measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
     log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
     begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
     series, metrics = [_series(raw, MEASURED, measured, np.ones(len(measured), dtype=bool))], []
@@ -220,15 +219,7 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
 
 def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
     """Commands (N, n) of the vehicle's thrusters."""
-    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    extra = sorted(name for name in raw.columns if name.startswith("cmd_") and name not in names)
-    missing = [name for name in names if name not in raw.columns]
-    if missing or extra:
-        raise DataError(
-            f"vehicle {vehicle.name} has {len(names)} thrusters, and the table "
-            f"{'lacks ' + missing[0] if missing else 'also has ' + extra[0]}; "
-            "give the vehicle file of this recording"
-        )
+    names = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     return np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())
 
 
@@ -265,7 +256,7 @@ def _series(raw: pl.DataFrame, name: str, motion: Array, valid: NDArray[np.bool_
     return pl.concat(
         [
             raw.select("session", pl.lit(name).alias("variant"), pl.col("t").cast(pl.Float64)),
-            pl.DataFrame(motion, schema=[*POSE, *VELOCITY_AXES]),
+            pl.DataFrame(motion, schema=[*POSE, *VELOCITY]),
         ],
         how="horizontal",
     ).filter(pl.Series(valid))
@@ -292,7 +283,7 @@ def _metrics(
         model=variant.model,
         variant=variant.name,
         dataset=dataset,
-        axes=VELOCITY_AXES,
+        axes=VELOCITY,
         units=VELOCITY_UNITS,
     )
     if valid.all():
@@ -327,7 +318,7 @@ def _by_piece(
                 model=variant.model,
                 variant=variant.name,
                 dataset=named,
-                axes=VELOCITY_AXES,
+                axes=VELOCITY,
                 units=VELOCITY_UNITS,
             )
         )
@@ -346,7 +337,7 @@ def _conditioning_metrics(
     if steps == 0:
         return _rows(variant, dataset, [])
     clipped = np.sum([count.clipped for count in counts], axis=0) / steps
-    rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH_AXES, clipped, strict=True)]
+    rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH, clipped, strict=True)]
     rows.append(("all", "held_back", sum(count.held_back for count in counts) / steps, "1"))
     return _rows(variant, dataset, rows)
 

@@ -29,7 +29,7 @@ SURE = 4.0
 PLAIN = 1.2
 """times the white noise that it must then be, and that a model must leave in the channel."""
 LEAST = 30  # slopes
-POSE = 6
+POSE_CHANNELS = 6
 
 
 def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
@@ -45,14 +45,14 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
         (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
         velocities that weigh little leave little.  `sigma` itself where only white noise shows.
     """
-    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE:]
+    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE_CHANNELS:]
     white = noise(record)
-    grown = velocity_noise(record, tests) / white[POSE:]
-    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
+    grown = velocity_noise(record, tests) / white[POSE_CHANNELS:]
+    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE_CHANNELS))]
     there = (left > PLAIN) & (grown > PLAIN) & np.repeat(known, 3)
-    if drawn(record, slice(POSE)) or not there.any():
+    if drawn(record, slice(POSE_CHANNELS)) or not there.any():
         return sigma
-    weighed: Array = sigma * np.concatenate([np.ones(POSE), np.where(there, grown, 1.0)])
+    weighed: Array = sigma * np.concatenate([np.ones(POSE_CHANNELS), np.where(there, grown, 1.0)])
     return weighed * float(np.sqrt(1.0 - there.sum() / len(sigma)))
 
 
@@ -68,7 +68,7 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
         if shown(tests[name]):
             log[place] = tests[name].estimate
     nu = np.vstack([sensor.corrected(log, record.t[a:b], record.nu[a:b]) for a, b in record.segments])
-    found, away = sigma[POSE:], gone(record, nu)
+    found, away = sigma[POSE_CHANNELS:], gone(record, nu)
     for seconds in SECONDS:
         found = np.maximum(found, _over(record, away, sigma, max(round(seconds / record.dt) + 1, 4)))
     return found
@@ -78,7 +78,7 @@ def _over(record: Recording, away: tuple[Array, Array], sigma: Array, length: in
     """The same by slopes of what has `gone` otherwise over so many rows; 0 where white noise does as much."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST:
-        return np.zeros(len(sigma) - POSE)
+        return np.zeros(len(sigma) - POSE_CHANNELS)
     rows, (position, attitude) = starts[:, None] + np.arange(length), away
     time = (np.arange(length) - 0.5 * (length - 1)) * record.dt
     weight = time / (time @ time)
@@ -86,7 +86,7 @@ def _over(record: Recording, away: tuple[Array, Array], sigma: Array, length: in
     moved = np.einsum("l,wli,wij->wj", weight, position[rows], body)
     slopes = np.hstack([moved, np.einsum("l,wli->wi", weight, attitude[rows])])
     summed = np.cumsum(weight[::-1])[::-1][1:] * record.dt  # how a slope answers to each velocity
-    white = sigma[:POSE] ** 2 * (weight @ weight) + sigma[POSE:] ** 2 * (summed @ summed)
+    white = sigma[:POSE_CHANNELS] ** 2 * (weight @ weight) + sigma[POSE_CHANNELS:] ** 2 * (summed @ summed)
     square = (slopes**2).mean(axis=0)
     clear = square - white > SURE * square * np.sqrt(2.0 / len(slopes))
     size: Array = np.sqrt(np.where(clear, (square - white) / (summed @ summed), 0.0))

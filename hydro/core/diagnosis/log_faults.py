@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from hydro.core.columns import command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
 from hydro.core.recording.arrays import recording
@@ -51,7 +52,8 @@ def ordered(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
         return raw
     drives = zip(wiring.column, wiring.sign, strict=True)
     return raw.with_columns(
-        (sign * pl.col(f"cmd_{column + 1}")).alias(f"cmd_{i + 1}") for i, (column, sign) in enumerate(drives)
+        (sign * pl.col(command_column(column))).alias(command_column(i))
+        for i, (column, sign) in enumerate(drives)
     )
 
 

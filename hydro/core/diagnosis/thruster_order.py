@@ -16,7 +16,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.search import own_effects
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
@@ -88,12 +88,14 @@ class Wiring:
     def columns(self) -> tuple[str, ...]:
         """Columns that do not drive the thruster of their number, or drive it in reverse."""
         drives = enumerate(zip(self.column, self.sign, strict=True))
-        return tuple(sorted(f"cmd_{column + 1}" for i, (column, sign) in drives if (column, sign) != (i, 1)))
+        return tuple(
+            sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
+        )
 
     def words(self) -> str:
         """What is other than the file says: `cmd_2 drives thruster 1`."""
         told = [
-            f"{'minus ' if sign < 0 else ''}cmd_{column + 1} drives thruster {i + 1}"
+            f"{'minus ' if sign < 0 else ''}{command_column(column)} drives thruster {i + 1}"
             for i, (column, sign) in enumerate(zip(self.column, self.sign, strict=True))
             if (column, sign) != (i, 1)
         ]

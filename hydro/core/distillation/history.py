@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hydro.core.columns import Array
+from hydro.core.columns import VELOCITY, Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
@@ -23,7 +23,7 @@ def remembered(window: int) -> int:
 
 def names(window: int) -> tuple[str, ...]:
     """Names of the past velocities, such as u-1 for surge one period ago, in their order."""
-    return tuple(f"{axis}-{back}" for back in range(1, window) for axis in ("u", "v", "w", "p", "q", "r"))
+    return tuple(f"{axis}-{back}" for back in range(1, window) for axis in VELOCITY)
 
 
 def stride(period: float, dt: float) -> int:

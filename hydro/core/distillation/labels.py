@@ -28,7 +28,7 @@ from typing import Literal
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Array32, Rows
+from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Array32, Rows, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
@@ -42,9 +42,6 @@ from hydro.core.vehicle.thrusters import INFLOW, UNIT_WRENCH, thrusts
 
 Subtract = Literal["inertia", "effects"]
 
-POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITIES = ("u", "v", "w", "p", "q", "r")
-WRENCH = ("X", "Y", "Z", "K", "M", "N")
 FOLLOWING = 3.0  # times the likeliest ratio q dt^3 / R: a regression averages noise of labels, but no bias
 BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
 
@@ -78,7 +75,7 @@ def labels(
         DataError: Time does not rise at one rate or leaves a row alone between gaps, the commands do not fit
             the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue.
     """
-    commands = _commands(raw, vehicle)
+    commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds = segments(raw)
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)
@@ -108,8 +105,8 @@ def labels(
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
     _require_finite(raw, out)
     names = (
-        *(f"{name}_s" for name in VELOCITIES),
-        *(f"{name}_dot" for name in VELOCITIES),
+        *(f"{name}_s" for name in VELOCITY),
+        *(f"{name}_dot" for name in VELOCITY),
         *(f"f_{i + 1}" for i in range(count)),
         *(f"{name}_prop" for name in WRENCH),
         *(f"{name}_res" for name in WRENCH),
@@ -141,20 +138,8 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
     Raises:
         DataError: Time does not rise at one rate, or `noise` is not six numbers of at least 0.
     """
-    likeliest = estimate(_columns(raw, VELOCITIES), segments(raw), sample_time(raw), noise)
+    likeliest = estimate(_columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
     return likeliest.following(FOLLOWING)
-
-
-def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> list[str]:
-    """Names of the command columns, one per thruster."""
-    found = sorted(name for name in raw.columns if name.startswith("cmd_"))
-    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    if found != sorted(names):
-        raise DataError(
-            f"the log has {len(found)} command columns and vehicle {vehicle.name} {len(names)} thrusters; "
-            "use the vehicle file that the log was recorded with"
-        )
-    return names
 
 
 def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
@@ -197,7 +182,7 @@ def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
 
 def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
     """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
-    nu = _columns(frame, VELOCITIES)
+    nu = _columns(frame, VELOCITY)
     if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
         t = frame["t"].to_numpy()
         for begin, end in bounds:

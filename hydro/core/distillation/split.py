@@ -21,14 +21,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import COMMAND, MOTION, Array, Rows, command_columns
 from hydro.core.compiled import jit
 from hydro.core.distillation.labels import filter_design
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
 from hydro.core.recording.smoothing import reach
 
-CONTENT = ("t", "x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+CONTENT = ("t", *MOTION)
 CHUNK = 32_768  # rows hashed at once
 TRAIN, TEST, GUARD = 0, 1, 2
 PARTS = pl.Series(["train", "test", "guard"])
@@ -132,8 +132,8 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
 
 def _content(labels: pl.DataFrame) -> Array:
     """The raw values, row after row, as little-endian float64 with one zero."""
-    commands = sum(name.startswith("cmd_") for name in labels.columns)
-    names = (*CONTENT, *(f"cmd_{i + 1}" for i in range(commands)))
+    commands = sum(name.startswith(COMMAND) for name in labels.columns)
+    names = (*CONTENT, *command_columns(commands))
     content = np.empty((labels.height, len(names)), "<f8")
     for i, name in enumerate(names):
         content[:, i] = labels[name].to_numpy()

@@ -14,11 +14,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
-from hydro.core.columns import Array
+from hydro.core.columns import WRENCH, WRENCH_UNITS, Array
 from hydro.core.errors import DataError
 
-WRENCH_AXES, WRENCH_UNITS = ("X", "Y", "Z", "K", "M", "N"), ("N",) * 3 + ("N m",) * 3
-VELOCITY_AXES, VELOCITY_UNITS = ("u", "v", "w", "p", "q", "r"), ("m/s",) * 3 + ("rad/s",) * 3
 SAMPLES = 1000  # bootstrap samples
 INTERVAL = (2.5, 97.5)  # percentiles
 SCHEMA = {
@@ -52,7 +50,7 @@ def measure(
     model: str,
     dataset: str,
     variant: str = "",
-    axes: Sequence[str] = WRENCH_AXES,
+    axes: Sequence[str] = WRENCH,
     units: Sequence[str] = WRENCH_UNITS,
     seed: int = 0,
 ) -> pl.DataFrame:

@@ -24,10 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import dct, idct
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Rows
 from hydro.core.effects.layout import MASS, MASS_MATRIX
 from hydro.core.effects.program import constants_of
-from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, WRENCH_UNITS
 from hydro.core.evaluation.regimes import Family, Pieces
 from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
 from hydro.core.identification.multiple_shooting import (
@@ -40,7 +39,7 @@ from hydro.core.identification.multiple_shooting import (
     residuals,
 )
 from hydro.core.recording import smoothing
-from hydro.core.recording.arrays import POSE, Recording, noise
+from hydro.core.recording.arrays import Recording, noise
 from hydro.core.simulation.integrate import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
 
@@ -56,7 +55,6 @@ BANDS = (
 )
 """Bands of frequency [Hz], by the time that a motion takes."""
 SLOW = ("", 0.0, FASTEST)
-POSE_UNITS = ("m",) * 3 + ("rad",) * 3
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
 TOGETHER = 64  # predictions of one piece of work
@@ -174,7 +172,7 @@ def force(
     whole = Misfit(
         "force",
         None,
-        (*WRENCH_AXES, "all"),
+        (*WRENCH, "all"),
         WRENCH_UNITS,
         mass / inertia,
         rows,
@@ -258,7 +256,7 @@ def replay(
 
     level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
     return (
-        misfit((*VELOCITY_AXES, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
+        misfit((*VELOCITY, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
         misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
     )
 

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Rows
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, load, predict
-from hydro.core.recording.arrays import POSE, VELOCITY, Recording, recording, smoothed
+from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.simulation.integrate import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler

@@ -10,14 +10,12 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Rows, checked_commands
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
-POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITY = ("u", "v", "w", "p", "q", "r")
 REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
 LEAST_NOISE = 1e-4
@@ -63,13 +61,7 @@ def recording(raw: pl.DataFrame, vehicle: Vehicle) -> Recording:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
             rise at one rate.
     """
-    commands = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    found = sum(name.startswith("cmd_") for name in raw.columns)
-    if found != len(commands):
-        raise DataError(
-            f"the log has {found} command columns and vehicle {vehicle.name} {len(commands)} thrusters; "
-            "use the vehicle file that the log was recorded with"
-        )
+    commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     needed = ("session", "t", *POSE, *VELOCITY, *commands)
     missing = [name for name in needed if name not in raw.columns]
     if missing:

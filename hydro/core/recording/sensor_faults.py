@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Mask, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Recording, channels, recording
+from hydro.core.recording.arrays import LEAST_NOISE, Recording, channels, recording
 from hydro.core.recording.dead_reckoning import gone, rate_bias
 from hydro.core.vehicle.description import Vehicle
 

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import advice, unexplained
 from hydro.core.diagnosis.diagnose import aimed, diagnose, doubted, shared
 from hydro.core.diagnosis.extend import tables
@@ -16,7 +17,7 @@ from hydro.core.diagnosis.findings import SCHEMA, Diagnosis, Finding
 from hydro.core.diagnosis.search import Search, fitted
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle

@@ -10,12 +10,13 @@ import synthetic
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes, misfit
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.regimes import Family, Pieces, conditions, families, phrase
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import schema
