@@ -94,8 +94,9 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion grows without bounds.
     """
     from hydro.core.simulation.simulate import simulate as move
+    from hydro.io.table import conform
 
-    return move(commands, vehicle)
+    return conform("raw", move(commands, vehicle))
 
 
 def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None = None) -> pl.DataFrame:
@@ -114,8 +115,9 @@ def compare(raw: pl.DataFrame, vehicle: Vehicle, *, against: pl.DataFrame | None
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
     from hydro.core.evaluation.compare import compare as hold
+    from hydro.io.table import conform
 
-    return hold(vehicle, raw, against=against)
+    return conform("comparison", hold(vehicle, raw, against=against))
 
 
 def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
@@ -132,8 +134,9 @@ def diagnose(raw: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
         hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
     """
     from hydro.core.diagnosis.diagnose import diagnose as find
+    from hydro.io.table import conform
 
-    return find(vehicle, raw).frame()
+    return conform("diagnosis", find(vehicle, raw).frame())
 
 
 def add(vehicle: Vehicle, diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> Vehicle:
@@ -170,9 +173,18 @@ def explain(raw: pl.DataFrame, vehicle: Vehicle, *, holdout: pl.DataFrame | None
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
     """
-    from hydro.core.diagnosis.explain import explain as steps
+    from dataclasses import replace
 
-    yield from steps(vehicle, raw, holdout=holdout)
+    from hydro.core.diagnosis.explain import explain as steps
+    from hydro.io.table import conform
+
+    for step in steps(vehicle, raw, holdout=holdout):
+        yield replace(
+            step,
+            comparison=conform("comparison", step.comparison),
+            diagnosis=conform("diagnosis", step.diagnosis),
+            ladder=conform("ladder", step.ladder),
+        )
 
 
 def labels(
@@ -200,8 +212,10 @@ def labels(
         hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
     """
     from hydro.core.distillation.labels import labels as compute
+    from hydro.io.table import conform
 
-    return compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
+    found = compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
+    return conform("labels", found)
 
 
 def split(
@@ -222,8 +236,10 @@ def split(
         hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
     """
     from hydro.core.distillation.split import split as divide
+    from hydro.io.table import conform
 
-    return divide(labels, block=block, test=test, salt=salt)
+    divided, blocks = divide(labels, block=block, test=test, salt=salt)
+    return conform("split", divided), conform("blocks", blocks)
 
 
 def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat") -> pl.DataFrame:
@@ -237,8 +253,9 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
         `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there.
     """
     from hydro.core.distillation.features import table
+    from hydro.io.table import conform
 
-    return table(labels, set)
+    return conform("features", table(labels, set))
 
 
 def train(
@@ -328,9 +345,10 @@ def evaluate(
     Raises:
         hydro.core.errors.DataError: the rows are not there, or a model is broken.
     """
+    from hydro.io.table import conform
     from hydro.learn.evaluate import evaluate as measure
 
-    return measure(models, labels, part=part, dataset=dataset, by=by)
+    return conform("metrics", measure(models, labels, part=part, dataset=dataset, by=by))
 
 
 def replay(
@@ -363,10 +381,12 @@ def replay(
         hydro.core.errors.DataError: the table does not fit the vehicle.
         hydro.core.errors.UsageError: there is no such variant.
     """
+    from hydro.io.table import conform
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
 
     flown = sim.variants(models, variants)
-    return sim.replay(
+    motion, errors = sim.replay(
         raw, vehicle, flown, conditioning=preset(conditioning, vehicle), piece=piece, dataset=dataset
     )
+    return conform("replay", motion), conform("metrics", errors)

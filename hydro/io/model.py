@@ -77,11 +77,7 @@ def to_artefact(
             "shape": [list(tensor.shape) for tensor in tensors.values()],
             "data": [tensor.ravel().astype(dtype) for tensor in tensors.values()],
         },
-        schema={
-            "tensor": pl.String,
-            "shape": pl.List(pl.Int64),
-            "data": pl.List(pl.Float32 if dtype == np.float32 else pl.Float64),
-        },
+        schema_overrides={"data": pl.List(pl.Float32 if dtype == np.float32 else pl.Float64)},
     )
     described = {
         "name": model.name,

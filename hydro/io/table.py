@@ -45,7 +45,7 @@ def make(
 
     Args:
         kind: kind of table, one of `schema.KINDS`.
-        frame: the table, its columns in any order.
+        frame: the table, its columns in any order; see `conform` for what need not be right.
         stage: the command that made it, such as `labels`.
         parameters: what the result depends on besides inputs and seed; JSON values.
         seed: seed of everything random.
@@ -57,7 +57,7 @@ def make(
         DataError: the table breaks the schema of its kind.
     """
     rules = schema.load(kind)
-    frame = rules.check(frame, kind)
+    frame = rules.check(rules.conform(frame), kind)
     lineage = [artefact.provenance.as_input() for artefact in inputs]
     if vehicle_text is None:
         carried = {artefact.provenance.vehicle for artefact in inputs} - {None}
@@ -77,6 +77,15 @@ def make(
         model=dict(model) if model is not None else None,
     )
     return Artefact(kind, frame, record)
+
+
+def conform(kind: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """A table of a kind as its file would be read: its columns in the schema's order, in the schema's types.
+
+    Raises:
+        DataError: there is no such kind.
+    """
+    return schema.load(kind).conform(frame)
 
 
 def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import UNITS, VELOCITY
 from hydro.io.files import explained
 from hydro.report import figures, words
 from hydro.report.comparison import MOTIONS
@@ -141,7 +141,7 @@ def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
         style = {"fit": ":", "holdout": "--"}[name]
         panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
     panel.set_xticks(rows["step"].unique().sort().to_list())
-    panel.set_title(f"{figures.TITLES[axis]} {axis} [{figures.UNITS[axis]}]")
+    panel.set_title(f"{figures.TITLES[axis]} {axis} [{UNITS[axis]}]")
 
 
 def _listed(paint: Callable[[Axes], None], count: int, title: str) -> Figure:

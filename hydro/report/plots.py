@@ -13,8 +13,9 @@ import plotly.graph_objects as go
 import polars as pl
 from markupsafe import escape
 
+from hydro.core.columns import UNITS
 from hydro.report import words
-from hydro.report.figures import HEADROOM, MEASURED, TITLES, UNITS
+from hydro.report.figures import HEADROOM, MEASURED, TITLES
 from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"

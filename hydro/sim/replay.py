@@ -13,10 +13,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, Array, Rows, checked_commands
+from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Rows, checked_commands
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import UsageError
-from hydro.core.evaluation.metrics import consecutive, measure
+from hydro.core.evaluation.metrics import Subject, consecutive, measure, rows_of
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
 from hydro.core.vehicle.description import Vehicle
@@ -187,7 +187,7 @@ def replay(
             metrics += _by_piece(variant, dataset, raw, measured, motion, valid, piece)
         if variant.network is not None:
             metrics.append(_conditioning_metrics(variant, dataset, student, valid[bounds[:, 1] - 1]))
-    return pl.concat(series), pl.concat(metrics)
+    return pl.concat(series), pl.concat(metrics, how="vertical_relaxed")  # some may be empty
 
 
 def _along(
@@ -280,11 +280,8 @@ def _metrics(
         measured[valid, 6:],
         motion[valid, 6:],
         consecutive(len(motion), block)[valid],
-        model=variant.model,
-        variant=variant.name,
-        dataset=dataset,
+        Subject(variant.model, dataset, variant.name),
         axes=VELOCITY,
-        units=VELOCITY_UNITS,
     )
     if valid.all():
         return errors
@@ -315,11 +312,8 @@ def _by_piece(
                 measured[chosen, 6:],
                 motion[chosen, 6:],
                 np.zeros(int(chosen.sum())),
-                model=variant.model,
-                variant=variant.name,
-                dataset=named,
+                Subject(variant.model, named, variant.name),
                 axes=VELOCITY,
-                units=VELOCITY_UNITS,
             )
         )
     return found
@@ -343,19 +337,7 @@ def _conditioning_metrics(
 
 
 def _rows(variant: Variant, dataset: str, rows: Sequence[tuple[str, str, float, str]]) -> pl.DataFrame:
-    """Rows of the metrics table from axis, metric, value and unit."""
-    return pl.DataFrame(
-        rows,
-        schema={"axis": pl.String, "metric": pl.String, "value": pl.Float64, "unit": pl.String},
-        orient="row",
-    ).select(
-        pl.lit(variant.model).alias("model"),
-        pl.lit(variant.name).alias("variant"),
-        pl.lit(dataset).alias("dataset"),
-        "axis",
-        "metric",
-        "value",
-        pl.lit(None, pl.Float64).alias("low"),
-        pl.lit(None, pl.Float64).alias("high"),
-        "unit",
-    )
+    """Rows of the metrics table from axis, metric, value and unit, without intervals."""
+    subject = Subject(variant.model, dataset, variant.name)
+    lines = ((axis, metric, value, np.nan, np.nan, unit) for axis, metric, value, unit in rows)
+    return rows_of(subject, lines)

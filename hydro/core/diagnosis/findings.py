@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 import polars as pl
+import polars.selectors as cs
 
 from hydro.core.vehicle.description import Vehicle
 
@@ -21,22 +22,6 @@ Verdict = Literal[
     "none_of_the_known",
     "nothing_missing",
 ]
-
-SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
-    "rank": pl.Int64,
-    "verdict": pl.String,
-    "effect": pl.String,
-    "members": pl.List(pl.String),
-    "share_of_error_explained": pl.Float64,
-    "share_low": pl.Float64,
-    "share_high": pl.Float64,
-    "confidence": pl.Float64,
-    "p_value": pl.Float64,
-    "parameters": pl.String,
-    "standard_errors": pl.String,
-    "excited": pl.Boolean,
-    "advice": pl.String,
-}
 
 
 @dataclass(frozen=True)
@@ -96,11 +81,11 @@ class Diagnosis:
                 "verdict": one.verdict,
                 "effect": one.effect,
                 "members": list(one.members),
-                "share_of_error_explained": _number(one.share),
-                "share_low": _number(one.low),
-                "share_high": _number(one.high),
-                "confidence": _number(one.confidence),
-                "p_value": _number(one.p_value),
+                "share_of_error_explained": one.share,
+                "share_low": one.low,
+                "share_high": one.high,
+                "confidence": one.confidence,
+                "p_value": one.p_value,
                 "parameters": inline(one.parameters),
                 "standard_errors": inline(one.standard_errors),
                 "excited": one.excited,
@@ -108,7 +93,7 @@ class Diagnosis:
             }
             for number, one in enumerate(self.findings, 1)
         ]
-        return pl.DataFrame(rows, schema=SCHEMA)
+        return pl.DataFrame(rows, infer_schema_length=None).with_columns(cs.float().fill_nan(None))
 
 
 def inline(table: Mapping[str, Any]) -> str:
@@ -124,7 +109,3 @@ def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(inner) for inner in value)}]"
     return repr(float(value))
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)

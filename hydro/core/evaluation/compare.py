@@ -10,6 +10,7 @@ much.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,22 +35,8 @@ SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay 
 Line = dict[str, Any]
 
 KEY = ("level", "horizon", "axis", "by", "place")
-SCHEMA = {
-    "level": pl.String,
-    "horizon": pl.Float64,
-    "axis": pl.String,
-    "by": pl.String,
-    "place": pl.String,
-    "rows": pl.Int64,
-    "rmse": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "noise_floor": pl.Float64,
-    "at_horizon": pl.Float64,
-    "share": pl.Float64,
-    "rank": pl.Int64,
-    "unit": pl.String,
-}
+NEEDED = (*KEY, "rmse", "rank")
+"""Columns of an earlier comparison that are read."""
 
 
 def compare(
@@ -80,7 +67,7 @@ def compare(
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
     """
     told = progress or (lambda words, share: None)
-    if against is not None and (missing := [name for name in SCHEMA if name not in against.columns]):
+    if against is not None and (missing := [name for name in NEEDED if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
     record, model = recording(raw, vehicle), candidate(vehicle)
     told("smoothing", 0.0)
@@ -99,7 +86,8 @@ def compare(
             lines += _Lines(pose, seed).of(sessions)
     told("places", 0.9)
     lines += _ranked(_Lines(forces, seed), found, against)
-    table = pl.DataFrame(lines, schema=SCHEMA)
+    table = pl.DataFrame(lines, infer_schema_length=None)
+    table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon").fill_nan(None))
     told("done", 1.0)
     return table if against is None else _beside(table, against)
 
@@ -130,9 +118,9 @@ class _Lines:
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
-            ends = [None] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
+            ends = [math.nan] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
             for line, end in zip(self._family(everything), ends, strict=True):
-                yield line | {"at_horizon": end}
+                yield line | {"at_horizon": float(end)}
         for family in found:
             yield from self._family(family)
 
@@ -159,16 +147,18 @@ class _Lines:
             for code in np.flatnonzero(number[:, 0]):
                 yield {
                     "level": misfit.level,
-                    "horizon": misfit.horizon,
+                    "horizon": math.nan if misfit.horizon is None else misfit.horizon,
                     "axis": axis,
                     "by": family.by,
                     "place": phrase([(family.words[code], family.doing)]),
                     "rows": int(number[code, 0]),
                     "rmse": float(rmse[code, i]),
-                    "low": _number(low[code, i]),
-                    "high": _number(high[code, i]),
+                    "low": float(low[code, i]),
+                    "high": float(high[code, i]),
                     "noise_floor": float(floor[code, i]),
+                    "at_horizon": math.nan,
                     "share": float(share[code, i]),
+                    "rank": None,
                     "unit": unit,
                 }
 
@@ -246,7 +236,3 @@ def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
 def _all_too(squares: Array, weight: Array) -> Array:
     """Squares of the axes (..., A) and of all together, (..., A + 1)."""
     return np.concatenate([squares, squares @ weight[:, None]], axis=-1)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -13,7 +13,7 @@ from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import advice, unexplained
 from hydro.core.diagnosis.diagnose import aimed, diagnose, doubted, shared
 from hydro.core.diagnosis.extend import tables
-from hydro.core.diagnosis.findings import SCHEMA, Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.search import Search, fitted
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -97,7 +97,6 @@ def test_nothing_hidden_is_nothing_missing(known):
     assert found.findings[0].verdict == "nothing_missing"
     assert {one.verdict for one in found.findings[1:]} <= {"not_excited"}
     table = found.frame()
-    assert table.schema == pl.Schema(SCHEMA)
     with pytest.raises(DataError, match="nothing to add"):
         tables(table)
 

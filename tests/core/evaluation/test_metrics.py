@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.columns import VELOCITY, VELOCITY_UNITS, WRENCH
+from hydro.core.columns import VELOCITY, WRENCH
 from hydro.core.errors import DataError
-from hydro.core.evaluation.metrics import consecutive, measure
+from hydro.core.evaluation.metrics import Subject, consecutive, measure
 
 
 def pair(rows: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -21,9 +21,9 @@ def pair(rows: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return truth, truth + rng.normal(size=(rows, 6)) * [5, 4, 3, 1, 0.5, 2] + 0.3
 
 
-def table(truth, predicted, blocks=None, **options) -> pl.DataFrame:
+def table(truth, predicted, blocks=None, variant="", **options) -> pl.DataFrame:
     blocks = consecutive(len(truth), 20) if blocks is None else blocks
-    return measure(truth, predicted, blocks, model="m", dataset="d", **options)
+    return measure(truth, predicted, blocks, Subject("m", "d", variant), **options)
 
 
 def value(frame: pl.DataFrame, axis: str, metric: str, column: str = "value") -> float:
@@ -61,7 +61,7 @@ def test_columns_are_the_schemas():
 
 
 def test_velocity_axes():
-    made = table(*pair(), axes=VELOCITY, units=VELOCITY_UNITS)
+    made = table(*pair(), axes=VELOCITY)
     assert made.filter(metric="mae")["axis"].to_list() == [*VELOCITY, "all"]
     assert made.filter(axis="r", metric="rmse")["unit"].item() == "rad/s"
 
