@@ -11,9 +11,9 @@ from scipy.stats import kendalltau, mannwhitneyu
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
+from hydro.core.evaluation.block_resampling import INTERVAL
 
 SAMPLES = 2000
-INTERVAL = (2.5, 97.5)  # percentiles
 
 
 class Agreement(NamedTuple):

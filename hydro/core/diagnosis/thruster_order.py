@@ -20,6 +20,7 @@ from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.search import own_effects
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
+from hydro.core.evaluation.block_resampling import weights
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
@@ -145,8 +146,7 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
     gained = GROSS * before - after
     if gained.sum() <= 0.0 or (gained > 0.0).mean() < MOSTLY:
         return None
-    weights = np.random.default_rng(0).dirichlet(np.ones(STRETCHES), RESAMPLES)
-    confidence = float((weights @ gained > 0.0).mean())
+    confidence = float((weights(STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
     return Rewired(found, float(after.sum() / before.sum()), confidence)
 
 

@@ -21,7 +21,7 @@ import polars as pl
 from hydro.core.columns import Array, Progress, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
-from hydro.core.evaluation.metrics import INTERVAL, SAMPLES
+from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
 from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
 from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
 from hydro.core.identification.candidate import candidate
@@ -103,7 +103,8 @@ class _Lines:
         misfit = self.misfit
         excess = misfit.weight * (misfit.squares - misfit.noise)
         sums = excess.sum(axis=0)
-        self.drawn = _draws(int(misfit.block.max()) + 1, self.seed)
+        blocks = int(misfit.block.max()) + 1
+        self.drawn = draws(blocks, self.seed) if blocks > 1 else None
         clear = misfit.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
         sure = clear.sum(axis=0) > 0.0
         if self.drawn is not None:
@@ -174,7 +175,7 @@ class _Lines:
         for code in np.flatnonzero((rows[:, :, 0] > 0.0).sum(axis=0) > 1):
             there = number[:, code] > 0.0
             drawn = np.sqrt(sums[there, code] / number[there, code, None])
-            low[code], high[code] = np.percentile(drawn, INTERVAL, axis=0)
+            low[code], high[code] = interval(drawn)
         return low, high
 
     def _shares(self, family: Family) -> Array:
@@ -214,14 +215,6 @@ def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
     )  # which depends on the places beside it
     earlier = same.select(*KEY, before="rmse").unique(KEY, keep="first")
     return table.join(earlier, on=KEY, how="left", nulls_equal=True, maintain_order="left")
-
-
-def _draws(blocks: int, seed: int) -> Array | None:
-    """How often each bootstrap sample draws each block, (SAMPLES, blocks); None of fewer than two blocks."""
-    if blocks < 2:
-        return None
-    drawn = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SAMPLES)
-    return drawn.astype(np.float64)
 
 
 def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:

@@ -1,8 +1,7 @@
 """Errors of a model per axis, with intervals from a block bootstrap; and the paper's single figures.
 
-Neighbouring samples of a motion are not independent, so whole blocks are drawn with replacement (Künsch
-1989), not rows.  The paper (Table II) mixes newtons and newton metres: its RMSE and MAE are over all rows and
-all six axes as they are.  They stand under the axis `all` for comparison, and its mean R^2 under `mean`.
+The paper (Table II) mixes newtons and newton metres: its RMSE and MAE are over all rows and all six axes as
+they are.  They stand under the axis `all` for comparison, and its mean R^2 under `mean`.
 """
 
 from __future__ import annotations
@@ -16,9 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import UNITS, WRENCH, Array
 from hydro.core.errors import DataError
-
-SAMPLES = 1000  # bootstrap samples
-INTERVAL = (2.5, 97.5)  # percentiles
+from hydro.core.evaluation.block_resampling import interval, redrawn
 
 
 class Sums(NamedTuple):
@@ -107,7 +104,7 @@ def _interval(drawn: Array | None) -> tuple[float, float]:
     """Percentile interval of bootstrap values; NaN where a draw of few blocks left a value undefined."""
     if drawn is None or not np.isfinite(drawn).all():
         return np.nan, np.nan
-    low, high = np.percentile(drawn, INTERVAL)
+    low, high = interval(drawn)
     return float(low), float(high)
 
 
@@ -130,12 +127,8 @@ def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
 
 
 def _bootstrap(by_block: Sums, seed: int) -> Sums:
-    """Sums of SAMPLES draws of as many blocks as there are, with replacement, arrays (SAMPLES, 6)."""
-    rng, count = np.random.default_rng(seed), len(by_block.rows)
-    table = np.concatenate(by_block, axis=1)
-    drawn = np.empty((SAMPLES, table.shape[1]))
-    for sample in range(SAMPLES):
-        drawn[sample] = np.bincount(rng.integers(0, count, count), minlength=count) @ table
+    """Sums of recordings drawn from the blocks, arrays (SAMPLES, 6)."""
+    drawn = redrawn(np.concatenate(by_block, axis=1), seed)
     edges = np.cumsum([part.shape[1] for part in by_block])[:-1]
     return Sums(*np.split(drawn, edges, axis=1))
 
