@@ -293,13 +293,11 @@ def watch(
             builder.vehicle, size, *shown, radius=world.pillar_radius, period=settings.period, output=output,
         )  # fmt: skip
     else:
-        from hydro.report.training import draw_flight, save
+        from hydro.report.training import Tank, draw_flight, save
 
         title = f"{builder.plan.condition}, seed {builder.plan.seed}, in the {simulator}: {ending}"
-        where = flight.pose[:, :3], flight.goal, flight.pillars, flight.way
-        radius, reach = world.pillar_radius, settings.task.radius
-        drawn = draw_flight(*where, size=size, radius=radius, reach=reach, title=title)
-        save(drawn, output)
+        tank = Tank(size, flight.pillars, world.pillar_radius, flight.goal, settings.task.radius)
+        save(draw_flight(flight.pose[:, :3], flight.way, tank, title), output)
     typer.echo(f"{output}: {ending}", err=True)
 
 

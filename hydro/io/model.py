@@ -90,9 +90,8 @@ def to_artefact(
         "training": dict(model.training),
         "subtract": model.subtract,
     }
-    return table.make(
-        "model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs, model=described
-    )
+    made = table.make("model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs)
+    return made.of_network(described)
 
 
 def from_artefact(artefact: Artefact) -> Model:

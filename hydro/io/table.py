@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
+from msgspec import structs
 
 from hydro.core.errors import DataError
 from hydro.io import provenance, schema, vehicle
@@ -29,6 +30,10 @@ class Artefact:
     frame: pl.DataFrame
     provenance: Provenance
 
+    def of_network(self, described: Mapping[str, Any]) -> Artefact:
+        """The same tensors with what the network is beside them: architecture, scalers and the like."""
+        return replace(self, provenance=structs.replace(self.provenance, model=dict(described)))
+
 
 def make(
     kind: str,
@@ -39,7 +44,6 @@ def make(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
     vehicle_text: str | None = None,
-    model: Mapping[str, Any] | None = None,
 ) -> Artefact:
     """Make an artefact of a table: check it, hash it, and record how it came about.
 
@@ -51,7 +55,6 @@ def make(
         seed: seed of everything random.
         inputs: the artefacts it was made from.
         vehicle_text: text of the vehicle file used; by default the one that all inputs with one agree on.
-        model: what a network is beside its tensors.
 
     Raises:
         DataError: the table breaks the schema of its kind.
@@ -74,7 +77,6 @@ def make(
         package=provenance.package_version(),
         inputs=tuple(lineage),
         vehicle=vehicle_text,
-        model=dict(model) if model is not None else None,
     )
     return Artefact(kind, frame, record)
 

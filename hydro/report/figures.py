@@ -188,6 +188,15 @@ def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> 
         spine.set_visible(False)
 
 
+def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series, pl.Series]:
+    """How far the interval `low` to `high` reaches below and above a value; 0 where there is none."""
+    middle = pl.col(of)
+    down = (middle - pl.col(f"{prefix}low").fill_null(middle)).clip(0.0)
+    up = (pl.col(f"{prefix}high").fill_null(middle) - middle).clip(0.0)
+    below, above = rows.select(down=down, up=up)
+    return below, above
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write `figure` as PNG through Agg, whole or not at all; the same figure gives the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -11,6 +11,7 @@ import polars as pl
 from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
+from hydro.report import words
 
 TITLES = {
     "fit": "Errors of predictions {:g} s ahead on the data: u v w [m/s], p q r [rad/s], all [m/s]",
@@ -43,6 +44,17 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
     )
     wide = pl.concat([rows, noise]).pivot(on="axis", index="name", values="rmse", maintain_order=True)
     return wide.select(pl.col("name").alias("step"), *VELOCITY, "all")
+
+
+def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
+    """What a figure of a ladder draws: each data set that is there, its label, and its errors step by step.
+
+    Args:
+        rows: Rows of the ladder table of one axis and horizon.
+    """
+    for name, label in words.DATASETS.items():
+        if not (one := rows.filter(dataset=name).sort("step")).is_empty():
+            yield name, label, one
 
 
 def headline(rows: pl.DataFrame) -> str:

@@ -15,7 +15,8 @@ from markupsafe import escape
 
 from hydro.core.columns import UNITS
 from hydro.report import words
-from hydro.report.figures import HEADROOM, MEASURED, TITLES
+from hydro.report.figures import HEADROOM, MEASURED, TITLES, error_bars
+from hydro.report.ladder import by_dataset
 from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
@@ -42,10 +43,8 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
         logarithmic: Whether equal factors are equal heights.
     """
     drawn = go.Figure()
-    for name, (colour, symbol, dash) in DATASETS.items():
-        one, label = rows.filter(dataset=name).sort("step"), words.DATASETS[name]
-        if one.is_empty():
-            continue
+    for name, label, one in by_dataset(rows):
+        colour, symbol, dash = DATASETS[name]
         drawn.add_scatter(
             x=one["step"].to_list(),
             y=one["noise_floor"].to_list(),
@@ -243,9 +242,7 @@ def _interval(rows: pl.DataFrame, of: str) -> dict[str, object] | None:
     """Error bars from the columns `low` and `high`; None where there are none."""
     if "low" not in rows.columns or rows["low"].null_count() == rows.height:
         return None
-    middle = pl.col(of)
-    up = rows.select((pl.col("high").fill_null(middle) - middle).clip(0.0)).to_series().to_list()
-    down = rows.select((middle - pl.col("low").fill_null(middle)).clip(0.0)).to_series().to_list()
+    down, up = (side.to_list() for side in error_bars(rows, of))
     return {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1.5, "width": 3}
 
 

@@ -8,7 +8,6 @@ that is drawn are sums over blocks: every measure follows from them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
 
@@ -47,7 +46,6 @@ def weights(blocks: int, samples: int, seed: int) -> Array:
     return np.random.default_rng(seed).dirichlet(np.ones(blocks), samples)
 
 
-def interval(drawn: ArrayLike) -> tuple[Array, Array]:
-    """Lower and upper end of the 95 % interval of what was drawn, along the first axis."""
-    low, high = np.percentile(drawn, INTERVAL, axis=0)
-    return low, high
+def interval(drawn: Array) -> Array:
+    """Lower and upper end of the 95 % interval of what was drawn, (S, ...): shape (2, ...)."""
+    return np.percentile(drawn, INTERVAL, axis=0)

@@ -20,6 +20,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -210,18 +211,55 @@ def replay(
         predicted to the measured attitude about the body's axes, as `phi`, `theta`, `psi`; None where no
         segment is as long as the horizon.
     """
+    if (found := _predictions(model, record, motion, horizon, seed)) is None:
+        return None
+    inertia, mass = _inertia(model)
+    rows, sums, floor = (pieces.total(part) for part in (found.compared, found.squares, found.noise))
+    block = pieces.segment if horizon is None else pieces.block
+
+    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
+        parts = (rows, sums[:, of], floor[:, of], block, found.end[of])
+        return Misfit("replay", horizon, axes, units, weight, *parts)
+
+    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
+    return (
+        misfit((*VELOCITY, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
+    )
+
+
+class _Predictions(NamedTuple):
+    """Errors of all predictions of one horizon, row by row of the recording.
+
+    Attributes:
+        compared: 1 where a prediction was compared with the row, (N,).
+        squares: Its squared errors, pose and then velocity, (N, 12).
+        noise: The same of what noise alone does.
+        end: Root mean square errors in the last row of the predictions, (12,).
+    """
+
+    compared: Array
+    squares: Array
+    noise: Array
+    end: Array
+
+
+def _predictions(
+    model: Candidate, record: Recording, motion: Motion, horizon: float | None, seed: int
+) -> _Predictions | None:
+    """Predict end to end along the recording; None where no segment is as long as the horizon."""
     starts, segment, lengths = _laid(record, horizon)
     if not starts.size:
         return None
-    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
-    calm = np.hstack([motion.eta[:, :3], quaternion_from_euler(*motion.eta[:, 3:].T), motion.nu])
+    logged, calm = _states(record.eta, record.nu), _states(motion.eta, motion.nu)
     nothing = np.empty((len(starts), 0, BODY))
     unit = np.ones(CHANNELS)
     every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
     every = corrected_first(every, model)
     loaded = load(model, every)
+    compared = np.zeros(record.rows)
     squares, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
-    compared, draws = np.zeros(record.rows), -(-LEAST_DRAWS // len(starts))
+    draws = -(-LEAST_DRAWS // len(starts))
 
     def work(part: slice) -> Array:
         rows = starts[part, None] + np.arange(lengths[part.start])
@@ -244,21 +282,12 @@ def replay(
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         ends = list(pool.map(work, _batches(lengths)))
-    end = np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0))
-    inertia, mass = _inertia(model)
-    rows, sums, noise_sums = pieces.total(compared), pieces.total(squares), pieces.total(floor)
-    block = pieces.segment if horizon is None else pieces.block
+    return _Predictions(compared, squares, floor, np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0)))
 
-    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
-        return Misfit(
-            "replay", horizon, axes, units, weight, rows, sums[:, of], noise_sums[:, of], block, end[of]
-        )
 
-    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
-    return (
-        misfit((*VELOCITY, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
-        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
-    )
+def _states(eta: Array, nu: Array) -> Array:
+    """Position, attitude as a quaternion and velocity, (N, 13)."""
+    return np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
 
 
 def _missing_wrench(
