@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
 MEASURED = "measured"
-PANELS = ("u", "p", "v", "q", "w", "r")
+VELOCITY_PANELS = ("u", "p", "v", "q", "w", "r")
 LABELS = 7
 """Labels of a legend that fit on one line."""
 HEADROOM = 0.35
 """How far a panel reaches beyond the measured range, as a share of it."""
-MOST_POINTS = 3000
+POINTS_IN_PRINT = 3000
 """Samples drawn per curve; more would not be seen at print resolution."""
 
 _INK = "#222222"
@@ -55,7 +55,7 @@ STYLE: Any = {
 }
 
 
-def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = PANELS) -> pl.DataFrame:
+def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS) -> pl.DataFrame:
     """What the overlay draws: one row per axis, variant and time.
 
     A curve ends where its error first exceeds the whole range of the measured motion: from there on it says
@@ -70,7 +70,7 @@ def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = PANELS) -> pl.Da
         row of a curve that ends early), and `bottom`, `top`: the panel's limits, set by the measured motion.
     """
     one = replay.filter(pl.col("session") == replay["session"][0])
-    step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // MOST_POINTS))
+    step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // POINTS_IN_PRINT))
     thinned = one.filter(pl.int_range(pl.len()).over("variant") % step == 0)
     series = thinned.select(
         "variant",

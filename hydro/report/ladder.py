@@ -18,8 +18,8 @@ TITLES = {
     "holdout": "The same on held-out data, to which nothing was fitted",
 }
 SHORT = {"fit": "data", "holdout": "held out"}
-GIVEN = "as given"
-PLAIN = 3.0
+AS_GIVEN = "as given"
+PLAIN_ERRORS = 3.0
 """Standard errors that an entry of a list must differ from 0 by to be shown."""
 
 
@@ -37,7 +37,7 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
     rows = rows.filter(pl.col("axis").is_in([*VELOCITY, "all"])).with_columns(
-        name=pl.format("{} {}", "step", pl.col("effect").replace("", GIVEN))
+        name=pl.format("{} {}", "step", pl.col("effect").replace("", AS_GIVEN))
     )
     noise = rows.filter(pl.col("step") == pl.col("step").max()).with_columns(
         name=pl.lit("noise alone"), rmse="noise_floor"
@@ -66,7 +66,7 @@ def headline(rows: pl.DataFrame) -> str:
     number, effect = rows.select("step", "effect").row(0)
     found = rows.filter(axis="all", horizon=HORIZON).select("dataset", "rmse", "noise_floor").rows()
     told = ", ".join(f"{SHORT[name]} {rmse:#.3g} m/s (noise {noise:#.2g})" for name, rmse, noise in found)
-    return f"step {number}, {effect or GIVEN}: error {HORIZON:g} s ahead: {told}"
+    return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}"
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:
@@ -87,7 +87,7 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
-    return bool(abs(value[index]) > PLAIN * error[index])
+    return bool(abs(value[index]) > PLAIN_ERRORS * error[index])
 
 
 def _numbered(index: tuple[int, ...]) -> str:

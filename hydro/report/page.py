@@ -16,7 +16,7 @@ import polars as pl
 from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.core.effects.record import BOOKKEEPING
-from hydro.core.evaluation.rolling_prediction import SECONDS
+from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, errors, plots, standing, words
@@ -31,11 +31,11 @@ Section = dict[str, Any] | None
 
 FIRST_PLACES = 6
 """Places that are shown at once; the others unfold."""
-SESSIONS = 12
+MOST_SESSIONS = 12
 """Sessions of a replay that can be chosen on the page."""
 BEHIND = {"raw": "recording", "vehicle": "vehicle file"}
 """What a table that others were made from is called on the page."""
-FAMILIES = ("speed", "acceleration", "drift", "turn", "depth", "heading", "frequency", "session")
+CONDITIONS = ("speed", "acceleration", "drift", "turn", "depth", "heading", "frequency", "session")
 """Kinds of condition that the errors are shown by first, in this order."""
 
 
@@ -121,7 +121,7 @@ def _places(sources: Sources, charts: Charts) -> Section:
         rows = frame.filter(level="force", axis="all").drop("before", strict=False)
         rows = rows.join(before, on=key, how="left", maintain_order="left")
     there = rows["by"].unique(maintain_order=True).to_list()
-    kinds = [by for by in FAMILIES if by in there]
+    kinds = [by for by in CONDITIONS if by in there]
     kinds += [by for by in there if by not in kinds and by not in ("all", "place")]
     kinds = [by for by in kinds if rows.filter(by=by).height > 1]
     if kinds:
@@ -228,7 +228,7 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     of_study = one.artefact.provenance.stage == "explain"
     held_out = sources.ladder is not None and "holdout" in sources.ladder.frame["dataset"]
     sessions = one.frame["session"].unique(maintain_order=True).to_list()
-    shown = sessions[:SESSIONS]
+    shown = sessions[:MOST_SESSIONS]
     for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
@@ -237,7 +237,7 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "number": number,
         "name": one.name,
         "held_out": of_study and held_out,
-        "restarted": f"{SECONDS:g}" if of_study else "",
+        "restarted": f"{RESTART_INTERVAL:g}" if of_study else "",
         "sessions": shown,
         "hidden": len(sessions) - len(shown),
         "legend": [

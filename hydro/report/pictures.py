@@ -13,7 +13,7 @@ from hydro.io.files import explained
 from hydro.report import figures, words
 from hydro.report.comparison import MOTIONS
 from hydro.report.ladder import by_dataset
-from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, wide
+from hydro.report.plots import DATASET_STYLES, FOUND, GIVEN, NOISE, wide
 from hydro.report.sources import Sources
 from hydro.report.standing import at_horizon
 from hydro.report.tables import replay_errors
@@ -131,7 +131,7 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
 def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
     """One axis of a ladder."""
     for name, label, one in by_dataset(rows):
-        (colour, _, dash), spread = DATASETS[name], figures.error_bars(one, "rmse")
+        (colour, _, dash), spread = DATASET_STYLES[name], figures.error_bars(one, "rmse")
         panel.errorbar(one["step"], one["rmse"], yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
         style = {"dot": ":", "dash": "--"}[dash]
         panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")

@@ -25,13 +25,13 @@ MANY = (
     *("#C0504D", "#4FA3B8", "#8A6A4F", "#7FA33A", "#D977A8", "#4A6B8A"),
 )
 """Where there are more models than two."""
-MOST_POINTS = 1000
+POINTS_ON_SCREEN = 1000
 """Samples drawn per curve and session: as many as a screen is wide."""
 SPAN = 10.0
 """Ratio of the greatest to the least error from which on an axis is logarithmic."""
 CROWDED = 150.0
 """Ratio from which a logarithmic axis has numbers at powers of ten alone, not also at 2 and 5."""
-DATASETS = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
+DATASET_STYLES = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
 """Colour, mark and dashes of the noise of what a ladder was measured on."""
 
 
@@ -44,7 +44,7 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
     """
     drawn = go.Figure()
     for name, label, one in by_dataset(rows):
-        colour, symbol, dash = DATASETS[name]
+        colour, symbol, dash = DATASET_STYLES[name]
         drawn.add_scatter(
             x=one["step"].to_list(),
             y=one["noise_floor"].to_list(),
@@ -165,7 +165,7 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     against = one.filter(variant=MEASURED if MEASURED in variants else variants[0])
     low, high = _number(against["value"].min()), _number(against["value"].max())
     reach = max(high - low, 1e-3)
-    step = max(1, -(-against.height // MOST_POINTS))
+    step = max(1, -(-against.height // POINTS_ON_SCREEN))
     drawn = go.Figure()
     beside = one.join(against.select("t", measured="value"), on="t", how="left", maintain_order="left")
     useless = _useless(beside.filter(pl.col("variant") != MEASURED), _number(against["value"].std()))

@@ -6,7 +6,7 @@ import polars as pl
 
 from hydro.core.columns import VELOCITY, WRENCH
 
-PIECE = r" ([\d.]+-[\d.]+ s)$"
+PIECE_SUFFIX = r" ([\d.]+-[\d.]+ s)$"
 """How the dataset of a piece of a recording ends."""
 
 
@@ -49,7 +49,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
     """
     chosen = metrics.filter(
         of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITY)
-    ).with_columns(piece=pl.col("dataset").str.extract(PIECE))
+    ).with_columns(piece=pl.col("dataset").str.extract(PIECE_SUFFIX))
     return chosen.pivot(
         on="axis",
         index=["piece", "variant"],
@@ -61,7 +61,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 def of_a_piece() -> pl.Expr:
     """Rows of the metrics of a part of a recording."""
-    return pl.col("dataset").str.contains(PIECE)
+    return pl.col("dataset").str.contains(PIECE_SUFFIX)
 
 
 def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANELS = {"reward": "mean reward of an evaluation", "success": "share of an evaluation that arrived"}
+MEASURES = {"reward": "mean reward of an evaluation", "success": "share of an evaluation that arrived"}
 
 
 def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
@@ -37,12 +37,12 @@ def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
     for (condition,), of_condition in points.group_by("condition", maintain_order=True):
         grid = of_condition.select(pl.col("steps").unique().sort())
         for (_,), one in of_condition.group_by("seed", maintain_order=True):
-            known = one.select("steps", *PANELS)
+            known = one.select("steps", *MEASURES)
             rows.append(
                 grid.join_asof(known, on="steps").with_columns(condition=pl.lit(condition)).drop_nulls()
             )
-    means = [pl.col(name).mean() for name in PANELS]
-    spreads = [pl.col(name).std().alias(f"{name}_sd") for name in PANELS]
+    means = [pl.col(name).mean() for name in MEASURES]
+    spreads = [pl.col(name).std().alias(f"{name}_sd") for name in MEASURES]
     return (
         pl.concat(rows)
         .group_by("condition", "steps", maintain_order=True)
@@ -57,7 +57,7 @@ def draw_curves(table: pl.DataFrame) -> Figure:
 
     with plt.rc_context(figures.STYLE):
         drawn, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-        for panel, (name, title) in zip(axes, PANELS.items(), strict=True):
+        for panel, (name, title) in zip(axes, MEASURES.items(), strict=True):
             for colour, ((condition,), one) in zip(
                 figures.COLOURS, table.group_by("condition", maintain_order=True), strict=False
             ):

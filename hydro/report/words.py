@@ -36,8 +36,8 @@ DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 
 NORMAL_95 = 1.96
 """Half the width of a 95 % interval in standard errors."""
-NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
-COMMAND = re.compile("`([^`]*)`")
+EFFECT_NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
+QUOTED = re.compile("`([^`]*)`")
 
 
 @dataclass(frozen=True)
@@ -206,8 +206,8 @@ def horizon(seconds: float | None) -> str:
 def prose(text: str) -> Markup:
     """A text of a diagnosis as a sentence in HTML: effects by their names in words, commands as code."""
     told = str(escape(sentence(text)))
-    told = NAMES.sub(lambda found: effect_name(found[0]), told)
-    return Markup(COMMAND.sub(r"<code>\1</code>", told))
+    told = EFFECT_NAMES.sub(lambda found: effect_name(found[0]), told)
+    return Markup(QUOTED.sub(r"<code>\1</code>", told))
 
 
 def sentence(text: str) -> str:

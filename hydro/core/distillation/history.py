@@ -13,7 +13,7 @@ from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
 AXES = 6
-TOLERANCE = 0.01  # of a sample time, within which a period must be whole
+PERIOD_TOLERANCE = 0.01  # of a sample time, within which a period must be whole
 
 
 def remembered(window: int) -> int:
@@ -33,7 +33,7 @@ def stride(period: float, dt: float) -> int:
         DataError: The period is no multiple of the sample time.
     """
     rows = round(period / dt)
-    if rows < 1 or abs(rows * dt - period) > TOLERANCE * dt:
+    if rows < 1 or abs(rows * dt - period) > PERIOD_TOLERANCE * dt:
         raise DataError(
             f"the model remembers velocities {period:g} s apart, which is no multiple of the sample time of "
             f"{dt:g} s: resample the log"

@@ -30,12 +30,13 @@ from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
 """Part of its own size to which the noise floor is known, in squares."""
-SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay clear of noise, for six axes
+SURE_PART = 0.5
+"""Percentile of the bootstrap from which an axis' errors must stay clear of noise, for six axes."""
 
 Line = dict[str, Any]
 
 KEY = ("level", "horizon", "axis", "by", "place")
-NEEDED = (*KEY, "rmse", "rank")
+NEEDED_COLUMNS = (*KEY, "rmse", "rank")
 """Columns of an earlier comparison that are read."""
 
 
@@ -67,7 +68,7 @@ def compare(
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
     """
     told = progress or (lambda words, share: None)
-    if against is not None and (missing := [name for name in NEEDED if name not in against.columns]):
+    if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
     record, model = recording(raw, vehicle), candidate(vehicle)
     told("smoothing", 0.0)
@@ -109,7 +110,7 @@ class _Lines:
         sure = clear.sum(axis=0) > 0.0
         if self.drawn is not None:
             by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
-            sure &= np.percentile(self.drawn @ by_block, SURE, axis=0) > 0.0
+            sure &= np.percentile(self.drawn @ by_block, SURE_PART, axis=0) > 0.0
         # Where an axis' errors are no more than noise, none of it is unexplained.
         self.axis_share = np.where(sure, sums, 0.0) / max(float(sums[sure].sum()), 1e-300)
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)

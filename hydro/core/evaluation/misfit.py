@@ -55,12 +55,12 @@ BANDS = (
     ("in motions faster than 0.5 s", FASTEST, np.inf),
 )
 """Bands of frequency [Hz], by the time that a motion takes."""
-SLOW = ("", 0.0, FASTEST)
+SLOW_BAND = ("", 0.0, FASTEST)
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
-TOGETHER = 64  # predictions of one piece of work
+PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
 LEAST_DRAWS = 16  # of uncertain beginnings, where there are few predictions
-REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
+IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
 
 
 @dataclass(frozen=True)
@@ -177,8 +177,8 @@ def force(
         WRENCH_UNITS,
         mass / inertia,
         rows,
-        pieces.total(next(_bands(found, record, [SLOW])) ** 2),
-        pieces.total(next(_bands(floor, record, [SLOW])) ** 2),
+        pieces.total(next(_bands(found, record, [SLOW_BAND])) ** 2),
+        pieces.total(next(_bands(floor, record, [SLOW_BAND])) ** 2),
         pieces.block,
     )
     count = len(BANDS)
@@ -329,12 +329,12 @@ def _laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
 
 
 def _batches(lengths: Rows) -> list[slice]:
-    """Runs of at most TOGETHER predictions of one length."""
+    """Runs of at most PREDICTIONS_TOGETHER predictions of one length."""
     edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
     return [
-        slice(at, min(at + TOGETHER, end))
+        slice(at, min(at + PREDICTIONS_TOGETHER, end))
         for begin, end in itertools.pairwise(edges)
-        for at in range(begin, end, TOGETHER)
+        for at in range(begin, end, PREDICTIONS_TOGETHER)
     ]
 
 
@@ -371,12 +371,12 @@ def _weights(design: smoothing.Design) -> Array:
 
     In the first row of a segment, and far from its ends; (2, 2, 6).
     """
-    impulse = np.zeros((2, 2 * REACH + 1, 6))
-    impulse[0, 0] = impulse[1, REACH] = 1.0
-    bounds = [[0, 2 * REACH + 1]]
+    impulse = np.zeros((2, 2 * IMPULSE_REACH + 1, 6))
+    impulse[0, 0] = impulse[1, IMPULSE_REACH] = 1.0
+    bounds = [[0, 2 * IMPULSE_REACH + 1]]
     first, inner = (smoothing.smooth(one, bounds, design)[:, :, 0] for one in impulse)
     squares = [(one**2).sum(axis=0) for one in (first, inner)]
-    return np.stack([np.stack([first[0], inner[REACH]]), np.stack(squares)])
+    return np.stack([np.stack([first[0], inner[IMPULSE_REACH]]), np.stack(squares)])
 
 
 def _uncertainty(weights: Array, sigma: Array, left: Array) -> Array:

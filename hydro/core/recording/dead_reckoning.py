@@ -13,12 +13,12 @@ from hydro.core.columns import Array
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.frames import rotation
 
-SECONDS = 2.0
+SLIDING_SECONDS = 2.0
 """Length over which turning is compared."""
-LEAST = 16  # of such lengths
+LEAST_LENGTHS = 16  # of such lengths
 CHANCE = 1e-9
 """Probability of chance up to which a bias of a gyro is told."""
-PLAIN = 1e-3  # rad/s, that a bias must be
+PLAIN_BIAS = 1e-3  # rad/s, that a bias must be
 
 
 def gone(record: Recording, nu: Array) -> tuple[Array, Array]:
@@ -42,10 +42,10 @@ def rate_bias(record: Recording) -> Array:
     A scale that is wrong errs with the rate, and is none of this: both are fitted at once.
     """
     _, turned = gone(record, record.nu)
-    length = max(round(SECONDS / record.dt), 2)
+    length = max(round(SLIDING_SECONDS / record.dt), 2)
     starts = np.concatenate([np.arange(a, b - length, length) for a, b in record.segments])
     bias = np.zeros(3)
-    if len(starts) < LEAST:
+    if len(starts) < LEAST_LENGTHS:
         return bias
     error = (turned[starts] - turned[starts + length]) / (length * record.dt)
     rate = np.stack([record.nu[a : a + length, 3:].mean(axis=0) for a in starts])
@@ -53,6 +53,6 @@ def rate_bias(record: Recording) -> Array:
         columns = np.column_stack([np.ones(len(starts)), rate[:, axis]])
         found, *_ = np.linalg.lstsq(columns, error[:, axis], rcond=None)
         spread = np.linalg.pinv(columns.T @ columns) * np.var(error[:, axis] - columns @ found)
-        if abs(found[0]) > max(PLAIN, norm.isf(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
+        if abs(found[0]) > max(PLAIN_BIAS, norm.isf(0.5 * CHANCE) * np.sqrt(spread[0, 0])):
             bias[axis] = found[0]
     return bias

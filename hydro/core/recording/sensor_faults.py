@@ -22,7 +22,7 @@ from hydro.core.recording.dead_reckoning import gone, rate_bias
 from hydro.core.vehicle.description import Vehicle
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
-REACH = 3
+OUTLIER_REACH = 3
 """Samples to each side that tell what a sample should be, by the cubic through them."""
 JUMP = 8.0
 """Standard deviations that a sample must lie off that cubic to jump,"""
@@ -33,7 +33,7 @@ BACK = 2.0
 SHARP = 0.8
 """Part of it that must lie between two samples, on either side."""
 PASSES = 6
-LEAST = 8  # samples
+LEAST_SAMPLES = 8  # samples
 BURSTS = (1, 2, 4)  # samples that jump together
 STANDS, LONGEST_CHANCE = 10, 5.0
 """Rows that stand still, and times the length that 99 of 100 such runs keep to, to be a fault."""
@@ -41,7 +41,7 @@ LEAST_STILL = 0.2  # s
 FINE = 0.9  # distinct values among the runs from which a channel does not read in steps
 WHITE = 3.0
 """Fourth differences over second ones from which a channel has noise: 3.4 of white noise, motion has less."""
-DRAWN, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
+DRAWN_SHARE, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
 MARKS = 10  # runs of one and the same value, in a fine channel, that make it a mark
 BRIDGED = 0.4  # s, of readings that a straight line replaces
 CONTRADICTED = 2.0  # times what pose and velocity differ by elsewhere
@@ -177,7 +177,7 @@ def _runs(part: Array) -> Rows:
 
 def _whiteness(samples: Sequence[Array]) -> float:
     """Size of fourth differences over that of second ones; see WHITE."""
-    if max(len(part) for part in samples) < LEAST:
+    if max(len(part) for part in samples) < LEAST_SAMPLES:
         return 0.0
     size = [np.median(np.abs(np.concatenate([np.diff(part, n) for part in samples]))) for n in (4, 2)]
     return float(size[0] / max(size[1], 1e-300))
@@ -212,11 +212,11 @@ def _jumps(record: Recording, parts: Sequence[Array], known: Mask) -> Mask:
 
 def _apart(parts: Sequence[Array]) -> int:
     """Rows from sample to sample of a channel drawn in straight lines between them; 1 of any other."""
-    if max(len(part) for part in parts) < LEAST:
+    if max(len(part) for part in parts) < LEAST_SAMPLES:
         return 1
     slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
     straight = (np.abs(bend) < EXACT * np.abs(slope)) & (slope != 0.0)
-    if straight.sum() <= DRAWN * np.count_nonzero(slope):
+    if straight.sum() <= DRAWN_SHARE * np.count_nonzero(slope):
         return 1
     edges = np.flatnonzero(np.diff(straight, prepend=False, append=False)).reshape(-1, 2)
     return int(np.median(np.diff(edges))) + 1
@@ -248,8 +248,8 @@ def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
             usual, found = _usual(np.concatenate([off for off, _ in judged])), 0
             for one, flags, (off, alone) in zip(values, odd, judged, strict=True):
                 new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
-                flags[new + REACH * stride] = True
-                one[new + REACH * stride] -= off[new]
+                flags[new + OUTLIER_REACH * stride] = True
+                one[new + OUTLIER_REACH * stride] -= off[new]
                 found += new.size
             if not found:
                 break
@@ -269,14 +269,14 @@ def _judged(y: Array, stride: int) -> tuple[Array, Mask]:
         stride: From one of those around to the next: a burst of as many samples jumps as one.
 
     Returns:
-        (n - 2 REACH stride,) each: nothing is said of those at both ends.
+        (n - 2 OUTLIER_REACH stride,) each: nothing is said of those at both ends.
     """
-    reach = REACH * stride
+    reach = OUTLIER_REACH * stride
     if len(y) <= 2 * reach:
         return np.zeros(0), np.zeros(0, bool)
     around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
     left = around[:, ::stride] @ OFF.T
-    off, beside = left[:, REACH], np.delete(left, REACH, axis=1)
+    off, beside = left[:, OUTLIER_REACH], np.delete(left, OUTLIER_REACH, axis=1)
     size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
     edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
     up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
@@ -285,8 +285,8 @@ def _judged(y: Array, stride: int) -> tuple[Array, Mask]:
 
 
 def _off() -> Array:
-    """What 2 REACH + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
-    k = np.arange(-REACH, REACH + 1)
+    """What 2 OUTLIER_REACH + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    k = np.arange(-OUTLIER_REACH, OUTLIER_REACH + 1)
     powers = np.vander(k, 4, increasing=True).astype(float)
     through = np.zeros((len(k), len(k)))
     through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])
