@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import assemble
 from hydro.core.simulation.sensor_noise import PROFILES
 from hydro.core.simulation.simulate import steps_of_row, trajectory
@@ -28,7 +28,6 @@ from hydro.io import vehicle as files
 from hydro.sim.bridge.mjcf import Integrator
 from hydro.sim.student import Physics, Student
 
-Array = NDArray[np.float64]
 VEHICLES = Path(__file__).resolve().parents[1] / "datasets" / "vehicles"
 INTEGRATORS: tuple[Integrator, ...] = ("euler", "implicitfast", "rk4")
 STEPS = (0.0005, 0.001, 0.002, 0.004, 0.005, 0.01, 0.02)

@@ -22,15 +22,14 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
+from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
 from hydro.core.identification.parameters import Free
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.excitation import Session, demands
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -40,7 +39,6 @@ from hydro.core.vehicle.thrusters import configuration_matrix
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
-Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 

@@ -14,8 +14,9 @@ import numpy as np
 import polars as pl
 import tomlkit
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
-from hydro.core.simulation.simulate import POSE, VELOCITY, simulate
+from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import allocate, configuration_matrix
 from hydro.io import table

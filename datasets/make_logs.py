@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
-from hydro.core.simulation.simulate import POSE, VELOCITY, simulate
+from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.thrusters import allocate, configuration_matrix
 from hydro.io import vehicle as vehicles
 

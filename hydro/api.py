@@ -186,8 +186,9 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
         hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
     """
     from hydro.core.simulation.simulate import simulate as move
+    from hydro.io.table import conform
 
-    return move(commands, vehicle)
+    return conform("raw", move(commands, vehicle))
 
 
 @_vehicle_first
@@ -229,7 +230,7 @@ def fit(
     from hydro.core.identification.fit import fit as estimate
 
     sigma = None if noise is None else np.asarray(noise, dtype=float)
-    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, report=progress)
+    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
 
 
 @_vehicle_first
@@ -256,8 +257,9 @@ def compare(
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
     from hydro.core.evaluation.compare import compare as measure
+    from hydro.io.table import conform
 
-    return measure(vehicle, raw, against=against, progress=progress)
+    return conform("comparison", measure(vehicle, raw, against=against, progress=progress))
 
 
 @_vehicle_first
@@ -276,8 +278,9 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None =
         hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
     """
     from hydro.core.diagnosis.diagnose import diagnose as find
+    from hydro.io.table import conform
 
-    return find(vehicle, raw, report=progress).frame()
+    return conform("diagnosis", find(vehicle, raw, progress=progress).frame())
 
 
 def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
@@ -331,9 +334,18 @@ def explain(
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
     """
-    from hydro.core.diagnosis.explain import explain as steps
+    from dataclasses import replace
 
-    yield from steps(vehicle, raw, holdout=holdout, report=progress)
+    from hydro.core.diagnosis.explain import explain as steps
+    from hydro.io.table import conform
+
+    for step in steps(vehicle, raw, holdout=holdout, progress=progress):
+        yield replace(
+            step,
+            comparison=conform("comparison", step.comparison),
+            diagnosis=conform("diagnosis", step.diagnosis),
+            ladder=conform("ladder", step.ladder),
+        )
 
 
 @_vehicle_first
@@ -362,8 +374,10 @@ def labels(
         hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
     """
     from hydro.core.distillation.labels import labels as compute
+    from hydro.io.table import conform
 
-    return compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
+    found = compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
+    return conform("labels", found)
 
 
 def split(
@@ -384,8 +398,10 @@ def split(
         hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
     """
     from hydro.core.distillation.split import split as divide
+    from hydro.io.table import conform
 
-    return divide(labels, block=block, test=test, salt=salt)
+    divided, blocks = divide(labels, block=block, test=test, salt=salt)
+    return conform("split", divided), conform("blocks", blocks)
 
 
 def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat") -> pl.DataFrame:
@@ -399,8 +415,9 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
         `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there.
     """
     from hydro.core.distillation.features import table
+    from hydro.io.table import conform
 
-    return table(labels, set)
+    return conform("features", table(labels, set))
 
 
 def train(
@@ -491,9 +508,10 @@ def evaluate(
     Raises:
         hydro.core.errors.DataError: the rows are not there, or a model is broken.
     """
+    from hydro.io.table import conform
     from hydro.learn.evaluate import evaluate as measure
 
-    return measure(models, labels, part=part, dataset=dataset, by=by)
+    return conform("metrics", measure(models, labels, part=part, dataset=dataset, by=by))
 
 
 @_vehicle_first
@@ -529,12 +547,13 @@ def replay(
         hydro.core.errors.DataError: the table does not fit the vehicle.
         hydro.core.errors.UsageError: there is no such variant.
     """
+    from hydro.io.table import conform
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
 
     flown = sim.variants(models, variants)
     names = [variant.name for variant in flown]
-    return sim.replay(
+    motion, errors = sim.replay(
         raw,
         vehicle,
         flown,
@@ -544,3 +563,4 @@ def replay(
         progress=progress
         and (lambda name, done, rows: progress(name, (names.index(name) + done / rows) / len(names))),
     )
+    return conform("replay", motion), conform("metrics", errors)

@@ -11,7 +11,8 @@ import synthetic
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.recording.arrays import recording
 from hydro.core.recording.sensor_faults import faults
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 from hydro.core.simulation.simulate import simulate

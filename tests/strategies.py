@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
-
-Array = NDArray[np.float64]
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:

@@ -10,10 +10,10 @@ import pytest
 
 import hydro
 from hydro import cli
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import provenance, table
@@ -217,7 +217,7 @@ def test_pipes(counted, monkeypatch):
         (["--holdout", "held.parquet", "-o", "held.parquet"], "held.parquet: a file, not a folder"),
         (["--holdout", "held.parquet", "-o", "held.parquet/study"], "part of this path is a file"),
         (["--holdout", "measured.parquet", "-o", "study"], "measured.parquet: the same rows"),
-        (["--holdout", "seven.parquet", "-o", "study"], "seven.parquet: the log has 7 command columns"),
+        (["--holdout", "seven.parquet", "-o", "study"], "seven.parquet: the table has 7 command columns"),
         (["--holdout", "short.parquet", "-o", "study"], "short.parquet: no session lasts 5 s"),
         (["--holdout", "nowhere.parquet", "-o", "study"], "nowhere.parquet: no such file"),
         (["--holdout", str(VEHICLE), "-o", "study"], "not a Parquet file"),

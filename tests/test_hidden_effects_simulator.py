@@ -8,8 +8,8 @@ import polars as pl
 import pytest
 
 from benchmarks.hidden_effects import build, cases, flights, plant, vehicles
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.simulate import simulate
 
 SECONDS = 8.0

@@ -16,8 +16,8 @@ import polars as pl
 import pytest
 
 from hydro import cli
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE
-from hydro.core.simulation.simulate import POSE, VELOCITY
 from hydro.core.simulation.simulate import simulate as move
 from hydro.io import table
 from hydro.io import vehicle as vehicles
@@ -100,8 +100,8 @@ def test_a_raw_table_gives_the_initial_state_and_simulating_again_changes_nothin
 
 
 BAD = {
-    "seven": (commands(thrusters=7), "cmd_8 is missing"),
-    "nine": (commands(thrusters=9), "cmd_9 is one too many"),
+    "seven": (commands(thrusters=7), "7 command columns, no cmd_8"),
+    "nine": (commands(thrusters=9), "9 command columns, also cmd_9"),
     "full": (commands().with_columns(cmd_3=pl.lit(1.5)), "cmd_3.*at most 1"),
     "gap": (commands().filter((pl.col("t") < 1.0) | (pl.col("t") > 2.0)), "a gap in t before row 50"),
     "backwards": (commands().reverse(), "increasing|rise"),

@@ -9,7 +9,6 @@ import pytest
 
 from hydro import cli
 from hydro.commands.shell import here, message
-from hydro.core.evaluation.metrics import SCHEMA
 from hydro.report.seeds import ranking, seeds_together
 from hydro.study.models import Recordings, Study, _beside_effects, _rounds
 from hydro.study.steps import Runner, Step, StepFailed, apart
@@ -143,7 +142,7 @@ def errors(model: str, run: str, value: float, axis: str = "all") -> dict[str, o
 def test_seeds_are_put_together_and_a_single_one_keeps_its_interval():
     table = pl.DataFrame([errors("a", "seed 0", 1.0), errors("a", "seed 1", 3.0), errors("b", "seed 0", 5.0)])
     found = seeds_together(table)
-    assert dict(found.schema) == SCHEMA
+    assert found.equals(conform("metrics", found))
     assert found.select("model", "value", "low", "high").rows() == [
         ("a", 2.0, 1.0, 3.0),
         ("b", 5.0, 4.5, 5.5),

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects.plant import FOREIGN, Array, Plant
+from benchmarks.hidden_effects.plant import FOREIGN, Plant
+from hydro.core.columns import Array
 from hydro.core.vehicle.description import Vehicle
 
 PAIRS = {

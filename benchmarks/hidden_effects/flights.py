@@ -15,9 +15,9 @@ import polars as pl
 from scipy.interpolate import CubicSpline
 
 from benchmarks.hidden_effects.build import build
-from benchmarks.hidden_effects.plant import BODY, Array, Plant, fly
+from benchmarks.hidden_effects.plant import BODY, Plant, fly
+from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.excitation import Session, demands
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 from hydro.core.vehicle.description import Vehicle

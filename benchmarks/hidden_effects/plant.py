@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hydro.core.columns import Array
 
 STEP = 0.01
 """Longest step of integration [s], classical Runge-Kutta."""

@@ -15,7 +15,7 @@ import polars as pl
 
 from benchmarks.hidden_effects import flights, vehicles
 from benchmarks.hidden_effects.cases import Case, stronger, weaker
-from benchmarks.hidden_effects.plant import Array
+from hydro.core.columns import Array
 from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE

@@ -349,13 +349,11 @@ def watch(
         flown = Flown(flight.pose, flight.targets, flight.pillars, settings.period)
         film(builder.vehicle, flown, size, radius=world.pillar_radius, output=output)
     else:
-        from hydro.report.training import draw_flight, save
+        from hydro.report.training import Tank, draw_flight, save
 
         title = f"{builder.config.condition}, seed {builder.config.seed}, in the {simulator}: {ending}"
-        where = flight.pose[:, :3], flight.goal, flight.pillars, flight.way
-        radius, reach = world.pillar_radius, settings.task.radius
-        drawn = draw_flight(*where, size=size, radius=radius, reach=reach, title=title)
-        save(drawn, output)
+        tank = Tank(size, flight.pillars, world.pillar_radius, flight.goal, settings.task.radius)
+        save(draw_flight(flight.pose[:, :3], flight.way, tank, title), output)
     typer.echo(f"{output}: {ending}", err=True)
 
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.io.files import Source, name_of, read_bytes, shown
 from hydro.io.logmap import listed
-
-Array = NDArray[np.float64]
 
 EMPTY = ("", "nan", "NaN", "NAN", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
 """What loggers write into a cell that holds nothing."""

@@ -15,7 +15,7 @@ from hydro.core.logs.logmap import Attitude, LogMap, Position
 from hydro.io import toml
 from hydro.io.files import read_bytes, shown
 
-NEEDED = ("time", "position", "attitude", "velocity", "rates", "commands")
+NEEDED_TABLES = ("time", "position", "attitude", "velocity", "rates", "commands")
 """The blocks that every map has."""
 
 
@@ -88,7 +88,7 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
     Raises:
         DataError: some blocks are missing; the line says which, and what the log has.
     """
-    missing = [name for name in NEEDED if name not in blocks]
+    missing = [name for name in NEEDED_TABLES if name not in blocks]
     if missing:
         raise DataError(
             f"the columns' names do not identify {', '.join(missing)}: write a map (hydro import LOG "

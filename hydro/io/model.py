@@ -10,12 +10,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.io import table
 from hydro.io.table import Artefact
-
-Array = NDArray[np.float64]
-
 
 SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""
@@ -79,11 +77,7 @@ def to_artefact(
             "shape": [list(tensor.shape) for tensor in tensors.values()],
             "data": [tensor.ravel().astype(dtype) for tensor in tensors.values()],
         },
-        schema={
-            "tensor": pl.String,
-            "shape": pl.List(pl.Int64),
-            "data": pl.List(pl.Float32 if dtype == np.float32 else pl.Float64),
-        },
+        schema_overrides={"data": pl.List(pl.Float32 if dtype == np.float32 else pl.Float64)},
     )
     described = {
         "name": model.name,
@@ -96,9 +90,8 @@ def to_artefact(
         "training": dict(model.training),
         "subtract": model.subtract,
     }
-    return table.make(
-        "model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs, model=described
-    )
+    made = table.make("model", frame, stage=stage, parameters=parameters, seed=seed, inputs=inputs)
+    return made.of_network(described)
 
 
 def from_artefact(artefact: Artefact) -> Model:

@@ -4,7 +4,9 @@ A schema is a Frictionless Table Schema (v2) file in `schemas/`, with these keys
 
 Of a field:
 
-* `arrowType`: the storage types accepted; `unit`, `frame`, and `source`, an equation or paper;
+* `arrowType`: the storage types accepted, the widest last;
+* `unit`, `frame`, and `source`: an equation, a paper, or the part of hydro that a column comes from.  All of
+  them are in the digest that footers carry, so that a source keeps its name when code moves;
 * `repeat`: a field named `cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields
   that repeat by the same letter come equally often;
 * `optional`: the column may be absent.
@@ -64,6 +66,17 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="cam
     """A part of a schema file; an unknown key is an error: it would be a rule that nobody checks."""
 
 
+_POLARS: dict[str, pl.DataType] = {
+    "string": pl.String(),
+    "boolean": pl.Boolean(),
+    "int64": pl.Int64(),
+    "float32": pl.Float32(),
+    "float64": pl.Float64(),
+}
+_POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
+"""The polars types by the names that schema files call them."""
+
+
 class Constraints(_Part, frozen=True):
     """What the values of a column must satisfy.  Numbers must be finite besides, always."""
 
@@ -95,6 +108,11 @@ class Field(_Part, frozen=True):
         assert self.repeat is not None
         name = self.name.replace(f"{{{self.repeat}}}", str(number))
         return msgspec.structs.replace(self, name=name, repeat=None)
+
+    @property
+    def widest(self) -> pl.DataType:
+        """The last of the types accepted."""
+        return _POLARS[self.arrow_type[-1]]
 
     @property
     def label(self) -> str:
@@ -156,6 +174,31 @@ class Schema:
             elif not field.optional or field.name in names:
                 columns[field.name] = field
         return columns
+
+    def conform(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """The same table with the columns of this schema in its order, each as a type that it accepts.
+
+        No value is lost: a column without any value gets its type, whole numbers become wider ones or floats,
+        and a column that need not be there is filled with nulls.  Whatever else breaks the schema stays as it
+        is, for `check` to refuse; columns that the schema does not know come last.
+
+        Args:
+            frame: the table; it may be empty, or even have no columns.
+        """
+        given, rows = frame.schema, frame.height
+        types = {
+            name: _accepted(field, given[name]) if name in given else field.widest
+            for name, field in self.columns(given).items()
+            if name in given or rows == 0 or not field.constraints.required
+        }
+        extra = {name: dtype for name, dtype in given.items() if name not in types}
+        if rows == 0:
+            return pl.DataFrame(schema=types | extra)
+        made = [
+            pl.col(name).cast(dtype) if name in given else pl.lit(None, dtype).alias(name)
+            for name, dtype in types.items()
+        ]
+        return frame.select(*made, *extra)
 
     def check(self, frame: pl.DataFrame, source: str) -> pl.DataFrame:
         """Hold a table to this schema: columns, types, finite values, bounds, order of time.
@@ -271,6 +314,27 @@ def storage_type(dtype: pl.DataType) -> str:
     if isinstance(dtype, pl.List):
         return f"list<{storage_type(dtype.inner)}>"  # type: ignore[arg-type]
     return "string" if dtype in (pl.String, pl.Categorical, pl.Enum) else str(dtype).lower()
+
+
+def _accepted(field: Field, dtype: pl.DataType) -> pl.DataType:
+    """The type that holds all values of `dtype` in this field; `dtype` itself where none does."""
+    if dtype in (pl.Categorical, pl.Enum):
+        return pl.String()
+    fits = storage_type(dtype) in field.arrow_type or not _widens(dtype, field.widest)
+    return dtype if fits else field.widest
+
+
+def _widens(dtype: pl.DataType, to: pl.DataType) -> bool:
+    """Whether every value of one type is a value of the other."""
+    if isinstance(dtype, pl.List) and isinstance(to, pl.List):
+        return _widens(_inner(dtype), _inner(to))
+    whole = dtype.is_integer() and dtype != pl.UInt64
+    return dtype == pl.Null or (whole and to in (pl.Int64, pl.Float64))
+
+
+def _inner(dtype: pl.List) -> pl.DataType:
+    """Type of a list's entries."""
+    return dtype.inner() if isinstance(dtype.inner, type) else dtype.inner
 
 
 def _repeats(field: Field, names: set[str]) -> int:

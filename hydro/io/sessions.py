@@ -9,14 +9,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import LogMap, Time, command, measured
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, stripped
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 

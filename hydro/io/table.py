@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
+from msgspec import structs
 
 from hydro.core.errors import DataError
 from hydro.io import provenance, schema, vehicle
@@ -29,6 +30,10 @@ class Artefact:
     frame: pl.DataFrame
     provenance: Provenance
 
+    def of_network(self, described: Mapping[str, Any]) -> Artefact:
+        """The same tensors with what the network is beside them: architecture, scalers and the like."""
+        return replace(self, provenance=structs.replace(self.provenance, model=dict(described)))
+
 
 def make(
     kind: str,
@@ -39,25 +44,23 @@ def make(
     seed: int | None = None,
     inputs: Sequence[Artefact] = (),
     vehicle_text: str | None = None,
-    model: Mapping[str, Any] | None = None,
 ) -> Artefact:
     """Make an artefact of a table: check it, hash it, and record how it came about.
 
     Args:
         kind: kind of table, one of `schema.KINDS`.
-        frame: the table, its columns in any order.
+        frame: the table, its columns in any order; see `conform` for what need not be right.
         stage: the command that made it, such as `labels`.
         parameters: what the result depends on besides inputs and seed; JSON values.
         seed: seed of everything random.
         inputs: the artefacts it was made from.
         vehicle_text: text of the vehicle file used; by default the one that all inputs with one agree on.
-        model: what a network is beside its tensors.
 
     Raises:
         DataError: the table breaks the schema of its kind.
     """
     rules = schema.load(kind)
-    frame = rules.check(frame, kind)
+    frame = rules.check(rules.conform(frame), kind)
     lineage = [artefact.provenance.as_input() for artefact in inputs]
     if vehicle_text is None:
         carried = {artefact.provenance.vehicle for artefact in inputs} - {None}
@@ -74,9 +77,17 @@ def make(
         package=provenance.package_version(),
         inputs=tuple(lineage),
         vehicle=vehicle_text,
-        model=dict(model) if model is not None else None,
     )
     return Artefact(kind, frame, record)
+
+
+def conform(kind: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """A table of a kind as its file would be read: its columns in the schema's order, in the schema's types.
+
+    Raises:
+        DataError: there is no such kind.
+    """
+    return schema.load(kind).conform(frame)
 
 
 def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:

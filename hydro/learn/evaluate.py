@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.distillation.features import features
 from hydro.core.errors import DataError, UsageError
-from hydro.core.evaluation.metrics import consecutive, measure
+from hydro.core.evaluation.metrics import Subject, consecutive, measure
 from hydro.io.model import Model
 from hydro.learn import networks, rows
 from hydro.learn.regimes import regimes, require_ways
-
-Array = NDArray[np.float64]
 
 BLOCK = 150
 ROWS_PER_PASS = 16384
@@ -115,13 +114,6 @@ def evaluate(
         nu = rows.states(chosen)[:, :6]
         for name, some in (everything, *(regime for way in by for regime in regimes(model, nu, way))):
             measured.append(
-                measure(
-                    truth[some],
-                    predicted[some],
-                    number[some],
-                    model=model.name,
-                    dataset=dataset,
-                    variant=name,
-                )
+                measure(truth[some], predicted[some], number[some], Subject(model.name, dataset, name))
             )
     return pl.concat(measured)

@@ -10,13 +10,10 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Mask
 from hydro.core.errors import UsageError
 from hydro.io.model import Model
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.bool_]
 
 SPEEDS = (0.0, 0.25, 0.5, 1.0, 1.5, np.inf)  # m/s
 DRIFTS = (0.0, 15.0, 45.0, 90.0, 135.0, 180.0)  # degrees
@@ -38,7 +35,7 @@ def require_ways(ways: Sequence[str]) -> None:
             raise UsageError(f"rows are divided by {', '.join(BY)}, not by '{way}'")
 
 
-def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Rows]]:
+def regimes(model: Model, nu: Array, by: str) -> Iterator[tuple[str, Mask]]:
     """Rows of each regime that holds some.
 
     Args:

@@ -10,12 +10,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.distillation import history
 from hydro.core.distillation.features import INPUTS, OUTPUTS, features
 from hydro.core.errors import DataError, UsageError
 from hydro.core.recording.segments import sample_time, segments
-
-Array = NDArray[np.float64]
 
 VALIDATION_SHARE = 0.1
 

@@ -16,7 +16,7 @@ from hydro.report.words import Value
 
 MOST_VALUES = 12
 """Values of one effect that are drawn; of more, those that stand out from zero, the clearest first."""
-CLEAR = 2.0
+CLEAR_RATIO = 2.0
 """Standard errors by which a value stands out."""
 ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known")
 """Verdicts that ask for another recording."""
@@ -140,6 +140,6 @@ def _drawn(values: list[Value]) -> list[Value]:
     def clearness(one: Value) -> float:
         return abs(one.value) / one.error if one.error else float(one.value != 0.0)
 
-    clear = sorted((one for one in values if clearness(one) > CLEAR), key=clearness, reverse=True)
+    clear = sorted((one for one in values if clearness(one) > CLEAR_RATIO), key=clearness, reverse=True)
     kept = clear[:MOST_VALUES]
     return [one for one in values if one in kept]

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import polars as pl
 
-MOTIONS = {
-    "X": "surge",
-    "Y": "sway",
-    "Z": "heave",
-    "K": "roll",
-    "M": "pitch",
-    "N": "yaw",
-    "all": "all axes",
-}
+from hydro.core.columns import DOF, WRENCH
+
+MOTIONS = dict(zip(WRENCH, DOF, strict=True)) | {"all": "all axes"}
 """What a pilot calls the axes of a wrench."""
 
 

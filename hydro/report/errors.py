@@ -6,12 +6,11 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.columns import UNITS, VELOCITY
 from hydro.report import plots, seeds, tables, words
 from hydro.report.charts import Charts
 from hydro.report.sources import Named
 
-UNITS = dict.fromkeys("uvw", "m/s") | dict.fromkeys("pqr", "rad/s")
-UNITS |= dict.fromkeys("XYZ", "N") | dict.fromkeys("KMN", "N m")
 BY_SEEDS = "Means over seeds; in small print the smallest and largest, for a single seed the 95 % interval."
 INTERVALS = "In small print 95 % intervals."
 OF_NETWORKS = {
@@ -56,7 +55,7 @@ def section(one: Named, number: int, charts: Charts) -> dict[str, Any]:
         title, lede, tabulated = OF_NETWORKS[part]
         shown = {"charts": [], "legend": [], "table": _table(title, tabulated(one.frame)), "more": []}
         return {"number": number, "title": title, "lede": lede} | shown
-    flown = one.frame["axis"].is_in(tables.VELOCITIES).any()
+    flown = one.frame["axis"].is_in(VELOCITY).any()
     told = (_replays if flown else _predictions)(one.frame, number, charts)
     spread = BY_SEEDS if record.stage == "study" else INTERVALS
     return {"number": number} | told | {"lede": f"{told['lede']} {spread}"}

@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from hydro.core.columns import UNITS
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLES = {"u": "surge", "v": "sway", "w": "heave", "p": "roll rate", "q": "pitch rate", "r": "yaw rate"}
-UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 MEASURED = "measured"
-PANELS = ("u", "p", "v", "q", "w", "r")
+VELOCITY_PANELS = ("u", "p", "v", "q", "w", "r")
 LABELS = 7
 """Labels of a legend that fit on one line."""
 HEADROOM = 0.35
 """How far a panel reaches beyond the measured range, as a share of it."""
-MOST_POINTS = 3000
+POINTS_IN_PRINT = 3000
 """Samples drawn per curve; more would not be seen at print resolution."""
 
 _INK = "#222222"
@@ -54,7 +55,7 @@ STYLE: Any = {
 }
 
 
-def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = PANELS) -> pl.DataFrame:
+def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = VELOCITY_PANELS) -> pl.DataFrame:
     """What the overlay draws: one row per axis, variant and time.
 
     A curve ends where its error first exceeds the whole range of the measured motion: from there on it says
@@ -69,7 +70,7 @@ def overlay_table(replay: pl.DataFrame, axes: tuple[str, ...] = PANELS) -> pl.Da
         row of a curve that ends early), and `bottom`, `top`: the panel's limits, set by the measured motion.
     """
     one = replay.filter(pl.col("session") == replay["session"][0])
-    step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // MOST_POINTS))
+    step = max(1, -(-one.filter(pl.col("variant") == MEASURED).height // POINTS_IN_PRINT))
     thinned = one.filter(pl.int_range(pl.len()).over("variant") % step == 0)
     series = thinned.select(
         "variant",
@@ -185,6 +186,15 @@ def _draw_heat(panel: Axes, table: pl.DataFrame, axes: list[str], unit: str) -> 
     panel.tick_params(length=0)
     for spine in panel.spines.values():
         spine.set_visible(False)
+
+
+def error_bars(rows: pl.DataFrame, of: str, prefix: str = "") -> tuple[pl.Series, pl.Series]:
+    """How far the interval `low` to `high` reaches below and above a value; 0 where there is none."""
+    middle = pl.col(of)
+    down = (middle - pl.col(f"{prefix}low").fill_null(middle)).clip(0.0)
+    up = (pl.col(f"{prefix}high").fill_null(middle) - middle).clip(0.0)
+    below, above = rows.select(down=down, up=up)
+    return below, above
 
 
 def save(figure: Figure, path: Path) -> None:

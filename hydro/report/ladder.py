@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
-from hydro.report.tables import VELOCITIES
+from hydro.report import words
 
 TITLES = {
     "fit": "Errors of predictions {:g} s ahead on the data: u v w [m/s], p q r [rad/s], all [m/s]",
     "holdout": "The same on held-out data, to which nothing was fitted",
 }
 SHORT = {"fit": "data", "holdout": "held out"}
-GIVEN = "as given"
-PLAIN = 3.0
+AS_GIVEN = "as given"
+PLAIN_ERRORS = 3.0
 """Standard errors that an entry of a list must differ from 0 by to be shown."""
 
 
@@ -35,14 +36,25 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
         together as one speed [m/s].
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
-    rows = rows.filter(pl.col("axis").is_in([*VELOCITIES, "all"])).with_columns(
-        name=pl.format("{} {}", "step", pl.col("effect").replace("", GIVEN))
+    rows = rows.filter(pl.col("axis").is_in([*VELOCITY, "all"])).with_columns(
+        name=pl.format("{} {}", "step", pl.col("effect").replace("", AS_GIVEN))
     )
     noise = rows.filter(pl.col("step") == pl.col("step").max()).with_columns(
         name=pl.lit("noise alone"), rmse="noise_floor"
     )
     wide = pl.concat([rows, noise]).pivot(on="axis", index="name", values="rmse", maintain_order=True)
-    return wide.select(pl.col("name").alias("step"), *VELOCITIES, "all")
+    return wide.select(pl.col("name").alias("step"), *VELOCITY, "all")
+
+
+def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
+    """What a figure of a ladder draws: each data set that is there, its label, and its errors step by step.
+
+    Args:
+        rows: Rows of the ladder table of one axis and horizon.
+    """
+    for name, label in words.DATASETS.items():
+        if not (one := rows.filter(dataset=name).sort("step")).is_empty():
+            yield name, label, one
 
 
 def headline(rows: pl.DataFrame) -> str:
@@ -54,7 +66,7 @@ def headline(rows: pl.DataFrame) -> str:
     number, effect = rows.select("step", "effect").row(0)
     found = rows.filter(axis="all", horizon=HORIZON).select("dataset", "rmse", "noise_floor").rows()
     told = ", ".join(f"{SHORT[name]} {rmse:#.3g} m/s (noise {noise:#.2g})" for name, rmse, noise in found)
-    return f"step {number}, {effect or GIVEN}: error {HORIZON:g} s ahead: {told}"
+    return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}"
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:
@@ -75,7 +87,7 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
-    return bool(abs(value[index]) > PLAIN * error[index])
+    return bool(abs(value[index]) > PLAIN_ERRORS * error[index])
 
 
 def _numbered(index: tuple[int, ...]) -> str:

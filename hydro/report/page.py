@@ -13,9 +13,10 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.core.effects.record import BOOKKEEPING
-from hydro.core.evaluation.rolling_prediction import SECONDS
+from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, errors, plots, standing, words
@@ -24,18 +25,17 @@ from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
 from hydro.report.sources import Sources
 from hydro.report.standing import chosen_step
-from hydro.report.tables import VELOCITIES
 from hydro.report.words import DATASETS
 
 Section = dict[str, Any] | None
 
 FIRST_PLACES = 6
 """Places that are shown at once; the others unfold."""
-SESSIONS = 12
+MOST_SESSIONS = 12
 """Sessions of a replay that can be chosen on the page."""
 BEHIND = {"raw": "recording", "vehicle": "vehicle file"}
 """What a table that others were made from is called on the page."""
-FAMILIES = ("speed", "acceleration", "drift", "turn", "depth", "heading", "frequency", "session")
+CONDITIONS = ("speed", "acceleration", "drift", "turn", "depth", "heading", "frequency", "session")
 """Kinds of condition that the errors are shown by first, in this order."""
 
 
@@ -121,7 +121,7 @@ def _places(sources: Sources, charts: Charts) -> Section:
         rows = frame.filter(level="force", axis="all").drop("before", strict=False)
         rows = rows.join(before, on=key, how="left", maintain_order="left")
     there = rows["by"].unique(maintain_order=True).to_list()
-    kinds = [by for by in FAMILIES if by in there]
+    kinds = [by for by in CONDITIONS if by in there]
     kinds += [by for by in there if by not in kinds and by not in ("all", "place")]
     kinds = [by for by in kinds if rows.filter(by=by).height > 1]
     if kinds:
@@ -164,7 +164,7 @@ def _ladder(sources: Sources, charts: Charts) -> Section:
         return [rows.filter(pl.col("horizon").eq_missing(pl.lit(one, pl.Float64))) for one in horizons]
 
     scales = [plots.wide(rows["rmse"]) for rows in at("all")]
-    axes = [axis for axis in VELOCITIES if all(rows.height for rows in at(axis))]
+    axes = [axis for axis in VELOCITY if all(rows.height for rows in at(axis))]
     for axis in ("all", *axes):
         drawn = zip(at(axis), scales, strict=True)
         charts.add(f"ladder-{axis}", *(plots.ladder(rows, logarithmic=far) for rows, far in drawn))
@@ -228,8 +228,8 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     of_study = one.artefact.provenance.stage == "explain"
     held_out = sources.ladder is not None and "holdout" in sources.ladder.frame["dataset"]
     sessions = one.frame["session"].unique(maintain_order=True).to_list()
-    shown = sessions[:SESSIONS]
-    for axis in VELOCITIES:
+    shown = sessions[:MOST_SESSIONS]
+    for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
@@ -237,13 +237,13 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "number": number,
         "name": one.name,
         "held_out": of_study and held_out,
-        "restarted": f"{SECONDS:g}" if of_study else "",
+        "restarted": f"{RESTART_INTERVAL:g}" if of_study else "",
         "sessions": shown,
         "hidden": len(sessions) - len(shown),
         "legend": [
             (label, colour, key == MEASURED) for key, (label, colour) in plots.curves(variants).items()
         ],
-        "axes": [(axis, f"{TITLES[axis]} {axis}") for axis in VELOCITIES],
+        "axes": [(axis, f"{TITLES[axis]} {axis}") for axis in VELOCITY],
         "errors": list(_replay_errors(one.frame, shown, variants)),
     }
 
@@ -253,16 +253,16 @@ def _replay_errors(frame: pl.DataFrame, sessions: Sequence[str], variants: Seque
     if MEASURED not in variants:
         return
     rows = frame.filter(pl.col("session").is_in(list(sessions)))
-    measured = rows.filter(variant=MEASURED).select("session", "t", *VELOCITIES)
+    measured = rows.filter(variant=MEASURED).select("session", "t", *VELOCITY)
     for name, (label, _) in plots.curves(variants).items():
         if name == MEASURED:
             continue
         both = rows.filter(variant=name).join(measured, on=["session", "t"], how="inner", suffix="_m")
         errors = both.select(
             (pl.col(axis).cast(pl.Float64) - pl.col(f"{axis}_m")).pow(2).mean().sqrt().alias(axis)
-            for axis in VELOCITIES
+            for axis in VELOCITY
         )
-        yield label, [words.figure(errors[axis][0]) for axis in VELOCITIES]
+        yield label, [words.figure(errors[axis][0]) for axis in VELOCITY]
 
 
 def _provenance(sources: Sources) -> dict[str, Any]:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
+from hydro.core.columns import UNITS, VELOCITY
 from hydro.io.files import explained
 from hydro.report import figures, words
 from hydro.report.comparison import MOTIONS
-from hydro.report.plots import DATASETS, FOUND, GIVEN, NOISE, wide
+from hydro.report.ladder import by_dataset
+from hydro.report.plots import DATASET_STYLES, FOUND, GIVEN, NOISE, wide
 from hydro.report.sources import Sources
 from hydro.report.standing import at_horizon
-from hydro.report.tables import VELOCITIES, replay_errors
+from hydro.report.tables import replay_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +63,7 @@ def _all(sources: Sources) -> Iterator[tuple[str, Figure]]:
         yield f"replay{suffix}", figures.draw_overlay(figures.overlay_table(one.frame))
     for number, one in enumerate(sources.metrics):
         errors = replay_errors(one.frame)
-        if set(VELOCITIES) & set(errors.columns):
+        if set(VELOCITY) & set(errors.columns):
             yield f"errors-{number + 1}" if number else "errors", figures.draw_errors(errors)
 
 
@@ -87,12 +89,11 @@ def draw_findings(diagnosis: pl.DataFrame) -> Figure:
     ]
 
     def paint(panel: Axes) -> None:
-        share = 100.0 * rows["share_of_error_explained"]
-        low, high = (100.0 * rows[name].fill_null(share / 100.0) for name in ("share_low", "share_high"))
+        spread = figures.error_bars(rows, "share_of_error_explained", "share_")
         panel.errorbar(
-            share,
+            100.0 * rows["share_of_error_explained"],
             range(len(names)),
-            xerr=[(share - low).clip(0.0), (high - share).clip(0.0)],
+            xerr=[100.0 * side for side in spread],
             fmt="o",
             color=FOUND,
             markersize=7,
@@ -114,7 +115,7 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
     far = wide(rows.filter(axis="all")["rmse"])
     with mpl.rc_context(figures.STYLE):
         drawn = Figure(figsize=(11.2, 5.4), layout="constrained")
-        for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITIES, strict=True):
+        for panel, axis in zip(drawn.subplots(2, 3, sharex=True).ravel(), VELOCITY, strict=True):
             _draw_rungs(panel, rows.filter(axis=axis), axis)
             if far:
                 panel.set_yscale("log")
@@ -129,18 +130,13 @@ def draw_ladder(ladder: pl.DataFrame) -> Figure:
 
 def _draw_rungs(panel: Axes, rows: pl.DataFrame, axis: str) -> None:
     """One axis of a ladder."""
-    for name, (colour, _, _) in DATASETS.items():
-        label, one = words.DATASETS[name], rows.filter(dataset=name).sort("step")
-        if one.is_empty():
-            continue
-        rmse = one["rmse"]
-        low, high = (one[side].fill_null(rmse) for side in ("low", "high"))
-        spread = [(rmse - low).clip(0.0), (high - rmse).clip(0.0)]
-        panel.errorbar(one["step"], rmse, yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
-        style = {"fit": ":", "holdout": "--"}[name]
+    for name, label, one in by_dataset(rows):
+        (colour, _, dash), spread = DATASET_STYLES[name], figures.error_bars(one, "rmse")
+        panel.errorbar(one["step"], one["rmse"], yerr=spread, fmt="o-", color=colour, label=label, capsize=3)
+        style = {"dot": ":", "dash": "--"}[dash]
         panel.plot(one["step"], one["noise_floor"], style, color=NOISE, label=f"noise alone, {label}")
     panel.set_xticks(rows["step"].unique().sort().to_list())
-    panel.set_title(f"{figures.TITLES[axis]} {axis} [{figures.UNITS[axis]}]")
+    panel.set_title(f"{figures.TITLES[axis]} {axis} [{UNITS[axis]}]")
 
 
 def _listed(paint: Callable[[Axes], None], count: int, title: str) -> Figure:

@@ -13,8 +13,10 @@ import plotly.graph_objects as go
 import polars as pl
 from markupsafe import escape
 
+from hydro.core.columns import UNITS
 from hydro.report import words
-from hydro.report.figures import HEADROOM, MEASURED, TITLES, UNITS
+from hydro.report.figures import HEADROOM, MEASURED, TITLES, error_bars
+from hydro.report.ladder import by_dataset
 from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
@@ -23,13 +25,13 @@ MANY = (
     *("#C0504D", "#4FA3B8", "#8A6A4F", "#7FA33A", "#D977A8", "#4A6B8A"),
 )
 """Where there are more models than two."""
-MOST_POINTS = 1000
+POINTS_ON_SCREEN = 1000
 """Samples drawn per curve and session: as many as a screen is wide."""
 SPAN = 10.0
 """Ratio of the greatest to the least error from which on an axis is logarithmic."""
 CROWDED = 150.0
 """Ratio from which a logarithmic axis has numbers at powers of ten alone, not also at 2 and 5."""
-DATASETS = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
+DATASET_STYLES = {"fit": (FOUND, "circle", "dot"), "holdout": (HELD_OUT, "diamond", "dash")}
 """Colour, mark and dashes of the noise of what a ladder was measured on."""
 
 
@@ -41,10 +43,8 @@ def ladder(rows: pl.DataFrame, *, logarithmic: bool) -> go.Figure:
         logarithmic: Whether equal factors are equal heights.
     """
     drawn = go.Figure()
-    for name, (colour, symbol, dash) in DATASETS.items():
-        one, label = rows.filter(dataset=name).sort("step"), words.DATASETS[name]
-        if one.is_empty():
-            continue
+    for name, label, one in by_dataset(rows):
+        colour, symbol, dash = DATASET_STYLES[name]
         drawn.add_scatter(
             x=one["step"].to_list(),
             y=one["noise_floor"].to_list(),
@@ -165,7 +165,7 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     against = one.filter(variant=MEASURED if MEASURED in variants else variants[0])
     low, high = _number(against["value"].min()), _number(against["value"].max())
     reach = max(high - low, 1e-3)
-    step = max(1, -(-against.height // MOST_POINTS))
+    step = max(1, -(-against.height // POINTS_ON_SCREEN))
     drawn = go.Figure()
     beside = one.join(against.select("t", measured="value"), on="t", how="left", maintain_order="left")
     useless = _useless(beside.filter(pl.col("variant") != MEASURED), _number(against["value"].std()))
@@ -242,9 +242,7 @@ def _interval(rows: pl.DataFrame, of: str) -> dict[str, object] | None:
     """Error bars from the columns `low` and `high`; None where there are none."""
     if "low" not in rows.columns or rows["low"].null_count() == rows.height:
         return None
-    middle = pl.col(of)
-    up = rows.select((pl.col("high").fill_null(middle) - middle).clip(0.0)).to_series().to_list()
-    down = rows.select((middle - pl.col("low").fill_null(middle)).clip(0.0)).to_series().to_list()
+    down, up = (side.to_list() for side in error_bars(rows, of))
     return {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1.5, "width": 3}
 
 

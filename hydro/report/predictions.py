@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from hydro.core.evaluation.metrics import WRENCH_AXES, WRENCH_UNITS
+from hydro.core.columns import WRENCH, WRENCH_UNITS
 from hydro.report.figures import COLOURS, STYLE
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def density_table(truth: NDArray[Any], predicted: NDArray[Any]) -> pl.DataFrame:
         their sides, and `rows`. Rows beyond the frame are counted at its edge.
     """
     tables = []
-    for i, axis in enumerate(WRENCH_AXES):
+    for i, axis in enumerate(WRENCH):
         low, high = np.percentile(truth[:, i], (TAIL, 100.0 - TAIL))
         reach = max(high - low, 1e-9)
         edges = np.linspace(low - 0.1 * reach, high + 0.1 * reach, CELLS + 1)
@@ -55,7 +55,7 @@ def draw_density(table: pl.DataFrame, title: str) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 6.6), layout="constrained")
         panels = figure.subplots(2, 3).ravel()
-        for panel, axis, unit in zip(panels, WRENCH_AXES, WRENCH_UNITS, strict=True):
+        for panel, axis, unit in zip(panels, WRENCH, WRENCH_UNITS, strict=True):
             _draw_cells(panel, table.filter(pl.col("axis") == axis), f"{axis} [{unit}]")
         figure.suptitle(
             f"{title}: prediction against truth", fontsize=11, fontweight="bold", x=0.01, ha="left"
@@ -96,7 +96,7 @@ def draw_axes(metrics: pl.DataFrame) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 3.6), layout="constrained")
         for panel, axes, unit in zip(
-            figure.subplots(1, 2), (WRENCH_AXES[:3], WRENCH_AXES[3:]), ("N", "N m"), strict=True
+            figure.subplots(1, 2), (WRENCH[:3], WRENCH[3:]), ("N", "N m"), strict=True
         ):
             for k, (model, colour) in enumerate(zip(models, COLOURS, strict=False)):
                 rows = chosen.filter(pl.col("model") == model, pl.col("axis").is_in(axes))

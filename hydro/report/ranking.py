@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import kendalltau, mannwhitneyu
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
+from hydro.core.evaluation.block_resampling import INTERVAL
 
-Array = NDArray[np.float64]
-
-SAMPLES = 2000
-INTERVAL = (2.5, 97.5)  # percentiles
+RANKINGS_DRAWN = 2000
 
 
 class Agreement(NamedTuple):
@@ -48,8 +47,8 @@ def agreement(first: Sequence[ArrayLike], second: Sequence[ArrayLike], *, seed: 
         raise DataError("a ranking needs three models or more, and both errors of every network")
     means = [np.array([[values.mean() for values in table]]) for table in (one, other)]
     rng = np.random.default_rng(seed)
-    seeds = [rng.integers(0, len(values), (SAMPLES, len(values))) for values in one]
-    models = rng.integers(0, len(one), (SAMPLES, len(one)))
+    seeds = [rng.integers(0, len(values), (RANKINGS_DRAWN, len(values))) for values in one]
+    models = rng.integers(0, len(one), (RANKINGS_DRAWN, len(one)))
     again = (
         np.stack([values[chosen].mean(axis=1) for values, chosen in zip(table, seeds, strict=True)], axis=1)
         for table in (one, other)

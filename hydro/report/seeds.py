@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import polars as pl
 
-from hydro.core.evaluation.metrics import SCHEMA
+from hydro.core.columns import VELOCITY, WRENCH
+from hydro.core.evaluation.metrics import Subject, rows_of
+from hydro.io.table import conform
 from hydro.report.ranking import agreement, no_better
-from hydro.report.tables import VELOCITIES, WRENCH, of_a_piece
+from hydro.report.tables import of_a_piece
 
 
 def seeds_together(errors: pl.DataFrame) -> pl.DataFrame:
@@ -44,8 +48,8 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
         (surge force against surge velocity, and so on), with its interval, and the p-value of no relation.
         Empty where there are fewer than three models.
     """
-    rows: list[tuple[str, str, str, str, str, float, float | None, float | None, str]] = []
-    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITIES, strict=True)):
+    rows: list[tuple[str, str, float, float, float, str]] = []
+    for wrench, velocity in (("all", "all"), *zip(WRENCH, VELOCITY, strict=True)):
         offline = _networks(predicted.filter(pl.col("variant") == ""), wrench)
         flown = _networks(replayed.filter(~of_a_piece()), velocity)
         both = offline.join(flown, on=["model", "run"], how="left", suffix="_flown", maintain_order="left")
@@ -56,9 +60,10 @@ def ranking(predicted: pl.DataFrame, replayed: pl.DataFrame) -> pl.DataFrame:
         if len(groups) < 3:
             continue
         found = agreement([group[0] for group in groups], [group[1] for group in groups])
-        rows.append(("all", "", "study", velocity, "kendall_tau", found.tau, found.low, found.high, "1"))
-        rows.append(("all", "", "study", velocity, "kendall_p", found.p_value, None, None, "1"))
-    return pl.DataFrame(rows, schema=SCHEMA, orient="row").filter(pl.col("value").is_finite())
+        rows.append((velocity, "kendall_tau", found.tau, found.low, found.high, "1"))
+        rows.append((velocity, "kendall_p", found.p_value, math.nan, math.nan, "1"))
+    known = [row for row in rows if math.isfinite(row[2])]
+    return conform("metrics", rows_of(Subject("all", "study"), known))
 
 
 def by_minutes(errors: pl.DataFrame) -> pl.DataFrame:
@@ -92,12 +97,10 @@ def behind_the_best(replayed: pl.DataFrame) -> pl.DataFrame:
         }
         best = errors.pop(min(errors, key=lambda model: float(errors[model].mean())))
         rows += [(f"{model}, {share:g} min", no_better(one, best)) for model, one in errors.items()]
-    found = pl.DataFrame(rows, schema={"model": pl.String, "value": pl.Float64}, orient="row")
-    about = {"variant": "", "dataset": "study", "axis": "all", "metric": "behind_p", "unit": "1"}
-    same = {name: pl.lit(text) for name, text in about.items()}
-    return found.with_columns(low=pl.lit(None, pl.Float64), high=pl.lit(None, pl.Float64), **same).select(
-        list(SCHEMA)
-    )
+    found = [
+        rows_of(Subject(name, "study"), [("all", "behind_p", p, math.nan, math.nan, "1")]) for name, p in rows
+    ]
+    return conform("metrics", pl.concat(found) if found else pl.DataFrame())
 
 
 def ranking_table(metrics: pl.DataFrame) -> pl.DataFrame:

@@ -15,9 +15,9 @@ from hydro.io import table
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
-KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics")
+REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics")
 """Kinds of table that a report can tell of."""
-NAMES = (*KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
+NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 """Names of files that are looked for in a folder, in the order in which the page tells of them."""
 
@@ -67,7 +67,7 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
             ladders, or two artefacts are of different vehicles.
     """
     found = [one for place in places for one in _read(place)]
-    of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in KINDS}
+    of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in REPORTED_KINDS}
     if len(of["ladder"]) > 1:
         raise DataError(f"{of['ladder'][1].name}: the ladder of a second study; report on one at a time")
     ladder = of["ladder"][0] if of["ladder"] else None
@@ -77,17 +77,17 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
 def _read(place: str | Path | BinaryIO) -> list[Named]:
     """The artefacts of one folder, file or stream."""
     if not isinstance(place, str | Path):
-        return [Named("stdin", table.read(place, KINDS))]
+        return [Named("stdin", table.read(place, REPORTED_KINDS))]
     path = Path(place)
     if not path.is_dir():
-        return [Named(str(place), table.read(path, KINDS))]
+        return [Named(str(place), table.read(path, REPORTED_KINDS))]
     try:
         names = sorted((one.name for one in path.iterdir() if STUDY.fullmatch(one.name)), key=_step)
     except OSError as error:
         raise explained(str(path), error) from error
     if not names:
         raise DataError(f"{path}: no comparison, diagnosis, ladder, replay or metrics in this folder")
-    return [Named(name, table.read(path / name, KINDS)) for name in names]
+    return [Named(name, table.read(path / name, REPORTED_KINDS)) for name in names]
 
 
 def _step(name: str) -> tuple[int, int]:

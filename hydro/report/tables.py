@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import polars as pl
 
-VELOCITIES = ("u", "v", "w", "p", "q", "r")
-PIECE = r" ([\d.]+-[\d.]+ s)$"
+from hydro.core.columns import VELOCITY, WRENCH
+
+PIECE_SUFFIX = r" ([\d.]+-[\d.]+ s)$"
 """How the dataset of a piece of a recording ends."""
-WRENCH = ("X", "Y", "Z", "K", "M", "N")
 
 
 def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
@@ -21,7 +21,7 @@ def replay_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         diverged, and in that case a column `diverged at` with the time [s] when it did.
     """
     metrics = metrics.filter(~of_a_piece())
-    errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITIES)
+    errors = _by_axis(metrics.filter(pl.col("metric") == "rmse"), "variant", VELOCITY)
     diverged = metrics.filter(pl.col("metric") == "diverged").select(
         "variant", pl.col("value").alias("diverged at")
     )
@@ -48,8 +48,8 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
         [rad/s].
     """
     chosen = metrics.filter(
-        of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITIES)
-    ).with_columns(piece=pl.col("dataset").str.extract(PIECE))
+        of_a_piece(), pl.col("metric") == "rmse", pl.col("axis").is_in(VELOCITY)
+    ).with_columns(piece=pl.col("dataset").str.extract(PIECE_SUFFIX))
     return chosen.pivot(
         on="axis",
         index=["piece", "variant"],
@@ -61,7 +61,7 @@ def piece_errors(metrics: pl.DataFrame) -> pl.DataFrame:
 
 def of_a_piece() -> pl.Expr:
     """Rows of the metrics of a part of a recording."""
-    return pl.col("dataset").str.contains(PIECE)
+    return pl.col("dataset").str.contains(PIECE_SUFFIX)
 
 
 def conditioning_shares(metrics: pl.DataFrame) -> pl.DataFrame:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.io.files import explained
 from hydro.report import figures
 
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
-PANELS = {"reward": "mean reward of an evaluation", "success": "share of an evaluation that arrived"}
+MEASURES = {"reward": "mean reward of an evaluation", "success": "share of an evaluation that arrived"}
 
 
 def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
@@ -38,12 +37,12 @@ def curves_table(evaluations: pl.DataFrame) -> pl.DataFrame:
     for (condition,), of_condition in points.group_by("condition", maintain_order=True):
         grid = of_condition.select(pl.col("steps").unique().sort())
         for (_,), one in of_condition.group_by("seed", maintain_order=True):
-            known = one.select("steps", *PANELS)
+            known = one.select("steps", *MEASURES)
             rows.append(
                 grid.join_asof(known, on="steps").with_columns(condition=pl.lit(condition)).drop_nulls()
             )
-    means = [pl.col(name).mean() for name in PANELS]
-    spreads = [pl.col(name).std().alias(f"{name}_sd") for name in PANELS]
+    means = [pl.col(name).mean() for name in MEASURES]
+    spreads = [pl.col(name).std().alias(f"{name}_sd") for name in MEASURES]
     return (
         pl.concat(rows)
         .group_by("condition", "steps", maintain_order=True)
@@ -58,7 +57,7 @@ def draw_curves(table: pl.DataFrame) -> Figure:
 
     with plt.rc_context(figures.STYLE):
         drawn, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-        for panel, (name, title) in zip(axes, PANELS.items(), strict=True):
+        for panel, (name, title) in zip(axes, MEASURES.items(), strict=True):
             for colour, ((condition,), one) in zip(
                 figures.COLOURS, table.group_by("condition", maintain_order=True), strict=False
             ):
@@ -78,44 +77,49 @@ def _draw_curve(panel: Axes, one: pl.DataFrame, name: str, label: str, colour: s
     panel.plot(steps, mean, color=colour, label=label)
 
 
-def draw_flight(
-    path: Array,
-    goal: Array,
-    pillars: Array,
-    way: Array,
-    *,
-    size: tuple[float, float, float],
-    radius: float,
-    reach: float,
-    title: str,
-) -> Figure:
+@dataclass(frozen=True)
+class Tank:
+    """Where a flight was flown.
+
+    Attributes:
+        size: Length north, width east and depth [m], from the corner at the origin.
+        pillars: Axes of the pillars, NED [m], (P, 2).
+        radius: Of the pillars [m].
+        goal: NED [m], (3,).
+        reach: Distance to the goal that is a success [m].
+    """
+
+    size: tuple[float, float, float]
+    pillars: Array
+    radius: float
+    goal: Array
+    reach: float
+
+
+def draw_flight(path: Array, way: Array, tank: Tank, title: str) -> Figure:
     """The path of a flight in its tank, from above and from the side, with pillars and plan.
 
     North is to the right and east down: seen from above, as the tank lies.
 
     Args:
         path: (K, 3), NED [m].
-        goal: (3,).
-        pillars: Axes (P, 2).
         way: Corners of the plan (W, 3), W may be 0.
-        size: Length north, width east and depth of the tank [m], from its corner at the origin.
-        radius: Of the pillars [m].
-        reach: Distance to the goal that is a success [m].
+        tank: The tank, its pillars and the goal.
         title: Above it.
     """
     from matplotlib import pyplot as plt
     from matplotlib.patches import Circle
 
-    length, width, depth = size
+    length, width, depth = tank.size
     with plt.rc_context(figures.STYLE):
         drawn, (above, beside) = plt.subplots(
             2, 1, figsize=(8, 6.4), layout="constrained", height_ratios=(width, depth), sharex=True
         )
-        for x, y in pillars:
-            above.add_patch(Circle((x, y), radius, color="#555555"))
-            beside.axvspan(x - radius, x + radius, color="#555555", alpha=0.25, linewidth=0)
+        for x, y in tank.pillars:
+            above.add_patch(Circle((x, y), tank.radius, color="#555555"))
+            beside.axvspan(x - tank.radius, x + tank.radius, color="#555555", alpha=0.25, linewidth=0)
         for panel, axis, end in ((above, 1, width), (beside, 2, depth)):
-            panel.add_patch(Circle((goal[0], goal[axis]), reach, color="#009E73", alpha=0.4))
+            panel.add_patch(Circle((tank.goal[0], tank.goal[axis]), tank.reach, color="#009E73", alpha=0.4))
             if len(way):
                 panel.plot(way[:, 0], way[:, axis], color="#CC79A7", linestyle="--", label="plan")
             panel.plot(path[:, 0], path[:, axis], color="#0072B2", label="flown")

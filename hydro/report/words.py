@@ -11,6 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
 from hydro.core.errors import DataError
@@ -35,11 +36,8 @@ DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 
 NORMAL_95 = 1.96
 """Half the width of a 95 % interval in standard errors."""
-AXES = ("X", "Y", "Z", "K", "M", "N")
-DIRECTIONS = ("x", "y", "z")
-TURNS = ("roll", "pitch", "yaw")
-NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
-COMMAND = re.compile("`([^`]*)`")
+EFFECT_NAMES = re.compile(rf"\b({'|'.join(name for name in CATALOGUE if '_' in name)})\b")
+QUOTED = re.compile("`([^`]*)`")
 
 
 @dataclass(frozen=True)
@@ -148,8 +146,8 @@ def _entry_name(record: Parameter | None, name: str, index: tuple[int, ...]) -> 
     if not index:
         return name
     last = record.shape[-1] if record is not None and record.shape else None
-    three = TURNS if record is not None and record.unit == ("rad",) else DIRECTIONS
-    letters = {6: AXES, 3: three}.get(last, ()) if isinstance(last, int) else ()
+    three = DOF[3:] if record is not None and record.unit == ("rad",) else POSE[:3]
+    letters = {6: WRENCH, 3: three}.get(last, ()) if isinstance(last, int) else ()
     square = record is not None and record.shape == (6, 6)
     entries = [
         letters[i] if i < len(letters) and (square or k == len(index) - 1) else str(i + 1)
@@ -210,8 +208,8 @@ def horizon(seconds: float | None) -> str:
 def prose(text: str) -> Markup:
     """A text of a diagnosis as a sentence in HTML: effects by their names in words, commands as code."""
     told = str(escape(sentence(text)))
-    told = NAMES.sub(lambda found: effect_name(found[0]), told)
-    return Markup(COMMAND.sub(r"<code>\1</code>", told))
+    told = EFFECT_NAMES.sub(lambda found: effect_name(found[0]), told)
+    return Markup(QUOTED.sub(r"<code>\1</code>", told))
 
 
 def sentence(text: str) -> str:

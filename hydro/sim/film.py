@@ -11,13 +11,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import wrapped
 from hydro.sim import scene
 from hydro.sim.bridge import states
-
-Array = NDArray[np.float64]
 
 SIZE = (640, 360)
 """Width and height of a frame; multiples of 8, which codecs like."""

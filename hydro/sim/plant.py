@@ -12,14 +12,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import HALF_TURN, quaternion_kernel
 from hydro.sim.bridge.water import Water
 from hydro.sim.student import Physics, Student
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Snapshot = dict[str, NDArray[np.generic]]
 
 

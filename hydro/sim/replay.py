@@ -13,9 +13,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Rows, checked_commands
 from hydro.core.effects import sensor, velocity_log
-from hydro.core.errors import DataError, UsageError
-from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
+from hydro.core.errors import UsageError
+from hydro.core.evaluation.metrics import Subject, consecutive, measure, rows_of
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
 from hydro.core.vehicle.description import Vehicle
@@ -26,11 +27,8 @@ from hydro.sim.residual.lowering import TrainedModel
 from hydro.sim.residual.network import Network
 from hydro.sim.student import Physics, Student
 
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 Progress = Callable[[str, int, int], None]
 
-POSE = ("x", "y", "z", "phi", "theta", "psi")
 MEASURED = "measured"
 CHUNK = 100  # rows flown in one call
 BLOCK = 10.0  # s, of the bootstrap of the errors
@@ -193,7 +191,7 @@ def replay(
             metrics += _by_piece(variant, dataset, raw, measured, motion, valid, piece)
         if variant.network is not None:
             metrics.append(_conditioning_metrics(variant, dataset, student, valid[record.bounds[:, 1] - 1]))
-    return pl.concat(series), pl.concat(metrics)
+    return pl.concat(series), pl.concat(metrics, how="vertical_relaxed")  # some may be empty
 
 
 @dataclass(frozen=True)
@@ -214,7 +212,7 @@ class _Recorded:
     begun: Array
     commands: Array
     clock: Array
-    bounds: Bounds
+    bounds: Rows
     resumed: NDArray[np.bool_]
     log: Array
 
@@ -222,7 +220,7 @@ class _Recorded:
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
         """The recording in a raw table."""
         commands, bounds = _commands(raw, vehicle), segments(raw)
-        measured = raw.select(pl.col(*POSE, *VELOCITY_AXES).cast(pl.Float64)).to_numpy()
+        measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
         log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
         begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
         return cls(measured, begun, commands, clock, bounds, resumes(raw, bounds), log)
@@ -245,7 +243,7 @@ def _logged(
 
 
 def _along(
-    through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Bounds
+    through: Callable[[Array, Array, Array], Array], log: Array, t: Array, nu: Array, bounds: Rows
 ) -> Array:
     """Velocities (N, 6) through a velocity log, or back, segment by segment; as far as they are finite."""
     out = nu.copy()
@@ -255,7 +253,7 @@ def _along(
     return out
 
 
-def _before(log: Array, t: Array, bounds: Bounds) -> NDArray[np.bool_]:
+def _before(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
     """Rows (N,) in which a late log tells of the time before the flight: there it reads what it read."""
     begun = np.repeat(t[bounds[:, 0]], np.diff(bounds, axis=1)[:, 0])
     return np.asarray(t < begun + log[sensor.DELAY] - 1e-9)
@@ -273,15 +271,7 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
 
 def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
     """Commands (N, n) of the vehicle's thrusters."""
-    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    extra = sorted(name for name in raw.columns if name.startswith("cmd_") and name not in names)
-    missing = [name for name in names if name not in raw.columns]
-    if missing or extra:
-        raise DataError(
-            f"vehicle {vehicle.name} has {len(names)} thrusters, and the table "
-            f"{'lacks ' + missing[0] if missing else 'also has ' + extra[0]}; "
-            "give the vehicle file of this recording"
-        )
+    names = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     return np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())
 
 
@@ -289,7 +279,7 @@ def _fly(
     student: Student,
     measured: Array,
     commands: Array,
-    bounds: Bounds,
+    bounds: Rows,
     steps: int,
     report: Callable[[int, int], None] | None,
 ) -> Array:
@@ -318,7 +308,7 @@ def _series(raw: pl.DataFrame, name: str, motion: Array, valid: NDArray[np.bool_
     return pl.concat(
         [
             raw.select("session", pl.lit(name).alias("variant"), pl.col("t").cast(pl.Float64)),
-            pl.DataFrame(motion, schema=[*POSE, *VELOCITY_AXES]),
+            pl.DataFrame(motion, schema=[*POSE, *VELOCITY]),
         ],
         how="horizontal",
     ).filter(pl.Series(valid))
@@ -342,11 +332,8 @@ def _metrics(
         measured[valid, 6:],
         motion[valid, 6:],
         consecutive(len(motion), block)[valid],
-        model=variant.model,
-        variant=variant.name,
-        dataset=dataset,
-        axes=VELOCITY_AXES,
-        units=VELOCITY_UNITS,
+        Subject(variant.model, dataset, variant.name),
+        axes=VELOCITY,
     )
     if valid.all():
         return errors
@@ -377,11 +364,8 @@ def _by_piece(
                 measured[chosen, 6:],
                 motion[chosen, 6:],
                 np.zeros(int(chosen.sum())),
-                model=variant.model,
-                variant=variant.name,
-                dataset=named,
-                axes=VELOCITY_AXES,
-                units=VELOCITY_UNITS,
+                Subject(variant.model, named, variant.name),
+                axes=VELOCITY,
             )
         )
     return found
@@ -399,25 +383,13 @@ def _conditioning_metrics(
     if steps == 0:
         return _rows(variant, dataset, [])
     clipped = np.sum([count.clipped for count in counts], axis=0) / steps
-    rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH_AXES, clipped, strict=True)]
+    rows = [(axis, "clipped", float(share), "1") for axis, share in zip(WRENCH, clipped, strict=True)]
     rows.append(("all", "held_back", sum(count.held_back for count in counts) / steps, "1"))
     return _rows(variant, dataset, rows)
 
 
 def _rows(variant: Variant, dataset: str, rows: Sequence[tuple[str, str, float, str]]) -> pl.DataFrame:
-    """Rows of the metrics table from axis, metric, value and unit."""
-    return pl.DataFrame(
-        rows,
-        schema={"axis": pl.String, "metric": pl.String, "value": pl.Float64, "unit": pl.String},
-        orient="row",
-    ).select(
-        pl.lit(variant.model).alias("model"),
-        pl.lit(variant.name).alias("variant"),
-        pl.lit(dataset).alias("dataset"),
-        "axis",
-        "metric",
-        "value",
-        pl.lit(None, pl.Float64).alias("low"),
-        pl.lit(None, pl.Float64).alias("high"),
-        "unit",
-    )
+    """Rows of the metrics table from axis, metric, value and unit, without intervals."""
+    subject = Subject(variant.model, dataset, variant.name)
+    lines = ((axis, metric, value, np.nan, np.nan, unit) for axis, metric, value, unit in rows)
+    return rows_of(subject, lines)

@@ -10,14 +10,12 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import HALF_TURN
 from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import Water
-
-Array = NDArray[np.float64]
 
 PILLAR, GOAL = "pillar", "goal"
 """Names of the bodies that are moved; pillars are numbered from 0."""

@@ -12,6 +12,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError, UsageError
 from hydro.core.vehicle.description import Vehicle
@@ -20,8 +21,6 @@ from hydro.sim.bridge import mjcf, native, states
 from hydro.sim.bridge.water import AT_CONTROL, AT_CONTROL_STATES, PREFIX, Water, wet
 from hydro.sim.residual import control
 from hydro.sim.residual.conditioning import COUNTS, Counts, counts_of
-
-Array = NDArray[np.float64]
 
 _TIME = mujoco.mjtState.mjSTATE_TIME
 

@@ -23,11 +23,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import MOTION as MOTION_COLUMNS
+from hydro.core.columns import Array, command_columns
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
-from hydro.core.effects.record import Array, Role
+from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import BODY, afloat, settle
 from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan
@@ -48,7 +50,6 @@ DEPTH = 50.0
 """Depth [m] by default: walks stray by some 20 m from the light hold, and should not break the surface."""
 REPLACED = frozenset(with_role(Role.HULL_WATER))
 """Effects of a file that panels and ellipsoid stand in for; the lift of fins is not among them."""
-MOTION_COLUMNS = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 Report = Callable[[int], None]
 
@@ -234,7 +235,7 @@ def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: 
     t = np.arange(session.rows) / RATE
     motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])
     motion = disturb(motion, noise, noise_rng)
-    names = [*MOTION_COLUMNS, *(f"cmd_{i + 1}" for i in range(commands.shape[1]))]
+    names = [*MOTION_COLUMNS, *command_columns(commands.shape[1])]
     columns = np.hstack([motion, commands]).astype(np.float32)
     return pl.DataFrame(
         {"session": [session.name] * session.rows, "t": t}

@@ -51,7 +51,7 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
 
     from hydro.io import table
     from hydro.report.seeds import behind_the_best, by_minutes, ranking, seeds_together
-    from hydro.report.tables import PIECE
+    from hydro.report.tables import PIECE_SUFFIX
 
     def errors(kind: str, some: Sequence[Run]) -> pl.DataFrame:
         return pl.concat(
@@ -81,7 +81,7 @@ def summarise(runs: Sequence[Run], folder: Path, made: Collection[Path]) -> dict
     if kinds := [kind for kind in CONDITIONINGS if folder / conditioned(kind) in made]:
         of_kinds = [(kind, table.read(folder / conditioned(kind), "metrics").frame) for kind in kinds]
         learnt = pl.col("variant").is_in(replayed["variant"].unique().to_list())
-        whole_flight = ~pl.col("dataset").str.contains(PIECE)
+        whole_flight = ~pl.col("dataset").str.contains(PIECE_SUFFIX)
         found["conditioning"] = pl.concat(
             frame.filter(learnt, whole_flight).with_columns(dataset=pl.lit(kind))
             for kind, frame in (("off", beside), *of_kinds)

@@ -14,7 +14,7 @@ import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tables import raw, tables
 
@@ -75,6 +75,52 @@ def test_what_is_written_is_read(kind: str, data: st.DataObject) -> None:
     assert back.frame.schema == made.frame.schema
     assert back.provenance == made.provenance
     assert bytes_of(back) == content
+
+
+@pytest.mark.parametrize("kind", schema.KINDS)
+@settings(max_examples=20)
+@given(data=st.data())
+def test_plain_columns_become_the_schemas(kind: str, data: st.DataObject) -> None:
+    """Any order, columns without a value typed as null or left out, whole numbers for floats."""
+    frame = data.draw(tables(kind))
+    fields = schema.load(kind).columns(frame.columns)
+    blank = [name for name, field in fields.items() if not field.constraints.required]
+    frame = frame.with_columns(pl.lit(None, frame.schema[name]).alias(name) for name in blank)
+    left_out = set(data.draw(st.lists(st.sampled_from(blank)))) if blank else set()
+    plain = frame.with_columns(pl.lit(None).alias(name) for name in blank if frame.height)
+    plain = plain.select(name for name in reversed(frame.columns) if name not in left_out)
+    made = table.conform(kind, plain)
+    assert made.columns == [name for name in fields if name not in left_out or not fields[name].optional]
+    assert made.equals(frame.select(made.columns))
+    assert (
+        table.read(io.BytesIO(bytes_of(table.make(kind, plain, stage="x"))), kind).frame.schema == made.schema
+    )
+    assert table.conform(kind, made).equals(made)
+
+
+@pytest.mark.parametrize("kind", schema.KINDS)
+def test_a_table_without_rows_has_all_columns_in_their_types(kind: str) -> None:
+    rules = schema.load(kind)
+    wanted = {
+        field.name.replace("{n}", "1"): field.arrow_type[-1] for field in rules.fields if not field.optional
+    }
+    for frame in (pl.DataFrame(), pl.DataFrame(schema=dict.fromkeys(reversed(wanted), pl.Null))):
+        found = table.conform(kind, frame)
+        assert {name: schema.storage_type(dtype) for name, dtype in found.schema.items()} == wanted
+        assert found.columns == list(wanted)
+        assert found.height == 0
+
+
+def test_no_value_is_changed_to_fit_a_schema() -> None:
+    frame = raw().with_columns(pl.col("x").cast(pl.Int32), pl.lit("a").alias("y"), depth=pl.lit(1.0))
+    found = table.conform("raw", frame)
+    assert found.schema["x"] == pl.Float64
+    assert found["x"].to_list() == frame["x"].to_list()
+    assert found.select("y", "depth").equals(frame.select("y", "depth"))
+    with pytest.raises(DataError, match="depth is not part of a raw table"):
+        table.make("raw", frame, stage="x")
+    with pytest.raises(DataError, match=r"y \[m\] must be float32 or float64, but is string"):
+        table.make("raw", frame.drop("depth"), stage="x")
 
 
 def test_the_bytes_do_not_depend_on_how_the_table_lies_in_memory(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import polars as pl
 import pytest
 
-from hydro.core.evaluation.metrics import SCHEMA
 from hydro.io import table
 from hydro.report import seeds
 from hydro.report.charts import Charts
@@ -30,7 +29,7 @@ def row(model: str, axis: str, value: float, **other: object) -> dict[str, objec
 
 
 def of_study(part: str, *rows: dict[str, object]) -> Named:
-    frame = pl.DataFrame(rows, schema=SCHEMA)
+    frame = pl.DataFrame(rows)
     return Named(f"{part}.parquet", table.make("metrics", frame, stage="study", parameters={"part": part}))
 
 
@@ -110,6 +109,6 @@ def test_conditioning_is_one_row_per_variant() -> None:
         row("mlp", "all", 0.1 * k, variant="MJ1", dataset=kind) for k, kind in enumerate(("off", "paper-old"))
     ]
     lost = row("moe", "all", 12.0, variant="moe", dataset="off", metric="diverged")
-    found = seeds.conditioning_table(pl.DataFrame([*rows, lost], schema=SCHEMA))
+    found = seeds.conditioning_table(pl.DataFrame([*rows, lost]))
     assert found.rows() == [("MJ1", 0.0, 0.1), ("moe", None, None)]
     section(of_study("conditioning", *rows), 0, Charts())

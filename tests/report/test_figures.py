@@ -61,9 +61,9 @@ def test_a_curve_ends_where_its_error_first_exceeds_the_measured_range() -> None
 
 
 def test_long_series_are_thinned_evenly_and_alike() -> None:
-    table = figures.overlay_table(replay_table(rows=3 * figures.MOST_POINTS), axes=("u",))
+    table = figures.overlay_table(replay_table(rows=3 * figures.POINTS_IN_PRINT), axes=("u",))
     counts = dict(table.group_by("variant").len().rows())
-    assert counts["measured"] == counts["MJ4"] == figures.MOST_POINTS
+    assert counts["measured"] == counts["MJ4"] == figures.POINTS_IN_PRINT
     steps = np.diff(table.filter(pl.col("variant") == "MJ4")["t"].to_numpy())
     assert np.allclose(steps, 3 / 50)
 

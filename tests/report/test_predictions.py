@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from hydro.core.evaluation.metrics import measure
+from hydro.core.evaluation.metrics import Subject, measure
 from hydro.report import predictions
 from hydro.report.figures import save
 from hydro.report.tables import prediction_errors, regime_errors
@@ -23,7 +23,7 @@ def arrays():
 def metrics(arrays):
     blocks = np.arange(500) // 50
     found = [
-        measure(arrays[0], size * arrays[1], blocks, model=name, dataset="d", variant=variant)
+        measure(arrays[0], size * arrays[1], blocks, Subject(name, "d", variant))
         for name, size in (("mlp", 1.0), ("physfeat", 1.1))
         for variant in ("", "speed 0-0.25 m/s", "speed 0.25-0.5 m/s", "drift 0-15 deg")
     ]

@@ -264,9 +264,9 @@ def test_progress_reaches_its_end(craft):
 
 def test_what_does_not_fit_is_refused(craft):
     raw = recording(craft)
-    with pytest.raises(DataError, match="has 8 thrusters, and the table lacks cmd_8"):
+    with pytest.raises(DataError, match="7 command columns, no cmd_8, and vehicle "):
         replay(raw.drop("cmd_8"), craft)
-    with pytest.raises(DataError, match="also has cmd_9"):
+    with pytest.raises(DataError, match="also cmd_9"):
         replay(raw.with_columns(cmd_9=pl.lit(0.0)), craft)
     with pytest.raises(UsageError, match="no multiple of the physics step"):
         replay(raw, craft, setup=Setup(physics=Physics(timestep=0.003)))

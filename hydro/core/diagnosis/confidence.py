@@ -17,17 +17,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.errors import DataError
+from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, block_length
-from hydro.core.recording.arrays import Array, Rows
 
 RESAMPLES = 2000
 TIED = 0.02
 """Part of the resamples that a rival must win to be named beside the best."""
-INTERVAL = (0.025, 0.975)
 SESSIONS = 3
 """Sessions from which whole sessions are left out."""
 STRETCHES = 6
@@ -52,8 +52,8 @@ def selection_frequency(rivals: Mapping[str, Model], best: str, seed: int = 0) -
         The best and all that are tied with it, the most frequent winner first.
     """
     size = max(block_length(rivals[best].normal.score), 2)
-    blocks = _blocks(np.stack([model.penalised for model in rivals.values()], axis=1), size)
-    winner = np.argmin(_weights(len(blocks), seed) @ blocks, axis=1)
+    blocks = block_sums(np.stack([model.penalised for model in rivals.values()], axis=1), size)
+    winner = np.argmin(weights(len(blocks), RESAMPLES, seed) @ blocks, axis=1)
     part = dict(zip(rivals, np.bincount(winner, minlength=len(rivals)) / RESAMPLES, strict=True))
     tied = [name for name in rivals if part[name] >= TIED or name == best]
     return {name: float(part[name]) for name in sorted(tied, key=lambda name: -part[name])}
@@ -68,22 +68,12 @@ def explained_share(gain: Array, excess: Array, pieces: int, seed: int = 1) -> t
         pieces: Shots that make one block.
         seed: Of the weights.
     """
-    blocks = _blocks(np.column_stack([gain, excess]), max(pieces, 1))
-    drawn = _weights(len(blocks), seed) @ blocks
+    blocks = block_sums(np.column_stack([gain, excess]), max(pieces, 1))
+    drawn = weights(len(blocks), RESAMPLES, seed) @ blocks
     ratio = np.clip(drawn[:, 0] / np.maximum(drawn[:, 1], 1e-9), 0.0, 1.0)
     middle = float(np.clip(gain.sum() / max(excess.sum(), 1e-9), 0.0, 1.0))
-    low, high = np.quantile(ratio, INTERVAL)
+    low, high = interval(ratio)
     return middle, float(min(low, middle)), float(max(high, middle))
-
-
-def _blocks(values: Array, size: int) -> Array:
-    """Sums over blocks of `size` rows of (S, K)."""
-    sums: Array = np.add.reduceat(values, np.arange(0, len(values), size), axis=0)
-    return sums
-
-
-def _weights(blocks: int, seed: int) -> Array:
-    return np.random.default_rng(seed).dirichlet(np.ones(blocks), RESAMPLES)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
+from hydro.core.columns import Progress
 from hydro.core.diagnosis import advice
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
@@ -30,7 +31,7 @@ from hydro.core.diagnosis.identifiability import undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.manoeuvres import best, plain, showing
 from hydro.core.diagnosis.model import fit_model, own_effects
-from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Progress, Search
+from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import unexplained
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError

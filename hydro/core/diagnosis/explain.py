@@ -14,11 +14,11 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.columns import Progress
 from hydro.core.diagnosis.diagnose import diagnose_log, stable_shots
 from hydro.core.diagnosis.findings import extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
 from hydro.core.diagnosis.model import Wanted, fit_model, own_effects
-from hydro.core.diagnosis.search import Progress
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare

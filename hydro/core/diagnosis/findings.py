@@ -11,6 +11,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 import polars as pl
+import polars.selectors as cs
 
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
@@ -27,22 +28,6 @@ Verdict = Literal[
 
 WITH_VALUES = ("missing", "retune", "cannot_tell_apart")
 """Verdicts that come with values."""
-
-SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
-    "rank": pl.Int64,
-    "verdict": pl.String,
-    "effect": pl.String,
-    "members": pl.List(pl.String),
-    "share_of_error_explained": pl.Float64,
-    "share_low": pl.Float64,
-    "share_high": pl.Float64,
-    "confidence": pl.Float64,
-    "p_value": pl.Float64,
-    "parameters": pl.String,
-    "standard_errors": pl.String,
-    "excited": pl.Boolean,
-    "advice": pl.String,
-}
 
 
 @dataclass(frozen=True)
@@ -102,11 +87,11 @@ class Diagnosis:
                 "verdict": one.verdict,
                 "effect": one.effect,
                 "members": list(one.members),
-                "share_of_error_explained": _number(one.share),
-                "share_low": _number(one.low),
-                "share_high": _number(one.high),
-                "confidence": _number(one.confidence),
-                "p_value": _number(one.p_value),
+                "share_of_error_explained": one.share,
+                "share_low": one.low,
+                "share_high": one.high,
+                "confidence": one.confidence,
+                "p_value": one.p_value,
                 "parameters": inline(one.parameters),
                 "standard_errors": inline(one.standard_errors),
                 "excited": one.excited,
@@ -114,7 +99,7 @@ class Diagnosis:
             }
             for number, one in enumerate(self.findings, 1)
         ]
-        return pl.DataFrame(rows, schema=SCHEMA)
+        return pl.DataFrame(rows, infer_schema_length=None).with_columns(cs.float().fill_nan(None))
 
 
 def inline(table: Mapping[str, Any]) -> str:

@@ -11,12 +11,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from hydro.core.columns import DOF, Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.fit import UNDETERMINED
 from hydro.core.identification.parameters import Entry
-from hydro.core.recording.arrays import Array
 
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 VECTORS: Mapping[str, tuple[str, str, str]] = {
     "alpha": ("roll", "pitch", "yaw"),
     "anchor": ("anchor north", "anchor east", "anchor down"),
@@ -81,10 +80,10 @@ def _word(entry: Entry) -> str:
     """One entry: an axis, two axes of a matrix, or the parameter's own name."""
     shape = next(p.shape for p in CATALOGUE[entry.effect].parameters if p.name == entry.parameter)
     if shape == (6, 6):
-        row, column = (AXES[i] for i in entry.index)
+        row, column = (DOF[i] for i in entry.index)
         return row if row == column else f"{row} from {column}"
     if shape and shape[-1] == 6:
-        axis = AXES[entry.index[-1]]
+        axis = DOF[entry.index[-1]]
         return axis if len(shape) == 1 else f"{axis} (rate {entry.index[0] + 1})"
     if shape == (3,):
         return VECTORS.get(entry.parameter, BODY)[entry.index[0]]

@@ -8,12 +8,13 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import Shots
-from hydro.core.recording.arrays import Array, Recording, noise, recording
+from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
@@ -101,7 +102,8 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
         return raw
     drives = zip(wiring.column, wiring.sign, strict=True)
     return raw.with_columns(
-        (sign * pl.col(f"cmd_{column + 1}")).alias(f"cmd_{i + 1}") for i, (column, sign) in enumerate(drives)
+        (sign * pl.col(command_column(column))).alias(command_column(i))
+        for i, (column, sign) in enumerate(drives)
     )
 
 

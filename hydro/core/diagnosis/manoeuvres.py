@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import DOF, Array, command_columns
 from hydro.core.effects import Program, assemble, inertia_matrix
 from hydro.core.effects.sensor import DELAY
 from hydro.core.errors import DataError
@@ -23,7 +24,7 @@ from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import NO_HULL
 from hydro.core.simulation.excitation import HEAVE, PITCH, RATE, ROLL, SURGE, SWAY, YAW
 from hydro.core.simulation.simulate import trajectory
@@ -45,8 +46,6 @@ TILT = np.deg2rad(15.0)
 SINGLE = 0.6
 """Command of a thruster on its own."""
 LEAST_SHARE = 0.02  # of the authority: the torque of a slow turn on a vehicle without damping
-
-_NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class Manoeuvre:
 
     def table(self) -> pl.DataFrame:
         """The commands as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
-        given = {f"cmd_{i + 1}": column for i, column in enumerate(self.commands.T)}
+        given = dict(zip(command_columns(self.commands.shape[1]), self.commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)
         return pl.DataFrame({"session": session, "t": self.t} | given)
 
@@ -193,13 +192,13 @@ def _demands(vehicle: Vehicle, program: Program, mixed: Mixing) -> Iterator[tupl
     for axis, there, back in ((SURGE, "ahead", "astern"), (SWAY, "to starboard", "to port")):
         if axis in axes:
             words = f"full thrust {there}, then full thrust {back}"
-            yield f"full speed in {_NAMES[axis]}", words, held({axis: 1.0}, {axis: -1.0})
+            yield f"full speed in {DOF[axis]}", words, held({axis: 1.0}, {axis: -1.0})
     for axis in (SURGE, SWAY, HEAVE, YAW):
         if axis in axes:
-            words = f"steps of {_NAMES[axis]} thrust, both ways, and coast down without thrust after each"
-            yield f"{_NAMES[axis]} step and coast", words, held({axis: 0.8}, {}, {axis: -0.8}, {})
-            words = f"a chirp on {_NAMES[axis]} from {CHIRP[0]:g} to {CHIRP[1]:g} Hz"
-            yield f"{_NAMES[axis]} chirp", words, np.outer(0.6 * _chirp(), full * np.eye(6)[axis])
+            words = f"steps of {DOF[axis]} thrust, both ways, and coast down without thrust after each"
+            yield f"{DOF[axis]} step and coast", words, held({axis: 0.8}, {}, {axis: -0.8}, {})
+            words = f"a chirp on {DOF[axis]} from {CHIRP[0]:g} to {CHIRP[1]:g} Hz"
+            yield f"{DOF[axis]} chirp", words, np.outer(0.6 * _chirp(), full * np.eye(6)[axis])
     if HEAVE in axes:
         words = "dive and hold, at two depths"
         yield "dives", words, held({HEAVE: 0.5}, {}, {HEAVE: 0.5}, {})
@@ -211,7 +210,7 @@ def _demands(vehicle: Vehicle, program: Program, mixed: Mixing) -> Iterator[tupl
     if tilts:
         share = [min(stiffness * np.sin(TILT) / full[axis], 1.0) for axis in tilts]
         poses = [{a: sign * s} for a, s in zip(tilts, share, strict=True) for sign in (1.0, -1.0)]
-        words = "hold still at tilts of 15 degrees, both ways in " + " and ".join(_NAMES[a] for a in tilts)
+        words = "hold still at tilts of 15 degrees, both ways in " + " and ".join(DOF[a] for a in tilts)
         yield "static tilts", words, held(*poses)
 
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import Problem, descend
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
-from hydro.core.recording.arrays import Array
 from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from hydro.core.columns import Array
 from hydro.core.identification.normal_equations import Normal, block_length
 
-Array = NDArray[np.float64]
 Columns = Sequence[int]
 
 FLIPS = 1999

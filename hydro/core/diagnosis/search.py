@@ -9,13 +9,14 @@ best in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import msgspec
 import numpy as np
 
+from hydro.core.columns import Progress
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model, Wanted, fit_model, repeated_effects
 from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
@@ -26,9 +27,6 @@ from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, l
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.vehicle.description import Vehicle
-
-Progress = Callable[[str, float], None]
-"""Called with a few words and the share of the work done."""
 
 ALPHA = 0.01
 """Probability of a false alarm in one round, over all effects at once."""

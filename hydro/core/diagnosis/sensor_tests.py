@@ -24,11 +24,12 @@ from scipy.signal import lfilter
 from scipy.stats import f as fisher
 from scipy.stats import norm
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sensor import ANGLES, BIAS, DELAY, LEVER, LOG, SCALE
 from hydro.core.errors import DataError
 from hydro.core.identification.normal_equations import Normal, block_length, covariance
-from hydro.core.recording.arrays import Array, Recording, noise
+from hydro.core.recording.arrays import Recording, noise
 from hydro.core.vehicle.frames import rotation
 
 ENTRIES = {

@@ -16,15 +16,17 @@ from itertools import combinations, product
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.model import own_effects
 from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.effects.record import Role
+from hydro.core.evaluation.block_resampling import weights
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 
@@ -89,7 +91,9 @@ class Wiring:
     def columns(self) -> tuple[str, ...]:
         """Columns that do not drive the thruster of their number, or drive it in reverse."""
         drives = enumerate(zip(self.column, self.sign, strict=True))
-        return tuple(sorted(f"cmd_{column + 1}" for i, (column, sign) in drives if (column, sign) != (i, 1)))
+        return tuple(
+            sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
+        )
 
     def words(self) -> str:
         """What is other than the file says: `cmd_2 drives thruster 1`."""
@@ -144,8 +148,7 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
     gained = GROSS * before - after
     if gained.sum() <= 0.0 or (gained > 0.0).mean() < MOSTLY:
         return None
-    weights = np.random.default_rng(0).dirichlet(np.ones(STRETCHES), RESAMPLES)
-    confidence = float((weights @ gained > 0.0).mean())
+    confidence = float((weights(STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
     return Rewired(found, float(after.sum() / before.sum()), confidence)
 
 

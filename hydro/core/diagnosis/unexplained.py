@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import msgspec
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -23,7 +24,7 @@ from hydro.core.evaluation.misfit import Misfit, Motion, force
 from hydro.core.evaluation.regimes import Pieces, families
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import Normal, block_length
-from hydro.core.recording.arrays import Array, drawn
+from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
 
 STRUCTURED = 0.05

@@ -17,28 +17,26 @@ from __future__ import annotations
 
 import numpy as np
 import polars as pl
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
-Array = NDArray[np.float64]
-
-VELOCITIES = ("u", "v", "w", "p", "q", "r")
-INPUTS = (*(f"{name}_s" for name in VELOCITIES), *(f"{name}_dot" for name in VELOCITIES))
-OUTPUTS = ("X_res", "Y_res", "Z_res", "K_res", "M_res", "N_res")
+INPUTS = (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY))
+OUTPUTS = tuple(f"{name}_res" for name in WRENCH)
 
 CROSS = np.array(  # (i, j) of |nu_i| nu_j
     [(1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2), (2, 3), (0, 4), (2, 4), (0, 5), (1, 5), (2, 5)]
 )
 _CROSS_FIRST, _CROSS_SECOND = CROSS[:, 0].copy(), CROSS[:, 1].copy()
 
-_RAW = (*VELOCITIES, *(f"{name}_dot" for name in VELOCITIES))
+_RAW = (*VELOCITY, *(f"{name}_dot" for name in VELOCITY))
 _PHYSFEAT = (
     *_RAW,
-    *(f"{name}|{name}|" for name in VELOCITIES),
-    *(VELOCITIES[i] + VELOCITIES[j] for i in range(6) for j in range(i + 1, 6)),
-    *(f"|{VELOCITIES[i]}|{VELOCITIES[j]}" for i, j in CROSS),
+    *(f"{name}|{name}|" for name in VELOCITY),
+    *(VELOCITY[i] + VELOCITY[j] for i in range(6) for j in range(i + 1, 6)),
+    *(f"|{VELOCITY[i]}|{VELOCITY[j]}" for i, j in CROSS),
 )
 NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
 

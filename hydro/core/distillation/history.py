@@ -6,15 +6,14 @@ Before a recording or a flight began, the vehicle is taken to have moved as it d
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import VELOCITY, Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
-Array = NDArray[np.float64]
-
 AXES = 6
-TOLERANCE = 0.01  # of a sample time, within which a period must be whole
+PERIOD_TOLERANCE = 0.01  # of a sample time, within which a period must be whole
 
 
 def remembered(window: int) -> int:
@@ -24,7 +23,7 @@ def remembered(window: int) -> int:
 
 def names(window: int) -> tuple[str, ...]:
     """Names of the past velocities, such as u-1 for surge one period ago, in their order."""
-    return tuple(f"{axis}-{back}" for back in range(1, window) for axis in ("u", "v", "w", "p", "q", "r"))
+    return tuple(f"{axis}-{back}" for back in range(1, window) for axis in VELOCITY)
 
 
 def stride(period: float, dt: float) -> int:
@@ -34,7 +33,7 @@ def stride(period: float, dt: float) -> int:
         DataError: The period is no multiple of the sample time.
     """
     rows = round(period / dt)
-    if rows < 1 or abs(rows * dt - period) > TOLERANCE * dt:
+    if rows < 1 or abs(rows * dt - period) > PERIOD_TOLERANCE * dt:
         raise DataError(
             f"the model has past velocities {period:g} s apart, which is no multiple of the sample time of "
             f"{dt:g} s: resample the log"

@@ -27,8 +27,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Array32, Rows, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
@@ -40,15 +40,8 @@ from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
 from hydro.core.vehicle.thrusters import INFLOW, UNIT_WRENCH, thrusts
 
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Bounds = NDArray[np.int64]
-
 Subtract = Literal["inertia", "effects"]
 
-POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITIES = ("u", "v", "w", "p", "q", "r")
-WRENCH = ("X", "Y", "Z", "K", "M", "N")
 FOLLOWING = 3.0  # times the likeliest ratio q dt^3 / R: a regression averages noise of labels, but no bias
 BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
 
@@ -82,7 +75,7 @@ def labels(
         DataError: Time does not rise at one rate or leaves a row alone between gaps, the commands do not fit
             the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue.
     """
-    commands = _commands(raw, vehicle)
+    commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     bounds = segments(raw)
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)
@@ -91,7 +84,7 @@ def labels(
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
     after_gap, dt = resumes(raw, bounds), sample_time(raw)
     count = len(commands)
-    out: Float32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
+    out: Array32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
 
     def work(first: int, last: int) -> None:
         start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
@@ -116,8 +109,8 @@ def labels(
 def _names(thrusters: int) -> list[str]:
     """Names of the columns that labels add."""
     return [
-        *(f"{name}_s" for name in VELOCITIES),
-        *(f"{name}_dot" for name in VELOCITIES),
+        *(f"{name}_s" for name in VELOCITY),
+        *(f"{name}_dot" for name in VELOCITY),
         *(f"f_{i + 1}" for i in range(thrusters)),
         *(f"{name}_prop" for name in WRENCH),
         *(f"{name}_res" for name in WRENCH),
@@ -148,23 +141,11 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
     Raises:
         DataError: Time does not rise at one rate, or `noise` is not six numbers of at least 0.
     """
-    likeliest = estimate(_columns(raw, VELOCITIES), segments(raw), sample_time(raw), noise)
+    likeliest = estimate(_columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
     return likeliest.following(FOLLOWING)
 
 
-def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> list[str]:
-    """Names of the command columns, one per thruster."""
-    found = sorted(name for name in raw.columns if name.startswith("cmd_"))
-    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    if found != sorted(names):
-        raise DataError(
-            f"the log has {len(found)} command columns and vehicle {vehicle.name} {len(names)} thrusters; "
-            "use the vehicle file that the log was recorded with"
-        )
-    return names
-
-
-def _require_neighbours(raw: pl.DataFrame, bounds: Bounds) -> None:
+def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
     """A single row has no acceleration."""
     alone = bounds[bounds[:, 1] - bounds[:, 0] < 2, 0]
     if alone.size:
@@ -174,7 +155,7 @@ def _require_neighbours(raw: pl.DataFrame, bounds: Bounds) -> None:
         )
 
 
-def _require_finite(raw: pl.DataFrame, out: Float32) -> None:
+def _require_finite(raw: pl.DataFrame, out: Array32) -> None:
     """A value that is missing or not finite spreads over its whole segment: name the first row it reached."""
     broken = ~np.isfinite(out[-6:]).all(axis=0)
     if broken.any():
@@ -185,7 +166,7 @@ def _require_finite(raw: pl.DataFrame, out: Float32) -> None:
         )
 
 
-def _batches(bounds: Bounds) -> Iterator[tuple[int, int]]:
+def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
     """Runs of whole segments [first, last) of at least BATCH rows, or what is left."""
     first = 0
     for last in range(1, len(bounds) + 1):
@@ -202,9 +183,9 @@ def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
     return out
 
 
-def _velocities(frame: pl.DataFrame, bounds: Bounds, log: Array) -> Array:
+def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
     """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
-    nu = _columns(frame, VELOCITIES)
+    nu = _columns(frame, VELOCITY)
     if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
         t = frame["t"].to_numpy()
         for begin, end in bounds:
@@ -246,7 +227,7 @@ def _through_water(motion: Array, attitude: Array, water: Array) -> Array:
 
 
 @jit
-def _label_kernel(rows: _Rows, known: _Constants, out: Float32) -> None:
+def _label_kernel(rows: _Rows, known: _Constants, out: Array32) -> None:
     """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
     motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
     configuration, mass, weight = known.configuration, known.mass, known.weight

@@ -21,16 +21,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import COMMAND, MOTION, Array, Rows, command_columns
 from hydro.core.compiled import jit
 from hydro.core.distillation.labels import filter_design
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
 from hydro.core.recording.smoothing import reach
 
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
-
-CONTENT = ("t", "x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+CONTENT = ("t", *MOTION)
 CHUNK = 32_768  # rows hashed at once
 TRAIN, TEST, GUARD = 0, 1, 2
 PARTS = pl.Series(["train", "test", "guard"])
@@ -99,7 +97,7 @@ def split_from(
     return _divided(labels, bounds, ids, is_test, guard), _table(ids, is_test)
 
 
-def block_bounds(bounds: Bounds, block: int) -> Bounds:
+def block_bounds(bounds: Rows, block: int) -> Rows:
     """Cut segments [start, stop) into blocks, shape (B, 2); the last of each takes the remainder.
 
     Raises:
@@ -114,12 +112,12 @@ def block_bounds(bounds: Bounds, block: int) -> Bounds:
     return np.array(cut, dtype=np.int64).reshape(-1, 2)
 
 
-def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Bounds, list[str]]:
+def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str]]:
     """Bounds and ids of all blocks."""
     bounds = block_bounds(segments(labels), block)
     suffix = salt.encode()
 
-    def digests(chunk: Bounds) -> list[str]:
+    def digests(chunk: Rows) -> list[str]:
         first = int(chunk[0, 0])
         content = _content(labels[first : int(chunk[-1, 1])])
         return [
@@ -134,8 +132,8 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Bounds, list[s
 
 def _content(labels: pl.DataFrame) -> Array:
     """The raw values, row after row, as little-endian float64 with one zero."""
-    commands = sum(name.startswith("cmd_") for name in labels.columns)
-    names = (*CONTENT, *(f"cmd_{i + 1}" for i in range(commands)))
+    commands = sum(name.startswith(COMMAND) for name in labels.columns)
+    names = (*CONTENT, *command_columns(commands))
     content = np.empty((labels.height, len(names)), "<f8")
     for i, name in enumerate(names):
         content[:, i] = labels[name].to_numpy()
@@ -144,7 +142,7 @@ def _content(labels: pl.DataFrame) -> Array:
 
 
 def _divided(
-    labels: pl.DataFrame, bounds: Bounds, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
+    labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
     rows = reach(filter_design(labels)) if guard is None else guard
     of_row = np.repeat(np.arange(len(bounds)), bounds[:, 1] - bounds[:, 0])

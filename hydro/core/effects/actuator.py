@@ -9,17 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, COASTING
-from hydro.core.effects.record import (
-    Advice,
-    Array,
-    Effect,
-    Fill,
-    Identification,
-    Index,
-    Parameter,
-    Rest,
-)
+from hydro.core.effects.record import Advice, Effect, Fill, Identification, Index, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 

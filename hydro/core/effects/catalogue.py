@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
-from hydro.core.effects.record import Array, Effect, Role
+from hydro.core.effects.record import Effect, Role
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
 from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
-from hydro.core.effects.record import Array
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import COASTING, DRIFT
-from hydro.core.effects.record import Advice, Array, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.record import Advice, Effect, Index, Parameter, Rest, Role
 from hydro.core.effects.units import of_mass, of_moment
 
 LINEAR = ("N s/m", "N s", "N m s")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
 from hydro.core.effects.parting import DRIFT
-from hydro.core.effects.record import Advice, Array, Effect, Index, Limits, Parameter, Rest, Role
+from hydro.core.effects.record import Advice, Effect, Index, Limits, Parameter, Rest, Role
 from hydro.core.effects.units import of_mass, of_mixed
 
 SECTIONS = 32

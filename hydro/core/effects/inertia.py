@@ -11,11 +11,12 @@ import math
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import ADDED_MASS as M_A
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP, DRIFT
-from hydro.core.effects.record import Advice, Array, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.record import Advice, Effect, Index, Parameter, Rest, Role
 from hydro.core.effects.units import of_mixed
 
 UNITS = ("kg", "kg m", "kg m^2")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP
 from hydro.core.effects.record import (
     Advice,
-    Array,
     Effect,
     Identification,
     Index,

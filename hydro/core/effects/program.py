@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
@@ -24,7 +25,6 @@ from hydro.core.effects.catalogue import (
     inertia_matrix,
     thruster_table,
 )
-from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.vehicle import rigid_body
 from hydro.core.vehicle.description import Vehicle

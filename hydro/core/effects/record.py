@@ -10,13 +10,12 @@ from enum import Enum
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects.units import Size, dimension, plain_size
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 
-Array = NDArray[np.float64]
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
 Fill = Callable[[Array, Array], None]

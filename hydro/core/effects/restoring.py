@@ -9,12 +9,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, ROTATION
 from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
     Advice,
-    Array,
     Effect,
     Identification,
     Index,

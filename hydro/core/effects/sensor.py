@@ -10,17 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
-from hydro.core.effects.record import (
-    Advice,
-    Array,
-    Effect,
-    Identification,
-    Index,
-    Kinematics,
-    Parameter,
-    Rest,
-)
+from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
 from hydro.core.vehicle.frames import rotation
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.effects.record import Array, Effect, Shape, Table
+from hydro.core.columns import Array
+from hydro.core.effects.record import Effect, Shape, Table
 from hydro.core.vehicle.description import Vehicle
 
 LEVER = 0.25

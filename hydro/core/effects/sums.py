@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.effects import damping
 from hydro.core.effects.catalogue import added_mass_matrix, entries, inertia_matrix, thruster_table
-from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix

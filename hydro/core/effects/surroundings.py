@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
 from hydro.core.effects.parting import DISTANCES, HEADINGS, TILTS
 from hydro.core.effects.record import (
     Advice,
-    Array,
     Effect,
     Identification,
     Index,

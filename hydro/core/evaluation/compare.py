@@ -10,48 +10,34 @@ much.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Progress, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
-from hydro.core.evaluation.metrics import INTERVAL, SAMPLES
+from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
 from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
 from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import Array, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
 """Part of its own size to which the noise floor is known, in squares."""
-SURE = 0.5  # percentile of the bootstrap above which an axis' errors must stay clear of noise, for six axes
+SURE_PART = 0.5
+"""Percentile of the bootstrap from which an axis' errors must stay clear of noise, for six axes."""
 
-Codes = NDArray[np.int64]
 Line = dict[str, Any]
-Report = Callable[[str, float], None]
 
 KEY = ("level", "horizon", "axis", "by", "place")
-SCHEMA = {
-    "level": pl.String,
-    "horizon": pl.Float64,
-    "axis": pl.String,
-    "by": pl.String,
-    "place": pl.String,
-    "rows": pl.Int64,
-    "rmse": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "noise_floor": pl.Float64,
-    "at_horizon": pl.Float64,
-    "share": pl.Float64,
-    "rank": pl.Int64,
-    "unit": pl.String,
-}
+NEEDED_COLUMNS = (*KEY, "rmse", "rank")
+"""Columns of an earlier comparison that are read."""
 
 
 def compare(
@@ -60,7 +46,7 @@ def compare(
     *,
     against: pl.DataFrame | None = None,
     seed: int = 0,
-    progress: Report | None = None,
+    progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Hold a vehicle file against a recording.
 
@@ -82,7 +68,7 @@ def compare(
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
     """
     told = progress or (lambda words, share: None)
-    if against is not None and (missing := [name for name in SCHEMA if name not in against.columns]):
+    if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
     record, model = recording(raw, vehicle), candidate(vehicle)
     told("smoothing", 0.0)
@@ -101,7 +87,8 @@ def compare(
             lines += _Lines(pose, seed).of(sessions)
     told("places", 0.9)
     lines += _ranked(_Lines(forces, seed), found, against)
-    table = pl.DataFrame(lines, schema=SCHEMA)
+    table = pl.DataFrame(lines, infer_schema_length=None)
+    table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon").fill_nan(None))
     told("done", 1.0)
     return table if against is None else _beside(table, against)
 
@@ -117,12 +104,13 @@ class _Lines:
         misfit = self.misfit
         excess = misfit.weight * (misfit.squares - misfit.noise)
         sums = excess.sum(axis=0)
-        self.drawn = _draws(int(misfit.block.max()) + 1, self.seed)
+        blocks = int(misfit.block.max()) + 1
+        self.drawn = draws(blocks, self.seed) if blocks > 1 else None
         clear = misfit.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
         sure = clear.sum(axis=0) > 0.0
         if self.drawn is not None:
             by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
-            sure &= np.percentile(self.drawn @ by_block, SURE, axis=0) > 0.0
+            sure &= np.percentile(self.drawn @ by_block, SURE_PART, axis=0) > 0.0
         # Where an axis' errors are no more than noise, none of it is unexplained.
         self.axis_share = np.where(sure, sums, 0.0) / max(float(sums[sure].sum()), 1e-300)
         self.unexplained = excess * np.where(sure, self.axis_share / np.where(sure, sums, 1.0), 0.0)
@@ -132,9 +120,9 @@ class _Lines:
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
-            ends = [None] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
+            ends = [math.nan] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
             for line, end in zip(self._family(everything), ends, strict=True):
-                yield line | {"at_horizon": end}
+                yield line | {"at_horizon": float(end)}
         for family in found:
             yield from self._family(family)
 
@@ -161,16 +149,18 @@ class _Lines:
             for code in np.flatnonzero(number[:, 0]):
                 yield {
                     "level": misfit.level,
-                    "horizon": misfit.horizon,
+                    "horizon": math.nan if misfit.horizon is None else misfit.horizon,
                     "axis": axis,
                     "by": family.by,
                     "place": phrase([(family.words[code], family.doing)]),
                     "rows": int(number[code, 0]),
                     "rmse": float(rmse[code, i]),
-                    "low": _number(low[code, i]),
-                    "high": _number(high[code, i]),
+                    "low": float(low[code, i]),
+                    "high": float(high[code, i]),
                     "noise_floor": float(floor[code, i]),
+                    "at_horizon": math.nan,
                     "share": float(share[code, i]),
+                    "rank": None,
                     "unit": unit,
                 }
 
@@ -186,7 +176,7 @@ class _Lines:
         for code in np.flatnonzero((rows[:, :, 0] > 0.0).sum(axis=0) > 1):
             there = number[:, code] > 0.0
             drawn = np.sqrt(sums[there, code] / number[there, code, None])
-            low[code], high[code] = np.percentile(drawn, INTERVAL, axis=0)
+            low[code], high[code] = interval(drawn)
         return low, high
 
     def _shares(self, family: Family) -> Array:
@@ -228,15 +218,7 @@ def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:
     return table.join(earlier, on=KEY, how="left", nulls_equal=True, maintain_order="left")
 
 
-def _draws(blocks: int, seed: int) -> Array | None:
-    """How often each bootstrap sample draws each block, (SAMPLES, blocks); None of fewer than two blocks."""
-    if blocks < 2:
-        return None
-    drawn = np.random.default_rng(seed).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=SAMPLES)
-    return drawn.astype(np.float64)
-
-
-def _by_block(values: Array, code: Codes, count: int, block: Codes) -> Array:
+def _by_block(values: Array, code: Rows, count: int, block: Rows) -> Array:
     """Sums of values of pieces (P, A) over each block and code, (B, count, A); code -1 is left out."""
     blocks, of = int(block.max()) + 1, code >= 0
     place = block[of] * count + code[of]
@@ -248,7 +230,3 @@ def _by_block(values: Array, code: Codes, count: int, block: Codes) -> Array:
 def _all_too(squares: Array, weight: Array) -> Array:
     """Squares of the axes (..., A) and of all together, (..., A + 1)."""
     return np.concatenate([squares, squares @ weight[:, None]], axis=-1)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -14,17 +14,14 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hydro.core.evaluation.regimes import PIECE, Codes, Condition, Family, conditions, phrase
-from hydro.core.recording.arrays import Array
-
-Mask = NDArray[np.bool_]
+from hydro.core.columns import Array, Mask, Rows
+from hydro.core.evaluation.regimes import PIECE_SECONDS, Condition, Family, conditions, phrase
 
 LEAST_TIME = 0.01
 """Share of the time that a place must last, and at least LEAST_SECONDS."""
 LEAST_SECONDS = 4.0
-MATERIAL = 0.02
+MATERIAL_SHARE = 0.02
 """Share of all unexplained error that a place must add to be told of."""
 STANDS_OUT = 1.5  # error in a place over what its share of the time would hold
 NEW = 0.5  # part of a place's error that no place before it has accounted for
@@ -51,7 +48,7 @@ class Place:
     share: float
 
 
-def rank(unexplained: Array, rows: Array, block: Codes, families: Sequence[Family]) -> list[Place]:
+def rank(unexplained: Array, rows: Array, block: Rows, families: Sequence[Family]) -> list[Place]:
     """The places where a model fails, the greatest share of the error first; what is left elsewhere last.
 
     Args:
@@ -76,7 +73,7 @@ def rank(unexplained: Array, rows: Array, block: Codes, families: Sequence[Famil
         left[met, axis] = 0.0
         search.forget(axis)
     rests = [_rest(axis, left[:, axis], found) for axis in range(unexplained.shape[1])]
-    material = [rest for rest in rests if rest.share >= MATERIAL]
+    material = [rest for rest in rests if rest.share >= MATERIAL_SHARE]
     listed = [*sorted(found, key=_share, reverse=True), *sorted(material, key=_share, reverse=True)]
     # Noise makes some of what is left negative: the parts of an axis' error must not exceed the whole.
     parts = [sum(place.share for place in listed if place.axis == axis) for axis in range(len(rests))]
@@ -126,7 +123,7 @@ class _Search:
         self.own = [self._together(column) for column in unexplained.T]
         kinds = np.array([c.family.by for c in tried])
         free = np.array([not c.family.alone for c in tried], bool)
-        least = max(LEAST_TIME, LEAST_SECONDS / (PIECE * len(rows)))
+        least = max(LEAST_TIME, LEAST_SECONDS / (PIECE_SECONDS * len(rows)))
         pairs = (kinds[:, None] != kinds) & free & free[:, None]
         self.possible = (pairs | np.eye(len(tried), dtype=bool)) & (self.time.sum(axis=0) >= least)
         self.possible &= (self.time > 0.0).all(axis=0)
@@ -167,7 +164,7 @@ class _Search:
         quality = ((error - even) / np.sqrt(np.maximum(part, 1e-12))).min(axis=0)
         stands_out = (own >= STANDS_OUT * part * self.whole[:, axis, None, None]).all(axis=0)
         error, own = error.sum(axis=0), own.sum(axis=0)
-        allowed = self.possible & (error >= MATERIAL) & stands_out & (error >= NEW * own)
+        allowed = self.possible & (error >= MATERIAL_SHARE) & stands_out & (error >= NEW * own)
         alone = np.maximum(np.diag(quality), 0.0)
         simple = np.eye(len(alone), dtype=bool)
         allowed &= simple | (quality >= SIMPLER * np.maximum(alone[:, None], alone))

@@ -1,38 +1,21 @@
 """Errors of a model per axis, with intervals from a block bootstrap; and the paper's single figures.
 
-Neighbouring samples of a motion are not independent, so whole blocks are drawn with replacement (Künsch
-1989), not rows.  The paper (Table II) mixes newtons and newton metres: its RMSE and MAE are over all rows and
-all six axes as they are.  They stand under the axis `all` for comparison, and its mean R^2 under `mean`.
+The paper (Table II) mixes newtons and newton metres: its RMSE and MAE are over all rows and all six axes as
+they are.  They stand under the axis `all` for comparison, and its mean R^2 under `mean`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import UNITS, WRENCH, Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
-
-WRENCH_AXES, WRENCH_UNITS = ("X", "Y", "Z", "K", "M", "N"), ("N",) * 3 + ("N m",) * 3
-VELOCITY_AXES, VELOCITY_UNITS = ("u", "v", "w", "p", "q", "r"), ("m/s",) * 3 + ("rad/s",) * 3
-SAMPLES = 1000  # bootstrap samples
-INTERVAL = (2.5, 97.5)  # percentiles
-SCHEMA = {
-    "model": pl.String,
-    "variant": pl.String,
-    "dataset": pl.String,
-    "axis": pl.String,
-    "metric": pl.String,
-    "value": pl.Float64,
-    "low": pl.Float64,
-    "high": pl.Float64,
-    "unit": pl.String,
-}
+from hydro.core.evaluation.block_resampling import interval, redrawn
 
 
 class Sums(NamedTuple):
@@ -45,16 +28,21 @@ class Sums(NamedTuple):
     values_squared: Array
 
 
+class Subject(NamedTuple):
+    """What errors are of, the first columns of their rows: a model, on which data, and how it was used."""
+
+    model: str
+    dataset: str
+    variant: str = ""
+
+
 def measure(
     truth: ArrayLike,
     predicted: ArrayLike,
     blocks: NDArray[Any] | pl.Series,
+    subject: Subject,
     *,
-    model: str,
-    dataset: str,
-    variant: str = "",
-    axes: Sequence[str] = WRENCH_AXES,
-    units: Sequence[str] = WRENCH_UNITS,
+    axes: Sequence[str] = WRENCH,
     seed: int = 0,
 ) -> pl.DataFrame:
     """Root mean square error, mean absolute error and R^2 of each axis and of all together.
@@ -63,11 +51,8 @@ def measure(
         truth: What was measured, shape (N, 6).
         predicted: What the model says, shape (N, 6).
         blocks: Block of each row, shape (N,): ids or numbers; see `consecutive`.
-        model: For the column `model`.
-        dataset: For the column `dataset`.
-        variant: For the column `variant`.
-        axes: Names of the axes.
-        units: Units of the axes.
+        subject: What the errors are of.
+        axes: Names of the axes, columns that `hydro.core.columns` knows the units of.
         seed: Seed of the bootstrap.
 
     Returns:
@@ -90,18 +75,36 @@ def measure(
     by_block = _sums(y, guess, pl.Series(blocks).rank("dense").to_numpy() - 1)
     whole = Sums(*(part.sum(axis=0) for part in by_block))
     spread = _bootstrap(by_block, seed) if len(by_block.rows) > 1 else None
-    lines = []
-    for axis, metric, value, unit, drawn in _measures(whole, spread, axes, units):
-        low, high = _interval(drawn)
-        lines.append((model, variant, dataset, axis, metric, value, low, high, unit))
-    return pl.DataFrame(lines, schema=SCHEMA, orient="row")
+    lines = (
+        (axis, metric, value, *_interval(drawn), unit)
+        for axis, metric, value, unit, drawn in _measures(whole, spread, axes)
+    )
+    return rows_of(subject, lines)
 
 
-def _interval(drawn: Array | None) -> tuple[float | None, float | None]:
-    """Percentile interval of bootstrap values; none where a draw of few blocks left a value undefined."""
+def rows_of(subject: Subject, lines: Iterable[tuple[str, str, float, float, float, str]]) -> pl.DataFrame:
+    """Rows of a metrics table.
+
+    Args:
+        subject: What the numbers are of.
+        lines: Axis, metric, value, the ends of its interval, NaN where there is none, and unit.
+    """
+    table = pl.DataFrame(
+        list(lines),
+        schema=["axis", "metric", "value", "low", "high", "unit"],
+        orient="row",
+        infer_schema_length=None,
+    )
+    head = {"model": subject.model, "variant": subject.variant, "dataset": subject.dataset}
+    named = table.select(*(pl.lit(text).alias(name) for name, text in head.items()), pl.all())
+    return named.with_columns(pl.col("low", "high").fill_nan(None))
+
+
+def _interval(drawn: Array | None) -> tuple[float, float]:
+    """Percentile interval of bootstrap values; NaN where a draw of few blocks left a value undefined."""
     if drawn is None or not np.isfinite(drawn).all():
-        return None, None
-    low, high = np.percentile(drawn, INTERVAL)
+        return np.nan, np.nan
+    low, high = interval(drawn)
     return float(low), float(high)
 
 
@@ -124,20 +127,17 @@ def _sums(truth: Array, predicted: Array, group: NDArray[np.int64]) -> Sums:
 
 
 def _bootstrap(by_block: Sums, seed: int) -> Sums:
-    """Sums of SAMPLES draws of as many blocks as there are, with replacement, arrays (SAMPLES, 6)."""
-    rng, count = np.random.default_rng(seed), len(by_block.rows)
-    table = np.concatenate(by_block, axis=1)
-    drawn = np.empty((SAMPLES, table.shape[1]))
-    for sample in range(SAMPLES):
-        drawn[sample] = np.bincount(rng.integers(0, count, count), minlength=count) @ table
+    """Sums of recordings drawn from the blocks, arrays (SAMPLES, 6)."""
+    drawn = redrawn(np.concatenate(by_block, axis=1), seed)
     edges = np.cumsum([part.shape[1] for part in by_block])[:-1]
     return Sums(*np.split(drawn, edges, axis=1))
 
 
 def _measures(
-    whole: Sums, spread: Sums | None, axes: Sequence[str], units: Sequence[str]
+    whole: Sums, spread: Sums | None, axes: Sequence[str]
 ) -> Iterator[tuple[str, str, float, str, Array | None]]:
     """Axis, metric, value, unit and bootstrap values of every line of the table."""
+    units = [UNITS[axis] for axis in axes]
     together = ", ".join(dict.fromkeys(units))
     moving = _variance(whole) > 0.0
     for metric, function in (("rmse", _rmse), ("mae", _mae), ("r2", _r2)):

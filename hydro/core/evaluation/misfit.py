@@ -20,14 +20,14 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Rows
 from hydro.core.effects.layout import MASS, MASS_MATRIX
 from hydro.core.effects.program import constants_of
-from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, WRENCH_UNITS
 from hydro.core.evaluation.regimes import Family, Pieces
 from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
 from hydro.core.identification.multiple_shooting import (
@@ -40,11 +40,9 @@ from hydro.core.identification.multiple_shooting import (
     residuals,
 )
 from hydro.core.recording import smoothing
-from hydro.core.recording.arrays import POSE, Array, Recording, noise
+from hydro.core.recording.arrays import Recording, noise
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
-
-Rows = NDArray[np.int64]
 
 HORIZONS = (1.0, 5.0, 20.0)
 """How far ahead predictions look [s]."""
@@ -57,13 +55,12 @@ BANDS = (
     ("in motions faster than 0.5 s", FASTEST, np.inf),
 )
 """Bands of frequency [Hz], by the time that a motion takes."""
-SLOW = ("", 0.0, FASTEST)
-POSE_UNITS = ("m",) * 3 + ("rad",) * 3
+SLOW_BAND = ("", 0.0, FASTEST)
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
-TOGETHER = 64  # predictions of one piece of work
+PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
 LEAST_DRAWS = 16  # of uncertain beginnings, where there are few predictions
-REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
+IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
 
 
 @dataclass(frozen=True)
@@ -176,12 +173,12 @@ def force(
     whole = Misfit(
         "force",
         None,
-        (*WRENCH_AXES, "all"),
+        (*WRENCH, "all"),
         WRENCH_UNITS,
         mass / inertia,
         rows,
-        pieces.total(next(_bands(found, record, [SLOW])) ** 2),
-        pieces.total(next(_bands(floor, record, [SLOW])) ** 2),
+        pieces.total(next(_bands(found, record, [SLOW_BAND])) ** 2),
+        pieces.total(next(_bands(floor, record, [SLOW_BAND])) ** 2),
         pieces.block,
     )
     count = len(BANDS)
@@ -214,18 +211,55 @@ def replay(
         predicted to the measured attitude about the body's axes, as `phi`, `theta`, `psi`; None where no
         segment is as long as the horizon.
     """
+    if (found := _predictions(model, record, motion, horizon, seed)) is None:
+        return None
+    inertia, mass = _inertia(model)
+    rows, sums, floor = (pieces.total(part) for part in (found.compared, found.squares, found.noise))
+    block = pieces.segment if horizon is None else pieces.block
+
+    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
+        parts = (rows, sums[:, of], floor[:, of], block, found.end[of])
+        return Misfit("replay", horizon, axes, units, weight, *parts)
+
+    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
+    return (
+        misfit((*VELOCITY, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
+    )
+
+
+class _Predictions(NamedTuple):
+    """Errors of all predictions of one horizon, row by row of the recording.
+
+    Attributes:
+        compared: 1 where a prediction was compared with the row, (N,).
+        squares: Its squared errors, pose and then velocity, (N, 12).
+        noise: The same of what noise alone does.
+        end: Root mean square errors in the last row of the predictions, (12,).
+    """
+
+    compared: Array
+    squares: Array
+    noise: Array
+    end: Array
+
+
+def _predictions(
+    model: Candidate, record: Recording, motion: Motion, horizon: float | None, seed: int
+) -> _Predictions | None:
+    """Predict end to end along the recording; None where no segment is as long as the horizon."""
     starts, segment, lengths = _laid(record, horizon)
     if not starts.size:
         return None
-    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
-    calm = np.hstack([motion.eta[:, :3], quaternion_from_euler(*motion.eta[:, 3:].T), motion.nu])
+    logged, calm = _states(record.eta, record.nu), _states(motion.eta, motion.nu)
     nothing = np.empty((len(starts), 0, BODY))
     unit = np.ones(CHANNELS)
     every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
     every = corrected_first(every, model)
     loaded = load(model, every)
+    compared = np.zeros(record.rows)
     squares, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
-    compared, draws = np.zeros(record.rows), -(-LEAST_DRAWS // len(starts))
+    draws = -(-LEAST_DRAWS // len(starts))
 
     def work(part: slice) -> Array:
         rows = starts[part, None] + np.arange(lengths[part.start])
@@ -248,21 +282,12 @@ def replay(
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         ends = list(pool.map(work, _batches(lengths)))
-    end = np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0))
-    inertia, mass = _inertia(model)
-    rows, sums, noise_sums = pieces.total(compared), pieces.total(squares), pieces.total(floor)
-    block = pieces.segment if horizon is None else pieces.block
+    return _Predictions(compared, squares, floor, np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0)))
 
-    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
-        return Misfit(
-            "replay", horizon, axes, units, weight, rows, sums[:, of], noise_sums[:, of], block, end[of]
-        )
 
-    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
-    return (
-        misfit((*VELOCITY_AXES, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
-        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
-    )
+def _states(eta: Array, nu: Array) -> Array:
+    """Position, attitude as a quaternion and velocity, (N, 13)."""
+    return np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
 
 
 def _missing_wrench(
@@ -304,12 +329,12 @@ def _laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
 
 
 def _batches(lengths: Rows) -> list[slice]:
-    """Runs of at most TOGETHER predictions of one length."""
+    """Runs of at most PREDICTIONS_TOGETHER predictions of one length."""
     edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
     return [
-        slice(at, min(at + TOGETHER, end))
+        slice(at, min(at + PREDICTIONS_TOGETHER, end))
         for begin, end in itertools.pairwise(edges)
-        for at in range(begin, end, TOGETHER)
+        for at in range(begin, end, PREDICTIONS_TOGETHER)
     ]
 
 
@@ -346,12 +371,12 @@ def _weights(design: smoothing.Design) -> Array:
 
     In the first row of a segment, and far from its ends; (2, 2, 6).
     """
-    impulse = np.zeros((2, 2 * REACH + 1, 6))
-    impulse[0, 0] = impulse[1, REACH] = 1.0
-    bounds = [[0, 2 * REACH + 1]]
+    impulse = np.zeros((2, 2 * IMPULSE_REACH + 1, 6))
+    impulse[0, 0] = impulse[1, IMPULSE_REACH] = 1.0
+    bounds = [[0, 2 * IMPULSE_REACH + 1]]
     first, inner = (smoothing.smooth(one, bounds, design)[:, :, 0] for one in impulse)
     squares = [(one**2).sum(axis=0) for one in (first, inner)]
-    return np.stack([np.stack([first[0], inner[REACH]]), np.stack(squares)])
+    return np.stack([np.stack([first[0], inner[IMPULSE_REACH]]), np.stack(squares)])
 
 
 def _uncertainty(weights: Array, sigma: Array, left: Array) -> Array:

@@ -15,20 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.evaluation.metrics import consecutive
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import configuration_matrix
 
-Codes = NDArray[np.int64]
-
-PIECE = 0.2
+PIECE_SECONDS = 0.2
 """Length of a piece [s]."""
-BLOCK = 20.0
-"""Length of the blocks that a bootstrap draws [s]; shorter where a recording has fewer than LEAST_BLOCKS."""
-LEAST_BLOCKS = 8
-SLOW = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
+BLOCK_SECONDS = 20.0
+"""Length of the blocks that a bootstrap draws [s]; shorter where a recording has fewer than LEAST_DRAWN."""
+LEAST_DRAWN = 8
+HOVERING_SPEED = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
 TILTED = math.radians(5.0)
 IDLE = 0.05  # of full command
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
@@ -44,15 +43,15 @@ class Pieces:
         segment: Segment of each piece, (P,).
     """
 
-    starts: Codes
-    block: Codes
-    segment: Codes
+    starts: Rows
+    block: Rows
+    segment: Rows
 
     @classmethod
     def of(cls, record: Recording) -> Pieces:
         """Cut a recording."""
-        rows = max(round(PIECE / record.dt), 1)
-        length = min(BLOCK, record.rows * record.dt / LEAST_BLOCKS)
+        rows = max(round(PIECE_SECONDS / record.dt), 1)
+        length = min(BLOCK_SECONDS, record.rows * record.dt / LEAST_DRAWN)
         within = max(round(length / (rows * record.dt)), 1)
         starts, block, segment = [], [], []
         blocks = 0
@@ -87,7 +86,7 @@ class Family:
 
     by: str
     words: tuple[str, ...]
-    code: Codes
+    code: Rows
     doing: bool = True
     unions: tuple[tuple[str, tuple[int, ...]], ...] = ()
     alone: bool = False
@@ -171,7 +170,7 @@ def _manoeuvres(motion: Array) -> Iterator[Family]:
     yield _signed("turn", nu[:, 5], ("turning left", "going straight", "turning right"), "turning")
     yield _signed("depth change", sinking, ("climbing", "keeping depth", "diving"), "changing depth")
     yield _signed("acceleration", gain, ("braking", "keeping speed", "accelerating"), "changing speed")
-    yield _ordered("speed", speed, _edges(speed[speed > SLOW], SLOW), "m/s")
+    yield _ordered("speed", speed, _edges(speed[speed > HOVERING_SPEED], HOVERING_SPEED), "m/s")
     yield _drift(nu)
 
 
@@ -190,7 +189,7 @@ def _drift(nu: Array) -> Family:
             sideways[1],
             "moving ahead and left",
         ),
-        np.where(np.hypot(nu[:, 0], nu[:, 1]) > SLOW, sector, -1),
+        np.where(np.hypot(nu[:, 0], nu[:, 1]) > HOVERING_SPEED, sector, -1),
         unions=(
             ("drifting to the right", (1, 2, 3)),
             ("drifting to the left", (5, 6, 7)),

@@ -11,21 +11,22 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import POSE, VELOCITY, Array, Rows
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, load, predict
-from hydro.core.recording.arrays import POSE, VELOCITY, Array, Recording, Rows, recording, smoothed
+from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
 MEASURED = "measured"
-SECONDS = 20.0
+RESTART_INTERVAL = 20.0
 """From one beginning to the next [s]."""
-LONGEST = 120.0
+SHOWN_SECONDS = 120.0
 """Shown of a session [s], from its first row."""
-SESSIONS = 12
+MOST_SESSIONS = 12
 """Sessions shown, the first ones."""
-RATE = 10.0
+SHOWN_RATE = 10.0
 """Least rate of the rows [Hz]: a few rows in a second show all that a vehicle does."""
 
 
@@ -45,8 +46,8 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
         DataError: The recording does not fit a vehicle.
     """
     since = pl.col("t") - pl.col("t").first().over("session")
-    first = raw["session"].unique(maintain_order=True).head(SESSIONS).implode()
-    shown = raw.filter(pl.col("session").is_in(first)).filter(since <= LONGEST)
+    first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
+    shown = raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
     record = recording(shown, next(iter(vehicles.values())))
     motions = {MEASURED: np.hstack([record.eta, record.nu])}
     motions |= {name: _predicted(vehicle, recording(shown, vehicle)) for name, vehicle in vehicles.items()}
@@ -65,13 +66,13 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
 
 def _thinned(record: Recording) -> Rows:
     """Every so many rows of each segment, from its first."""
-    every = max(int(1.0 / (RATE * record.dt) + 1e-9), 1)
+    every = max(int(1.0 / (SHOWN_RATE * record.dt) + 1e-9), 1)
     return np.concatenate([np.arange(a, b, every, dtype=np.int64) for a, b in record.segments])
 
 
 def _predicted(vehicle: Vehicle, record: Recording) -> Array:
     """Pose and velocity as a vehicle would have logged them, (N, 12); NaN where they know no bounds."""
-    model, length = candidate(vehicle), max(round(SECONDS / record.dt), 1)
+    model, length = candidate(vehicle), max(round(RESTART_INTERVAL / record.dt), 1)
     eta, nu = smoothed(record)
     calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
     out = np.empty((record.rows, 12))

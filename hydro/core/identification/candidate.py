@@ -9,19 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import relative_to_water, start, thrusters_of, wrench
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.thrusters import TIME_CONSTANT, lag_states
-
-Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ a Levenberg-Marquardt iteration within bounds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Progress
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
@@ -38,8 +39,6 @@ from hydro.core.identification.passivity import accepted, bounded_in_sum, possib
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
-Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.identification.levenberg_marquardt import Problem, linear_step, moved
 from hydro.core.identification.parameters import Free
 from hydro.core.identification.suspects import CURVED, every_shape
-
-Array = NDArray[np.float64]
 
 KEPT = 4
 """Shapes of one effect that a fit begins from: those that explain most."""

@@ -22,13 +22,11 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.identification.normal_equations import Normal, bounded_step, covariance
 from hydro.core.identification.parameters import Free
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 PRIOR = 10.0
 """Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""

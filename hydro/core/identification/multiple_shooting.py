@@ -17,19 +17,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
-from hydro.core.recording.arrays import Array, Recording, noise, smoothed
+from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes, deviations_of
 from hydro.core.vehicle.frames import quaternion_from_euler, quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
-
-Rows = NDArray[np.int64]
 
 SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""

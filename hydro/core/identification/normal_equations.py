@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
-Array = NDArray[np.float64]
+from hydro.core.columns import Array
 
 LEAST_BLOCKS = 12
 CORRELATION_TIMES = 10

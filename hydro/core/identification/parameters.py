@@ -16,14 +16,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, Effect, Parameter, sensor
 from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import BOOKKEEPING, Rest
 from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
 """Greatest delay of a velocity log that is looked for [s]."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import Role
@@ -21,8 +22,6 @@ from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.identification.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 CUTS = 100
 INSIDE = 1e-6  # of a matrix' greatest entry, by which a cut goes beyond the edge: so that cuts come to an end

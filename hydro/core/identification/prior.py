@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 
 def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:

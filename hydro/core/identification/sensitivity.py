@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import sensor
 from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
@@ -26,11 +27,9 @@ from hydro.core.identification.multiple_shooting import (
     TRUST,
     Answers,
     Loaded,
-    Rows,
     Shots,
 )
 from hydro.core.identification.normal_equations import Normal, eliminate
-from hydro.core.recording.arrays import Array
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
 from hydro.core.vehicle.thrusters import same_states

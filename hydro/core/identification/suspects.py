@@ -14,14 +14,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Shapes
 from hydro.core.identification.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
-
-Array = NDArray[np.float64]
 
 CURVED = tuple(name for name in reversed(CATALOGUE) if not CATALOGUE[name].identification.linear)
 """Effects that are not linear in all of their parameters."""

@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import (
     Candidate,
@@ -29,11 +29,9 @@ from hydro.core.identification.candidate import (
 )
 from hydro.core.identification.multiple_shooting import evenly
 from hydro.core.identification.normal_equations import Normal
-from hydro.core.recording.arrays import Array, Recording, noise, smoothed
+from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
-
-Rows = NDArray[np.int64]
 
 SECONDS = 2.0
 """Length of a window; neighbours overlap by half."""

@@ -13,20 +13,18 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hydro.core.columns import Array
 from hydro.core.logs import conventions
 from hydro.core.logs.alternatives import BODIES
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import Attitude, LogMap, Position, Rates, Velocity
 from hydro.core.recording.segments import GAP
 
-Array = NDArray[np.float64]
-
-SECONDS = 1.0
+COMPARED_SECONDS = 1.0
 """Length of a window [s]."""
-MOST = 300
+MOST_WINDOWS = 300
 """Windows taken, evenly spread over the log."""
 CLEARLY = 0.3
 """How far above the surface nothing under water is [m]."""
@@ -36,13 +34,13 @@ RESOLUTION: Array = np.array([1e-4, 1e-5])
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
     """Times of the rows of each window, per session (W, m + 1): end to end, none across a gap."""
-    steps = max(1, round(SECONDS / dt))
+    steps = max(1, round(COMPARED_SECONDS / dt))
     starts = []
     for number, t in enumerate(times):
         edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
         for start, stop in pairwise(edges):
             starts += [(number, k) for k in range(start, stop - steps, steps)]
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(MOST, len(starts))).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(starts) - 1, min(MOST_WINDOWS, len(starts))).round().astype(int))
     taken = [starts[i] for i in chosen]
     return [
         np.array([t[k : k + steps + 1] for session, k in taken if session == number]).reshape(-1, steps + 1)

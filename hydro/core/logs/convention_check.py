@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hydro.core.logs.agreement import RESOLUTION, SECONDS, Evidence, windows
+from hydro.core.columns import Array
+from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, windows
 from hydro.core.logs.alternatives import Change, cost, difference, flips, frame_changes
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import LogMap, measured
 
-Array = NDArray[np.float64]
-
-LEAST = 6  # windows; fewer show nothing
+LEAST_WINDOWS = 6  # windows; fewer show nothing
 TIE = 0.05  # relative difference of misfits that is none
 DOUBT = 0.5  # unexplained share of the motion from which every combination of frames is tried
 UNEXPLAINED = 0.7  # share from which a reading explains nothing, so that it cannot be better than another
@@ -65,8 +63,9 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         declared: What the columns are said to mean.
     """
     taken = windows(times, dt)
-    if sum(map(len, taken)) < LEAST:
-        note = f"frames and signs not tested: there are not {LEAST} windows of {SECONDS:g} s without a gap"
+    if sum(map(len, taken)) < LEAST_WINDOWS:
+        lacking = f"{LEAST_WINDOWS} windows of {COMPARED_SECONDS:g} s without a gap"
+        note = f"frames and signs not tested: there are not {lacking}"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
     found = _best(evidence, declared)

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
 from hydro.core.logs.logmap import (
     Attitude,
@@ -26,9 +26,6 @@ from hydro.core.logs.logmap import (
 )
 from hydro.core.logs.resample import Channel, channel, held, interpolated, same_sign, unwrapped
 from hydro.core.vehicle.frames import HALF_TURN
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 AXES: dict[str, Array] = {
     "NED": np.eye(3),
@@ -117,7 +114,7 @@ def rates(log: SessionLog, block: Rates, at: Array) -> Array:
     return _vector(log, block, at)
 
 
-def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Array, Flags]:
+def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Array, Mask]:
     """Commands in [-1, 1], held from each to the next.
 
     Returns:

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import MOTION, Array, command_column, command_columns
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.conventions import SessionLog
@@ -16,10 +17,6 @@ from hydro.core.logs.logmap import LogMap, command, measured
 from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
-
-Array = NDArray[np.float64]
-
-POSE_AND_VELOCITY = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ def raw_table(logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = 
         dt=dt,
         gaps=tuple(gap for log, t in full for gap in _gaps(log.name, t, dt)),
         left_out=tuple(log.name for log, t in zip(logs, times, strict=True) if not len(t)),
-        clipped={f"cmd_{i + 1}": int(count) for i, count in enumerate(clipped) if count},
+        clipped={command_column(i): int(count) for i, count in enumerate(clipped) if count},
     )
 
 
@@ -130,8 +127,8 @@ def _part(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> tuple[pl.Dat
     )
     drive, beyond = conventions.commands(log, meaning.commands, t, dt)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
-    thrusters = [f"cmd_{i + 1}" for i in range(drive.shape[1])]
-    wide = [pl.DataFrame(numbers, schema=[*POSE_AND_VELOCITY]), pl.DataFrame(drive, schema=thrusters)]
+    drives = pl.DataFrame(drive, schema=command_columns(drive.shape[1]))
+    wide = [pl.DataFrame(numbers, schema=[*MOTION]), drives]
     return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
 
 

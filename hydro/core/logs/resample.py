@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 USUAL_STEPS = 5.0
 """A channel's silence longer than so many of its median steps is a gap, unless the map says otherwise."""

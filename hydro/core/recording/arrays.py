@@ -10,22 +10,18 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from hydro.core.columns import POSE, VELOCITY, Array, Rows, checked_commands
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-
-POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITY = ("u", "v", "w", "p", "q", "r")
-REACH = 0.24
+CUBIC_REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
 LEAST_NOISE = 1e-4
 STRAIGHT = 0.02
 """Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
-DRAWN = 0.4  # share of such rows from which a channel is one that was interpolated
+DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated
 
 
 @dataclass(frozen=True)
@@ -65,13 +61,7 @@ def recording(raw: pl.DataFrame, vehicle: Vehicle) -> Recording:
         DataError: A column is missing or not finite, the commands do not fit the thrusters, or time does not
             rise at one rate.
     """
-    commands = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    found = sum(name.startswith("cmd_") for name in raw.columns)
-    if found != len(commands):
-        raise DataError(
-            f"the log has {found} command columns and vehicle {vehicle.name} {len(commands)} thrusters; "
-            "use the vehicle file that the log was recorded with"
-        )
+    commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     needed = ("session", "t", *POSE, *VELOCITY, *commands)
     missing = [name for name in needed if name not in raw.columns]
     if missing:
@@ -104,7 +94,7 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
         eta and nu, (N, 6) each; segments of fewer than five rows as they are.
     """
     eta, nu = record.eta.copy(), record.nu.copy()
-    widest = max(2 * round(REACH / record.dt) + 1, 5)
+    widest = max(2 * round(CUBIC_REACH / record.dt) + 1, 5)
     for start, stop in record.segments:
         width = min(widest, (stop - start - 1) // 2 * 2 + 1)
         if width >= 5:
@@ -162,7 +152,7 @@ def _apart(parts: Sequence[Array]) -> int:
     bends = np.concatenate([np.diff(part, 2) for part in parts])
     bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
     corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
-    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN
+    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN_ROWS
     return round(len(bent) / corners) if slower else 1
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
-from hydro.core.recording.arrays import Array, Recording
+from hydro.core.columns import Array
+from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.frames import rotation
 
 TURN_LENGTH = 2.0

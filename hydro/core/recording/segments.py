@@ -10,10 +10,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 
 GAP = 1.5  # in sample times
 JITTER = 0.01  # of a sample time
@@ -32,7 +30,7 @@ def sample_time(frame: pl.DataFrame) -> float:
     return _clock(frame)[2]
 
 
-def segments(frame: pl.DataFrame) -> Bounds:
+def segments(frame: pl.DataFrame) -> Rows:
     """First and past-the-last row of each unbroken run, shape (S, 2), in the order of the rows.
 
     Args:
@@ -56,7 +54,7 @@ def segments(frame: pl.DataFrame) -> Bounds:
     return np.ascontiguousarray(np.stack([edges[:-1], edges[1:]], axis=1), dtype=np.int64)
 
 
-def resumes(frame: pl.DataFrame, bounds: Bounds) -> NDArray[np.bool_]:
+def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
     """Which segments go on with a session after a gap, shape (S,); the others begin a session."""
     names = frame["session"]
     first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)

@@ -14,14 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from hydro.core.recording.arrays import LEAST_NOISE, POSE, VELOCITY, Array, Recording, channels, recording
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
+from hydro.core.recording.arrays import LEAST_NOISE, Recording, channels, recording
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
 from hydro.core.vehicle.description import Vehicle
-
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.int64]
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
 NEIGHBOURS = 3
@@ -43,7 +40,7 @@ LEAST_STILL = 0.2  # s
 FINE = 0.9  # distinct values among the runs from which a channel does not read in steps
 WHITE = 3.0
 """Fourth differences over second ones from which a channel has noise: 3.4 of white noise, motion has less."""
-DRAWN, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
+DRAWN_SHARE, EXACT = 0.4, 1e-6  # part of the moving rows on straight lines, and how straight these are
 MARKS = 10  # runs of one and the same value, in a fine channel, that make it a mark
 BRIDGED = 0.4  # s, of readings that a straight line replaces
 CONTRADICTED = 2.0  # times what pose and velocity differ by elsewhere
@@ -89,12 +86,12 @@ class Faults:
         stills: Which stand still though their sensor has noise, or the pose moves otherwise, (N, 12).
     """
 
-    jumps: Flags
-    marks: Flags
-    stills: Flags
+    jumps: Mask
+    marks: Mask
+    stills: Mask
 
     @property
-    def all(self) -> Flags:
+    def all(self) -> Mask:
         """Every faulty reading, (N, 12)."""
         return self.jumps | self.marks | self.stills
 
@@ -220,7 +217,7 @@ def _whiteness(samples: Sequence[Array]) -> float:
     return float(size[0] / max(size[1], 1e-300))
 
 
-def _contradicted(error: Array, still: Flags) -> Flags:
+def _contradicted(error: Array, still: Mask) -> Mask:
     """Those runs of a segment in which pose and velocities differ far more than elsewhere."""
     edges, out = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2), still.copy()
     for begin, end in edges:
@@ -232,7 +229,7 @@ def _contradicted(error: Array, still: Flags) -> Flags:
     return out
 
 
-def _jumps(record: Recording, parts: Sequence[Array], known: Flags) -> Flags:
+def _jumps(record: Recording, parts: Sequence[Array], known: Mask) -> Mask:
     """Which readings of a channel jump away and back, (N,); those that are faulty anyway do not count."""
     out, apart = np.zeros(record.rows, bool), _apart(parts)
     series = [
@@ -253,13 +250,13 @@ def _apart(parts: Sequence[Array]) -> int:
         return 1
     slope, bend = (np.concatenate([np.diff(part, n)[2 - n :] for part in parts]) for n in (1, 2))
     straight = (np.abs(bend) < EXACT * np.abs(slope)) & (slope != 0.0)
-    if straight.sum() <= DRAWN * np.count_nonzero(slope):
+    if straight.sum() <= DRAWN_SHARE * np.count_nonzero(slope):
         return 1
     edges = np.flatnonzero(np.diff(straight, prepend=False, append=False)).reshape(-1, 2)
     return int(np.median(np.diff(edges))) + 1
 
 
-def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
+def _samples(part: Array, known: Mask, apart: int) -> Iterator[tuple[Rows, Rows, Array]]:
     """First and past-the-last row, and value, of each sample of a channel, in one series or several.
 
     Equal rows are one sample.  Of a channel that was drawn in lines, each row is near a sample of one series
@@ -276,7 +273,7 @@ def _samples(part: Array, known: Flags, apart: int) -> Iterator[tuple[Rows, Rows
         yield np.maximum(rows - apart + 1, 0), np.minimum(rows + apart, len(part)), part[rows]
 
 
-def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Flags]:
+def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
     """Which samples of each series jump: again without those found, which spoil what is around them."""
     values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
     for stride in bursts:
@@ -298,7 +295,7 @@ def _usual(off: Array) -> float:
     return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
 
 
-def _off_cubic(y: Array, stride: int) -> tuple[Array, Flags]:
+def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
     """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
 
     Args:

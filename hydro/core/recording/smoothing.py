@@ -18,23 +18,22 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 
-Array = NDArray[np.float64]
-Bounds = NDArray[np.int64]
 Method = Literal["rts", "kalman", "kalman-difference"]
 METHODS: tuple[str, ...] = ("rts", "kalman", "kalman-difference")
 
 DIFFUSE = 1e6  # variance of the unknown first acceleration [R / dt^2], times the ratio where that is above 1
-SETTLED = 1e-13  # relative change of a gain that counts as none
-LONGEST = 5000  # rows a gain may take to settle
+SETTLED_GAIN = 1e-13  # relative change of a gain that counts as none
+MOST_ROWS = 5000  # rows a gain may take to settle
 RATIOS = 10.0 ** np.arange(-8.0, 6.01, 0.25)  # a step changes the filter's bandwidth by 15 %
 WINDOW, WINDOWS = 256, 64  # rows and number of the pieces of data that the ratio is estimated from
 UNINFORMED = 2  # innovations at the start of a window that only find the first acceleration
-REACH = 1e-3  # share of its largest weight below which a row's weight is nothing
+NEGLIGIBLE_WEIGHT = 1e-3  # share of its largest weight below which a row's weight is nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,12 +99,12 @@ def _unit_gains(ratio: float) -> tuple[Array, Array]:
     axis.Q = Q_continuous_white_noise(dim=2, dt=1.0, spectral_density=ratio)
     axis.P = np.diag([1.0, DIFFUSE * max(1.0, ratio)])
     forward, covariances = [np.array([1.0, 0.0])], [axis.P.copy()]
-    while len(forward) < LONGEST:
+    while len(forward) < MOST_ROWS:
         axis.predict()
         axis.update(0.0)
         forward.append(axis.K[:, 0].copy())
         covariances.append(axis.P.copy())
-        if np.all(np.abs(forward[-1] - forward[-2]) <= SETTLED * np.abs(forward[-1])):
+        if np.all(np.abs(forward[-1] - forward[-2]) <= SETTLED_GAIN * np.abs(forward[-1])):
             break
     covariances.append(axis.P.copy())
     _, _, backward, _ = axis.rts_smoother(np.zeros((len(covariances), 2)), np.array(covariances))
@@ -221,8 +220,8 @@ def reach(design: Design) -> int:
     A row further away has less than 1e-3 of the largest weight.
     """
     weights = np.abs(_weights(design))
-    heavy = np.flatnonzero((weights > REACH * weights.max(axis=0)).any(axis=(1, 2)))
-    return int(max(LONGEST - heavy[0], heavy[-1] - LONGEST))
+    heavy = np.flatnonzero((weights > NEGLIGIBLE_WEIGHT * weights.max(axis=0)).any(axis=(1, 2)))
+    return int(max(MOST_ROWS - heavy[0], heavy[-1] - MOST_ROWS))
 
 
 def acceleration_noise(design: Design) -> Array:
@@ -232,9 +231,9 @@ def acceleration_noise(design: Design) -> Array:
 
 
 def _weights(design: Design) -> Array:
-    """Weights of a measurement in the smoothed (nu, nu_dot) of the rows around it, (2 LONGEST + 1, 6, 2)."""
-    impulse = np.zeros((2 * LONGEST + 1, 6))
-    impulse[LONGEST] = 1.0
+    """Weights of a measurement in the smoothed (nu, nu_dot) of rows around it, (2 MOST_ROWS + 1, 6, 2)."""
+    impulse = np.zeros((2 * MOST_ROWS + 1, 6))
+    impulse[MOST_ROWS] = 1.0
     return smooth(impulse, [[0, len(impulse)]], design)
 
 
@@ -276,7 +275,7 @@ def estimate(
     return Design(float(dt), tuple(RATIOS[best].tolist()), tuple(noise_found.tolist()))
 
 
-def _windows(bounds: Bounds) -> Bounds:
+def _windows(bounds: Rows) -> Rows:
     """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2)."""
     pieces = [
         (at, min(at + WINDOW, stop)) for start, stop in bounds.tolist() for at in range(start, stop, WINDOW)
@@ -308,7 +307,7 @@ def _unit_design(ratio: float, rows: int) -> Array:
 
 
 @jit
-def _innovations_kernel(z: Array, windows: Bounds, design: Array, out: Array) -> None:
+def _innovations_kernel(z: Array, windows: Rows, design: Array, out: Array) -> None:
     """Sums over the windows of e^2 / s, of log s, and their number, for each axis, into `out` (6, 3)."""
     out[:] = 0.0
     state = np.zeros(2)

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
     BALANCE,
@@ -40,7 +41,6 @@ from hydro.core.effects.program import (
     start,
     wrench,
 )
-from hydro.core.effects.record import Array
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel

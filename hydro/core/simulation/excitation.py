@@ -15,12 +15,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
 SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}

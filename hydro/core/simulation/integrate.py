@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.program import thrusters_of
-from hydro.core.effects.record import Array
 from hydro.core.simulation.dynamics import BODY, Motion, observe_state, rates_kernel
 from hydro.core.simulation.pilot import Pilot, steer
 from hydro.core.simulation.variational_equation import DEVIATION, Deviations, carry

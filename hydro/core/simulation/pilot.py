@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import POSITION, ROTATION, VELOCITY
-from hydro.core.effects.record import Array
 from hydro.core.vehicle.control_allocation import hold_kernel, mixing_kernel
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.core.vehicle.frames import wrapped
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
+from hydro.core.columns import POSE, VELOCITY, Array, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
-from hydro.core.effects.record import Array
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat, settle
@@ -25,8 +25,6 @@ from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_eul
 
 RATE = 500.0
 """Integration steps per second, at least [Hz]."""
-POSE = ("x", "y", "z", "phi", "theta", "psi")
-VELOCITY = ("u", "v", "w", "p", "q", "r")
 
 
 def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
@@ -45,17 +43,11 @@ def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
     Raises:
         DataError: Missing columns, a gap in time without a state after it, or a motion without bounds.
     """
-    names = [f"cmd_{i + 1}" for i in range(len(vehicle.thruster))]
-    extra = [name for name in commands.columns if name.startswith("cmd_") and name not in names]
-    if extra:
-        raise DataError(
-            f"commands: column {extra[0]} is one too many: {vehicle.name} has {len(names)} thrusters; "
-            "use the vehicle file that the commands are for"
-        )
-    missing = [name for name in ("session", "t", *names) if name not in commands.columns]
+    names = checked_commands(commands.columns, len(vehicle.thruster), vehicle.name)
+    missing = [name for name in ("session", "t") if name not in commands.columns]
     if missing:
         raise DataError(
-            f"commands: column {missing[0]} is missing; this vehicle needs session, t, {', '.join(names)}"
+            f"commands: column {missing[0]} is missing; commands need session, t, {', '.join(names)}"
         )
     known = [name for name in (*POSE, *VELOCITY) if name in commands.columns]
     if known and len(known) < len(POSE) + len(VELOCITY):

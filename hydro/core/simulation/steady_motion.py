@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import ADDED_MASS, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
 from hydro.core.effects.program import HEADER, STATE_COUNT, Program, wrench
-from hydro.core.effects.record import Array
 from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 

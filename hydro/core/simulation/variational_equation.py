@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import (
     INVERSE_MASS_MATRIX,
@@ -25,7 +26,6 @@ from hydro.core.effects.layout import (
     VELOCITY,
 )
 from hydro.core.effects.program import HEADER, relative_to_water, thrusters_of, wrench
-from hydro.core.effects.record import Array
 from hydro.core.simulation.dynamics import (
     BODY,
     Motion,

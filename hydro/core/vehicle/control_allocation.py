@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import balance
@@ -26,8 +26,6 @@ from hydro.core.vehicle.thrusters import (
     configuration_matrix,
     thruster_table,
 )
-
-Array = NDArray[np.float64]
 
 HELD = (2, 3, 4, 5)
 """Axes of the holds: heave, roll, pitch, yaw."""

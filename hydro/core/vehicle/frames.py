@@ -9,12 +9,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
 """Half a turn about x, its own inverse: signs that turn FRD into FLU axes, and NED into a z-up world."""

@@ -23,10 +23,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
-
-Array = NDArray[np.float64]
 
 FORM_DRAG = 1.1
 SKIN_FRICTION = 0.0043

@@ -7,13 +7,12 @@ Wrenches and velocities are six components in body axes (FRD), order X Y Z K M N
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import skew
-
-Array = NDArray[np.float64]
 
 
 def mass_matrix(vehicle: Vehicle) -> Array:

@@ -14,13 +14,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
-
-Array = NDArray[np.float64]
 
 # Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
 UNIT_WRENCH = slice(0, 6)

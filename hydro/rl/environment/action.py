@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.control_allocation import mixing_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
-
-Array = NDArray[np.float64]
 
 ACTIONS = 6
 """Demands X, Y, Z, K, M, N in [-1, 1], shares of the greatest wrench on each axis alone."""

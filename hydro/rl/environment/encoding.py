@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array32
 from hydro.core.errors import DataError
-
-Array32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array32
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as vehicles
@@ -27,8 +28,6 @@ from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet, Guidance, Info
 from hydro.rl.environment.observation import bounds
 from hydro.sim.residual.lowering import TrainedModel
-
-Array32 = NDArray[np.float32]
 
 VEHICLE = "auv151"
 """The vehicle of the reference paper."""

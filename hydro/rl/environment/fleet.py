@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array, Array32, Mask
 from hydro.core.effects import inertia_matrix
 from hydro.core.errors import DataError
 from hydro.core.vehicle.control_allocation import mixing
@@ -38,9 +39,6 @@ from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.step import sense_kernel, step_kernel
 from hydro.sim.plant import Plant
 
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 State = dict[str, NDArray[np.generic]]
 
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Hull
 from hydro.rl.environment.config import World
-
-Array = NDArray[np.float64]
 
 LENGTH, WIDTH, FLOOR, RADIUS = range(4)
 """Where the tank's numbers stand: its far walls, its floor, and the radius of its pillars [m]."""

@@ -7,12 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.rl.environment.config import Settings
 from hydro.rl.environment.planner import Grid, plan
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 State = dict[str, NDArray[np.generic]]
 
 AHEAD = 3.5

@@ -14,8 +14,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.environment.blocks import Motion, Scenes, Senses
@@ -23,9 +23,6 @@ from hydro.rl.environment.config import Noise, Settings
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.environment.geometry import FLOOR, tank
 from hydro.rl.environment.sonar import BEAMS, beams, sonar_kernel
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 17
 ALTITUDE = SONAR + BEAMS

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError, UsageError
 
-Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
 RELAXED = (1.0, 0.75, 0.5, 0.25, 0.0)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Hull
 from hydro.rl.environment.config import Sonar
 from hydro.rl.environment.geometry import FLOOR, LENGTH, RADIUS, WIDTH
-
-Array = NDArray[np.float64]
 
 BEAMS = 15
 

@@ -13,12 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.errors import UsageError
 from hydro.rl.environment.config import Settings, course
-
-Array = NDArray[np.float64]
 
 POINT_TO_POINT, PILLARS, GUIDED = STAGES = (1, 2, 3)
 

@@ -10,11 +10,10 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from hydro.core.columns import Array
 from hydro.rl.environment.fleet import Fleet, Step
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.environment.tasks import GUIDED
-
-Array = NDArray[np.float64]
 
 Actor = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Observations (N, 36) to actions (N, 6)."""

@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tensordict.nn import NormalParamExtractor
 from torch import nn
 from torchrl.modules import MLP
 
+from hydro.core.columns import Array32
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
-
-Array32 = NDArray[np.float32]
 
 
 def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Module:

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from hydro.core.columns import Array32, Mask
 
 
 class Transition(NamedTuple):

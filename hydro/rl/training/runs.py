@@ -247,7 +247,7 @@ def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
         "fades": policy.encoding.fades.tolist(),
         "training": dict(policy.training),
     }
-    return table.make("policy", frame, stage=STAGE, seed=seed, inputs=[run], model=described)
+    return table.make("policy", frame, stage=STAGE, seed=seed, inputs=[run]).of_network(described)
 
 
 def policy_of(artefact: Artefact) -> Policy:

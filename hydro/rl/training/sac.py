@@ -24,11 +24,12 @@ from torchrl.data import LazyTensorStorage, ReplayBuffer
 from torchrl.modules import ProbabilisticActor, TanhNormal, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
+from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import SACConfig
-from hydro.rl.training.policy import Array32, Policy, layers, median, network
-from hydro.rl.training.returns import Horizon, Mask, Transition
+from hydro.rl.training.policy import Policy, layers, median, network
+from hydro.rl.training.returns import Horizon, Transition
 
 torchrl_logger.setLevel("WARNING")
 

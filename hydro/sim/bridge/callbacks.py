@@ -23,6 +23,7 @@ import numpy as np
 from numba import carray, types
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import cfunc, jit
 from hydro.core.effects import layout
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, relative_to_water, start, wrench
@@ -43,7 +44,6 @@ from hydro.sim.bridge import structs, water
 from hydro.sim.bridge.pointers import ROOM, as_doubles, field, integers, number, numbers, pointer, stack
 from hydro.sim.residual import control
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 _mj_factorM = types.ExternalFunction("mj_factorM", types.void(types.intp, types.intp))

@@ -13,8 +13,8 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Hull, Thruster, Vehicle
@@ -22,7 +22,6 @@ from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
 from hydro.core.vehicle.thrusters import ASYMMETRY, DELAY, GAIN, INFLOW, LAG_STEP, SPEED_LAG, TIME_CONSTANT
 from hydro.sim.bridge.water import PREFIX, Water, wet
 
-Array = NDArray[np.float64]
 Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
 
 _INTEGRATORS = {

@@ -14,7 +14,6 @@ from typing import Any
 import llvmlite.binding as llvm
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
 from hydro.core.errors import DataError, HydroError
@@ -22,8 +21,6 @@ from hydro.core.vehicle.thrusters import COLUMNS
 from hydro.sim.bridge import callbacks, fields, structs, water
 from hydro.sim.bridge.water import PREFIX
 from hydro.sim.residual import control
-
-Array = NDArray[np.float64]
 
 
 def prepare(model: mujoco.MjModel) -> mujoco.MjModel:

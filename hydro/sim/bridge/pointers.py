@@ -11,9 +11,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.int32]
 
 ROOM = 160

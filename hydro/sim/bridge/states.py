@@ -9,8 +9,9 @@ v.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.vehicle.frames import (
     euler_from_quaternion,
     quaternion_from_euler,
@@ -18,8 +19,6 @@ from hydro.core.vehicle.frames import (
     swap_frd_flu,
     swap_quaternion,
 )
-
-Array = NDArray[np.float64]
 
 
 def to_mujoco(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:

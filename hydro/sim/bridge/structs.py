@@ -7,17 +7,13 @@ at import.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.thrusters import COLUMNS
 from hydro.sim.bridge import water
 from hydro.sim.bridge.fields import offset
 from hydro.sim.bridge.pointers import integers, numbers
 from hydro.sim.residual import control
-
-Array = NDArray[np.float64]
 
 MODEL_FIELDS = (
     "opt.timestep",

@@ -13,16 +13,14 @@ from dataclasses import dataclass
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix
 from hydro.core.effects.program import thrusters_of
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import DELAY
 from hydro.sim.residual.control import Control
-
-Array = NDArray[np.float64]
 
 PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""

@@ -16,14 +16,13 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import configuration_matrix
-
-Array = NDArray[np.float64]
 
 BETA = 0.9  # paper III-B
 WIDTH = 0.02  # m/s and rad/s, of the dead band

@@ -22,8 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
 from hydro.core.distillation import history
 from hydro.core.errors import UsageError
@@ -32,9 +32,6 @@ from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
 from hydro.sim.residual.layers import COLUMNS, damping
 from hydro.sim.residual.network import Network, Weights, network_kernel
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""

@@ -9,12 +9,9 @@ vehicles are computed together or on which thread; it agrees with torch to a few
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 # What a step does with `length` numbers at `to`, from `width` numbers at `source`.
 DENSE = 0  # W x + b

@@ -12,11 +12,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hydro.core.columns import Array, Array32
 from hydro.core.errors import DataError
 from hydro.sim.residual import layers
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 AXES = 6
 PACE = 10.0  # s, of the structured model's inertia

@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
 from hydro.core.distillation import history
 from hydro.core.distillation.features import names, physfeat_kernel
 from hydro.core.errors import DataError
 from hydro.sim.residual import layers
 from hydro.sim.residual.lowering import TrainedModel, lower
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
 
 _STATES, _AXES = 12, 6
 

@@ -10,11 +10,11 @@ from recordings import DT, tumbling
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
-from hydro.core.diagnosis.coloured import POSE, coloured, velocity_noise
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.coloured import POSE_CHANNELS, coloured, velocity_noise
 from hydro.core.diagnosis.sensor_tests import kinematic_tests
 from hydro.core.identification.normal_equations import Normal
-from hydro.core.recording.arrays import POSE as PLACES
-from hydro.core.recording.arrays import VELOCITY, noise, recording
+from hydro.core.recording.arrays import noise, recording
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 
 LASTS = 1.0  # s
@@ -29,9 +29,9 @@ def logged(white: Noise = PROFILES["ordinary"], size: np.ndarray | None = None, 
     motion = disturb(np.hstack([x, Rotation.from_matrix(R).as_euler("ZYX")[:, ::-1], v, omega]), white, rng)
     if size is not None:
         draws = rng.standard_normal((len(t), 6)) * size * np.sqrt(1.0 - keep**2)
-        motion[:, POSE:] += lfilter([1.0], [1.0, -keep], draws, axis=0)
+        motion[:, POSE_CHANNELS:] += lfilter([1.0], [1.0, -keep], draws, axis=0)
     motion[:, :3] += walk * np.sqrt(DT) * rng.standard_normal((len(t), 3)).cumsum(axis=0)
-    table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *PLACES, *VELOCITY])
+    table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *POSE, *VELOCITY])
     still = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
     return recording(table.with_columns(pl.lit("a").alias("session"), *still), synthetic.vehicle())
 
@@ -46,7 +46,9 @@ def weighed(record, left: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("white", [PROFILES["ordinary"], PROFILES["dvl"]])
 def test_white_noise_is_no_more_than_it_is(white):
     record = logged(white)
-    np.testing.assert_array_equal(velocity_noise(record, kinematic_tests(record)), noise(record)[POSE:])
+    np.testing.assert_array_equal(
+        velocity_noise(record, kinematic_tests(record)), noise(record)[POSE_CHANNELS:]
+    )
     assert (weighed(record, np.full(12, 5.0)) == noise(record)).all()
 
 
@@ -55,7 +57,7 @@ def test_noise_that_lasts_weighs_as_the_white_noise_that_errs_as_much_over_two_s
     record = logged(CLOSE, SIZE)
     found = velocity_noise(record, kinematic_tests(record))
     longest = 2.0 * LASTS / DT * (1.0 - LASTS / 2.0 * (1.0 - np.exp(-2.0 / LASTS)))
-    expected = np.sqrt(SIZE**2 * longest + noise(record)[POSE:] ** 2)
+    expected = np.sqrt(SIZE**2 * longest + noise(record)[POSE_CHANNELS:] ** 2)
     np.testing.assert_allclose(found, expected, rtol=0.4)
 
 
@@ -65,8 +67,8 @@ def test_velocities_weigh_less_only_where_a_model_leaves_what_their_noise_leaves
     assert (weighed(record, left) == noise(record)).all()
     left[6:] = 3.0
     sigma = weighed(record, left)
-    np.testing.assert_allclose(sigma[:POSE], noise(record)[:POSE] * np.sqrt(0.5))
-    assert (sigma[POSE:] > 3.0 * noise(record)[POSE:]).all()
+    np.testing.assert_allclose(sigma[:POSE_CHANNELS], noise(record)[:POSE_CHANNELS] * np.sqrt(0.5))
+    assert (sigma[POSE_CHANNELS:] > 3.0 * noise(record)[POSE_CHANNELS:]).all()
 
 
 def test_a_position_that_wanders_is_no_noise_of_the_velocities():

@@ -6,12 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.explain import Step, best, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle

@@ -10,12 +10,13 @@ import polars as pl
 import pytest
 from recordings import damped
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, best, library, plain, showing
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.fit import OutputError
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle

@@ -10,6 +10,7 @@ from recordings import DT, damped, moved, tumbling
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.sensor_tests import (
     ENTRIES,
     _mount,
@@ -21,7 +22,7 @@ from hydro.core.diagnosis.sensor_tests import (
 )
 from hydro.core.effects.sensor import LOG, corrected
 from hydro.core.errors import DataError
-from hydro.core.recording.arrays import POSE, VELOCITY, Recording, recording
+from hydro.core.recording.arrays import Recording, recording
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 from hydro.io import vehicle as files
 

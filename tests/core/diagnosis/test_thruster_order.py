@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import damped, moved
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.log_faults import in_order, preprocess
 from hydro.core.diagnosis.thruster_order import Wiring, rewired
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 
 N = 8

@@ -7,11 +7,12 @@ import numpy as np
 import polars as pl
 import pytest
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import unexplained
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.multiple_shooting import aim
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files

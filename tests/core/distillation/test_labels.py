@@ -275,7 +275,7 @@ def test_errors_of_the_velocity_log_are_undone_first(raw, vehicle):
 def test_wrong_vehicle(raw, vehicle):
     six = msgspec.structs.replace(vehicle, thruster=vehicle.thruster[:6])
     with pytest.raises(
-        DataError, match="8 command columns and vehicle synthetic 6 thrusters; use the vehicle"
+        DataError, match="8 command columns, also cmd_7, and vehicle synthetic 6 thrusters; use the vehicle"
     ):
         labels(raw, six)
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from hydro.core.columns import Array
 from hydro.core.effects import effect_wrenches
 from hydro.core.vehicle.description import Buoyancy, Environment, Hull, RigidBody, Thruster, Vehicle
 
-Array = NDArray[np.float64]
 CENTER_OF_BUOYANCY = np.array([0.03, -0.02, -0.08])
 BUOYANCY = 505.0
 BARE = Vehicle(

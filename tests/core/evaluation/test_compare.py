@@ -10,12 +10,13 @@ import synthetic
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes, misfit
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.regimes import Family, Pieces, conditions, families, phrase
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import POSE, VELOCITY, recording
+from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import schema
@@ -176,7 +177,8 @@ def test_shares_are_parts_of_one_whole():
 
 
 def test_a_comparison_keeps_its_schema(true_model):
-    assert schema.load("comparison").check(true_model, "x").equals(true_model)
+    rules = schema.load("comparison")
+    assert rules.check(rules.conform(true_model), "x").equals(true_model)
 
 
 def test_a_session_is_one_block_of_a_whole_run(true_model):
@@ -216,7 +218,8 @@ def test_against_an_earlier_comparison():
     again = after.filter(by="place").select("axis", "place", "before")
     assert set(ranked.select("axis", "place").rows()) <= set(again.select("axis", "place").rows())
     assert again["before"].null_count() == 0
-    assert schema.load("comparison").check(after, "x").equals(after)
+    rules = schema.load("comparison")
+    assert rules.check(rules.conform(after), "x").equals(after)
 
 
 # Places and words.

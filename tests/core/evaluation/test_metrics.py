@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hydro.core.columns import VELOCITY, WRENCH
 from hydro.core.errors import DataError
-from hydro.core.evaluation.metrics import VELOCITY_AXES, VELOCITY_UNITS, WRENCH_AXES, consecutive, measure
+from hydro.core.evaluation.metrics import Subject, consecutive, measure
 
 
 def pair(rows: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -20,9 +21,9 @@ def pair(rows: int = 400, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return truth, truth + rng.normal(size=(rows, 6)) * [5, 4, 3, 1, 0.5, 2] + 0.3
 
 
-def table(truth, predicted, blocks=None, **options) -> pl.DataFrame:
+def table(truth, predicted, blocks=None, variant="", **options) -> pl.DataFrame:
     blocks = consecutive(len(truth), 20) if blocks is None else blocks
-    return measure(truth, predicted, blocks, model="m", dataset="d", **options)
+    return measure(truth, predicted, blocks, Subject("m", "d", variant), **options)
 
 
 def value(frame: pl.DataFrame, axis: str, metric: str, column: str = "value") -> float:
@@ -34,7 +35,7 @@ def test_values_are_the_textbooks(rows, length, seed):
     truth, predicted = pair(rows, seed)
     made = table(truth, predicted, consecutive(rows, length))
     error = predicted - truth
-    for i, axis in enumerate(WRENCH_AXES):
+    for i, axis in enumerate(WRENCH):
         assert value(made, axis, "rmse") == pytest.approx(math.sqrt(np.mean(error[:, i] ** 2)))
         assert value(made, axis, "mae") == pytest.approx(np.mean(np.abs(error[:, i])))
         r2 = 1 - np.sum(error[:, i] ** 2) / np.sum((truth[:, i] - truth[:, i].mean()) ** 2)
@@ -46,9 +47,7 @@ def test_the_papers_single_figures_take_all_axes_as_they_are():
     made = table(truth, predicted)
     assert value(made, "all", "rmse") == pytest.approx(np.sqrt(np.mean((predicted - truth) ** 2)))
     assert value(made, "all", "mae") == pytest.approx(np.mean(np.abs(predicted - truth)))
-    assert value(made, "mean", "r2") == pytest.approx(
-        np.mean([value(made, axis, "r2") for axis in WRENCH_AXES])
-    )
+    assert value(made, "mean", "r2") == pytest.approx(np.mean([value(made, axis, "r2") for axis in WRENCH]))
     assert made.filter(axis="all")["unit"].unique().to_list() == ["N, N m"]
 
 
@@ -62,8 +61,8 @@ def test_columns_are_the_schemas():
 
 
 def test_velocity_axes():
-    made = table(*pair(), axes=VELOCITY_AXES, units=VELOCITY_UNITS)
-    assert made.filter(metric="mae")["axis"].to_list() == [*VELOCITY_AXES, "all"]
+    made = table(*pair(), axes=VELOCITY)
+    assert made.filter(metric="mae")["axis"].to_list() == [*VELOCITY, "all"]
     assert made.filter(axis="r", metric="rmse")["unit"].item() == "rad/s"
 
 

@@ -41,8 +41,8 @@ def test_the_true_vehicle_predicts_its_own_track(known):
 
 
 def test_only_the_heads_of_the_first_sessions_are_shown(known, monkeypatch):
-    monkeypatch.setattr(rolling_prediction, "LONGEST", 4.0)
-    monkeypatch.setattr(rolling_prediction, "SESSIONS", 2)
+    monkeypatch.setattr(rolling_prediction, "SHOWN_SECONDS", 4.0)
+    monkeypatch.setattr(rolling_prediction, "MOST_SESSIONS", 2)
     raw = pl.concat([flown(known, 6.0, name) for name in "cab"])
     table = restarted({"step-0": known}, raw)
     assert table.select("session", "variant").unique(maintain_order=True).rows() == [

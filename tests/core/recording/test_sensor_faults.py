@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import ROWS, found, log, spoilt
 
-from hydro.core.recording.arrays import VELOCITY
+from hydro.core.columns import VELOCITY
 from hydro.core.recording.sensor_faults import CHANNELS, without_faults
 from hydro.core.simulation.sensor_noise import PROFILES, Noise
 

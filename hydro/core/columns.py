@@ -1,0 +1,71 @@
+"""Names and units of the columns of motion and force, and the types of array and table code.
+
+Letters are those of SNAME (1950), as in Fossen (2021), Table 2.1: the pose of CO in NED, velocity and force
+in body axes (FRD).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.errors import DataError
+
+Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
+Rows = NDArray[np.int64]
+"""Row numbers, or bounds [start, stop) of runs of rows."""
+Mask = NDArray[np.bool_]
+Progress = Callable[[str, float], None]
+"""Told what is being done, in a few words, and the share of the work that is behind."""
+
+POSE = ("x", "y", "z", "phi", "theta", "psi")
+VELOCITY = ("u", "v", "w", "p", "q", "r")
+MOTION = (*POSE, *VELOCITY)
+WRENCH = ("X", "Y", "Z", "K", "M", "N")
+DOF = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Words for the six degrees of freedom, the axes of velocity and wrench."""
+
+POSE_UNITS = ("m",) * 3 + ("rad",) * 3
+VELOCITY_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
+WRENCH_UNITS = ("N",) * 3 + ("N m",) * 3
+UNITS = dict(zip((*MOTION, *WRENCH), (*POSE_UNITS, *VELOCITY_UNITS, *WRENCH_UNITS), strict=True))
+"""Unit of each of these columns."""
+
+COMMAND = "cmd_"
+"""What the name of every command column begins with."""
+
+
+def command_column(thruster: int) -> str:
+    """Name of the column of a thruster's command; thrusters count from 0, the columns from 1."""
+    return f"{COMMAND}{thruster + 1}"
+
+
+def command_columns(thrusters: int) -> list[str]:
+    """Names of the command columns of so many thrusters: `cmd_1 ... cmd_n`."""
+    return [command_column(thruster) for thruster in range(thrusters)]
+
+
+def checked_commands(columns: Iterable[str], thrusters: int, vehicle: str) -> list[str]:
+    """The command columns of a table, which must be those of a vehicle's thrusters, one for each.
+
+    Args:
+        columns: Names of all columns of the table.
+        thrusters: How many thrusters the vehicle has.
+        vehicle: Its name, for the error line.
+
+    Raises:
+        DataError: A command column is missing, or is one too many.
+    """
+    needed = command_columns(thrusters)
+    found = [name for name in columns if name.startswith(COMMAND)]
+    if set(found) == set(needed):
+        return needed
+    missing = [f"no {name}" for name in needed if name not in found]
+    extra = [f"also {name}" for name in sorted(found) if name not in needed]
+    raise DataError(
+        f"the table has {len(found)} command columns, {(missing + extra)[0]}, and vehicle {vehicle} "
+        f"{thrusters} thrusters; use the vehicle file that it was recorded with"
+    )
