@@ -214,7 +214,7 @@ def recovered(
     hidden = next(iter(truth.effects(effect)))
     form = next((f".{key}" for key in CATALOGUE[effect].one_of if key in hidden), "")
     depth = 1.5 if name == "surface_suction" else 5.0
-    motion = simulate(commands(vehicle, seconds, seed, depth), truth)
+    motion = simulate(truth, commands(vehicle, seconds, seed, depth))
     logged = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     raw = motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
     others = [other for other in damping_of(known) if other != effect]

@@ -91,11 +91,11 @@ def _flown(true: Vehicle, session: str, seconds: float, rng: np.random.Generator
     commands = np.clip(allocate(configuration_matrix(true), sticks * STICKS) / limit, -1.0, 1.0)
     begin = dict.fromkeys((*POSE, *VELOCITY), 0.0) | {"z": DEPTH, "psi": float(rng.uniform(-np.pi, np.pi))}
     flown = simulate(
+        true,
         pl.DataFrame(
             {"session": session, "t": t, **begin}
             | {f"cmd_{i + 1}": column for i, column in enumerate(commands.T)}
         ),
-        true,
     )
     logged = disturb(flown.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     numbers = flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))

@@ -40,7 +40,7 @@ def main() -> None:
             1500.0 + 400.0 * np.clip(allocate(configuration_matrix(rover), tau) / limit, -1.0, 1.0)
         )
         columns = {f"cmd_{i + 1}": (pulses[:, i] - 1500.0) / 400.0 for i in range(len(limit))}
-        flown = simulate(pl.DataFrame({"session": name, "t": t, **columns}), rover)
+        flown = simulate(rover, pl.DataFrame({"session": name, "t": t, **columns}))
         motion = flown.select(*POSE, *VELOCITY).to_numpy()
         motion[:, 2] += DEPTH
         clock = np.round(1000.0 * (t + rng.uniform(0.0, 0.002, t.size)) + 60_000.0 * number).astype(int)

@@ -188,7 +188,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     from hydro.core.simulation.simulate import simulate as move
     from hydro.io.table import conform
 
-    return conform("raw", move(commands, vehicle))
+    return conform("raw", move(vehicle, commands))
 
 
 @_vehicle_first
@@ -376,7 +376,7 @@ def labels(
     from hydro.core.distillation.labels import labels as compute
     from hydro.io.table import conform
 
-    found = compute(raw, vehicle, acceleration=acceleration, noise=noise, subtract=subtract)
+    found = compute(vehicle, raw, acceleration=acceleration, noise=noise, subtract=subtract)
     return conform("labels", found)
 
 
@@ -554,8 +554,8 @@ def replay(
     flown = sim.variants(models, variants)
     names = [variant.name for variant in flown]
     motion, errors = sim.replay(
-        raw,
         vehicle,
+        raw,
         flown,
         setup=sim.Setup(conditioning=preset(conditioning, vehicle)),
         piece=piece,

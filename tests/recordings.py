@@ -44,7 +44,7 @@ def moved(vehicle, *, seed=0, rows=2000, thrusters=range(8)) -> pl.DataFrame:
     for i in range(len(vehicle.thruster)):
         wave = 0.6 * np.sin(2 * np.pi * rng.uniform(0.05, 0.4) * t + rng.uniform(0, 6))
         columns[f"cmd_{i + 1}"] = wave if i in thrusters else np.zeros(rows)
-    return simulate(pl.DataFrame(columns), vehicle)
+    return simulate(vehicle, pl.DataFrame(columns))
 
 
 @cache
@@ -79,4 +79,4 @@ def spoilt(raw: pl.DataFrame, **changed: np.ndarray) -> pl.DataFrame:
 
 
 def found(raw: pl.DataFrame):
-    return faults(recording(raw, synthetic.vehicle()))
+    return faults(recording(synthetic.vehicle(), raw))

@@ -41,15 +41,15 @@ MADE: dict[str, Callable[[pl.DataFrame, Vehicle], pl.DataFrame]] = {
     "raw": hydro.simulate,
     "comparison": hydro.compare,
     "comparison with an earlier one": lambda raw, known: hydro.compare(
-        raw, known, against=hydro.compare(raw, known)
+        known, raw, against=hydro.compare(known, raw)
     ),
     "diagnosis": hydro.diagnose,
     "labels": hydro.labels,
-    "split": lambda raw, known: hydro.split(hydro.labels(raw, known), block=100)[0],
-    "blocks": lambda raw, known: hydro.split(hydro.labels(raw, known), block=100)[1],
-    "features": lambda raw, known: hydro.features(hydro.labels(raw, known)),
-    "replay": lambda raw, known: hydro.replay(raw, known)[0],
-    "metrics": lambda raw, known: hydro.replay(raw, known)[1],
+    "split": lambda raw, known: hydro.split(hydro.labels(known, raw), block=100)[0],
+    "blocks": lambda raw, known: hydro.split(hydro.labels(known, raw), block=100)[1],
+    "features": lambda raw, known: hydro.features(hydro.labels(known, raw)),
+    "replay": lambda raw, known: hydro.replay(known, raw)[0],
+    "metrics": lambda raw, known: hydro.replay(known, raw)[1],
 }
 
 
@@ -74,7 +74,7 @@ def test_a_frame_is_as_its_file_reads(name: str, raw: pl.DataFrame, known: Vehic
 
 
 def test_steps_are_as_their_files_read(raw: pl.DataFrame, known: Vehicle) -> None:
-    step = next(iter(hydro.explain(raw, known)))
+    step = next(iter(hydro.explain(known, raw)))
     for kind in ("comparison", "diagnosis", "ladder"):
         frame = getattr(step, kind)
         assert columns(read_back(frame, kind)) == columns(frame)

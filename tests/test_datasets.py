@@ -87,7 +87,7 @@ def test_the_truth_made_the_recordings_and_stands_nowhere_else(datasets: Path) -
         assert truth["raw"][name] == record.content
         assert "ocean" not in str(record)
         start = frame.cast({pl.Float32: pl.Float64}).with_columns(pl.col(*"uvwpqr").cast(pl.Float64) * 0.0)
-        moved = simulate(start, extended(known, truth["effect"])).group_by("session").head(100)
+        moved = simulate(extended(known, truth["effect"]), start).group_by("session").head(100)
         logged = frame.group_by("session").head(100)
         error = (
             moved.sort("session", "t").select(*"uvw") - logged.sort("session", "t").select(*"uvw")

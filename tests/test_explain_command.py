@@ -35,7 +35,7 @@ def recording(seed: int, seconds: float = 12.0) -> pl.DataFrame:
     rng, t = np.random.default_rng(seed), np.arange(round(seconds * 50)) / 50
     demand = {f"cmd_{i}": 0.4 * np.sin((0.2 + 0.05 * i) * t + seed) for i in range(1, 9)}
     known = extended(vehicles.read(VEHICLE)[0], [{"name": "ocean_current", **CURRENT}])
-    moved = simulate(pl.DataFrame({"session": [f"run-{seed}"] * len(t), "t": t, **demand}), known)
+    moved = simulate(known, pl.DataFrame({"session": [f"run-{seed}"] * len(t), "t": t, **demand}))
     logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
 
@@ -138,12 +138,12 @@ def test_python_says_the_same(counted):
     assert run() == 0
     raw, heldout = (hydro.read(f"{name}.parquet") for name in ("measured", "held"))
     known = hydro.vehicle(VEHICLE)
-    steps = list(hydro.explain(raw, known, holdout=heldout))
+    steps = list(hydro.explain(known, raw, holdout=heldout))
     assert pl.concat(step.ladder for step in steps).equals(hydro.read("study/ladder.parquet"))
     found = hydro.read("study/diagnosis-0.parquet", "diagnosis")
     assert steps[0].diagnosis.equals(found)
     assert hydro.add(known, found) == steps[1].vehicle
-    compared = hydro.compare(raw, steps[1].vehicle, against=steps[0].comparison)
+    compared = hydro.compare(steps[1].vehicle, raw, against=steps[0].comparison)
     apart = pl.col("by") != "place"  # the earlier places are looked at again
     assert compared.drop("before").filter(apart).equals(steps[1].comparison.filter(apart))
     with pytest.raises(DataError, match="no finding payload"):

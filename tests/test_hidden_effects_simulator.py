@@ -65,7 +65,7 @@ def apart(vehicle, *hidden, depth=3.0):
     moving = tuple(table for table in full.effect if not table["name"].startswith("sensor_"))
     at_rest = flown.with_columns(pl.lit(0.0).alias(name) for name in VELOCITY)
     again = (
-        simulate(at_rest, msgspec.structs.replace(full, effect=moving)).select(*POSE, *VELOCITY).to_numpy()
+        simulate(msgspec.structs.replace(full, effect=moving), at_rest).select(*POSE, *VELOCITY).to_numpy()
     )
     again[:, 6:] = sensor.measured(velocity_log(full), flown["t"].to_numpy(), again[:, 6:])
     difference = flown.select(*POSE, *VELOCITY).to_numpy() - again

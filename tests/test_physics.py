@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_is_simulated_is_raw_data_with_its_vehicle(folder):
     artefact = table.read(folder / "raw.parquet", "raw")
     known, text = vehicles.read(VEHICLE)
-    assert artefact.frame.equals(move(commands(), known).select(artefact.frame.columns))
+    assert artefact.frame.equals(move(known, commands()).select(artefact.frame.columns))
     made = artefact.provenance
     assert (made.stage, made.vehicle) == ("simulate", text)
     assert [one.kind for one in made.inputs] == ["commands", "vehicle"]

@@ -9,6 +9,7 @@ import pytest
 
 from hydro import cli
 from hydro.commands.shell import here, message
+from hydro.io.table import conform
 from hydro.report.seeds import ranking, seeds_together
 from hydro.study.models import Recordings, Study, _beside_effects, _rounds
 from hydro.study.steps import Runner, Step, StepFailed, apart

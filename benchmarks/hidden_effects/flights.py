@@ -186,7 +186,7 @@ def by_simulate(
         columns: dict[str, Any] = {"session": ["x"] * count, "t": np.arange(count) * DT}
         columns |= {name: np.zeros(count) for name in (*POSE, *VELOCITY)}
         columns |= {"z": np.full(count, depth), "psi": np.full(count, rng.uniform(-np.pi, np.pi))}
-        flown = simulate(pl.DataFrame(columns | {f"cmd_{i + 1}": c for i, c in enumerate(level.T)}), actual)
+        flown = simulate(actual, pl.DataFrame(columns | {f"cmd_{i + 1}": c for i, c in enumerate(level.T)}))
         motion = flown.select(*POSE, *VELOCITY).to_numpy()
         tables.append(table(f"s{number}", motion, level, noise, rng))
     return tables

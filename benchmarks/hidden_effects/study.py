@@ -133,7 +133,7 @@ class Replay:
     """Errors of models on one recording, 5 s ahead, axes weighed by one vehicle's inertia."""
 
     def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
-        self.record = recording(raw, vehicle)
+        self.record = recording(vehicle, raw)
         self.motion, self.pieces = Motion.of(self.record), Pieces.of(self.record)
         self.weight: Array | None = None
         self.floor = math.nan
@@ -188,7 +188,7 @@ def telling(case: Case, flown: Flown, seconds: float, folder: Path, least: float
 def oracle(case: Case, flown: Flown) -> Vehicle:
     """The given file with the true effects, fitted together with its own from where the truth is."""
     vehicle, given = vehicles.joined(flown.given, case.hidden), flown.given
-    record = recording(flown.measured, vehicle)
+    record = recording(vehicle, flown.measured)
     own = [str(t["name"]) for t in given.effect if CATALOGUE[str(t["name"])].kind != "inertia"]
     wanted = [*dict.fromkeys([*own, *(str(table["name"]) for table in case.hidden)])]
     unknown = free(vehicle, wanted, reach=record.eta[:, :3])

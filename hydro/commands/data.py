@@ -71,7 +71,7 @@ def labels(
     known, text = vehicle_for(source, vehicle)
     with about(raw):
         parameters["subtracted"] = subtracted(known, subtract)
-        frame = compute(source.frame, known, acceleration=acceleration, noise=deviations, subtract=subtract)
+        frame = compute(known, source.frame, acceleration=acceleration, noise=deviations, subtract=subtract)
         report_gaps(raw, frame)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text

@@ -40,7 +40,7 @@ def simulate(
     known, text = vehicles.read(vehicle)
     source = read(commands, "commands", "raw")
     with about(commands):
-        frame = move(source.frame, known)
+        frame = move(known, source.frame)
     write(table.make("raw", frame, stage="simulate", inputs=[source], vehicle_text=text), output)
 
 

@@ -180,8 +180,8 @@ def _flown(given: _Given, file: Path | None) -> _Flown:
     setup = sim.Setup(conditioning=preset(given.conditioning, known), lead=given.lead, physics=physics)
     with progress("replay") as update, about(given.raw):
         series, errors = sim.replay(
-            source.frame,
             known,
+            source.frame,
             flown,
             setup=setup,
             dataset=dataset_name(given.raw),

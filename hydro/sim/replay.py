@@ -141,8 +141,8 @@ class Setup:
 
 
 def replay(
-    raw: pl.DataFrame,
     vehicle: Vehicle,
+    raw: pl.DataFrame,
     flown: Sequence[Variant] = BASELINES,
     *,
     setup: Setup | None = None,
@@ -157,8 +157,8 @@ def replay(
     compared with like.  What a late log tells of the time before the flight stands there as it was logged.
 
     Args:
-        raw: Raw table.
         vehicle: The vehicle file it was recorded with.
+        raw: Raw table.
         flown: What to fly, see `variants`.
         setup: How; by default as the paper does, but for the lead.
         dataset: Name of the recording in the metrics.
@@ -219,7 +219,7 @@ class _Recorded:
     @classmethod
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
         """The recording in a raw table."""
-        commands, bounds = _commands(raw, vehicle), segments(raw)
+        commands, bounds = _commands(vehicle, raw), segments(raw)
         measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
         log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
         begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
@@ -269,7 +269,7 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
     return dry(vehicle, added_mass=variant.water == "inertia", ellipsoid=variant.water == "ellipsoid")
 
 
-def _commands(raw: pl.DataFrame, vehicle: Vehicle) -> Array:
+def _commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
     """Commands (N, n) of the vehicle's thrusters."""
     names = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
     return np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())

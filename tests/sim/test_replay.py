@@ -43,7 +43,7 @@ def recording(craft, rows=120, sessions=("a", "b"), effects=None):
             .hstack(commands)
             .with_columns(pl.lit(value).alias(name) for name, value in start.items())
         )
-    return simulate(pl.concat(frames), craft)
+    return simulate(craft, pl.concat(frames))
 
 
 def of(series, name):
@@ -52,7 +52,7 @@ def of(series, name):
 
 def test_the_recorded_vehicle_flies_its_recording_again(craft):
     raw = recording(craft)
-    series, metrics = replay(raw, craft, [EFFECTS], setup=Setup(physics=RK4))
+    series, metrics = replay(craft, raw, [EFFECTS], setup=Setup(physics=RK4))
     flown, measured = of(series, "effects"), of(series, "measured")
     assert measured.equals(raw.select(measured.columns))
     assert flown.select("session", "t").equals(raw.select("session", "t"))
@@ -64,7 +64,7 @@ def test_the_recorded_vehicle_flies_its_recording_again(craft):
 def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
     delayed = msgspec.structs.replace(craft, effect=(*craft.effect, {"name": "command_delay", "d": 0.1}))
     raw = recording(delayed)
-    series, _ = replay(raw, delayed, [EFFECTS], setup=Setup(physics=RK4))
+    series, _ = replay(delayed, raw, [EFFECTS], setup=Setup(physics=RK4))
     flown = (
         of(series, "effects").drop("session").to_numpy() - of(series, "measured").drop("session").to_numpy()
     )
@@ -84,7 +84,7 @@ def test_velocities_are_compared_as_the_log_misreads_them(craft):
     misread = sensor.measured(velocity_log(logging), raw["t"].to_numpy(), nu)
     assert abs(misread - nu).max() > 0.02
     logged = raw.with_columns(pl.Series(name, misread[:, i]) for i, name in enumerate("uvw"))
-    series, metrics = replay(logged, logging, [EFFECTS], setup=Setup(physics=RK4))
+    series, metrics = replay(logging, logged, [EFFECTS], setup=Setup(physics=RK4))
     assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
     pose = of(series, "effects").select("x", "y", "z").to_numpy() - raw.select("x", "y", "z").to_numpy()
     assert abs(pose).max() < 1e-7
@@ -101,20 +101,20 @@ def test_a_late_log_is_compared_with_a_late_log(craft):
     logged = raw.with_columns(pl.Series(name, read[:, i]) for i, name in enumerate("uvw"))[30:]
     late_by = abs(logged.select(*"uvw").to_numpy() - raw[30:].select(*"uvw").to_numpy()).max()
     assert late_by > 0.02
-    series, metrics = replay(logged, logging, [EFFECTS], setup=Setup(physics=RK4))
+    series, metrics = replay(logging, logged, [EFFECTS], setup=Setup(physics=RK4))
     assert metrics.filter(pl.col("metric") == "rmse")["value"].max() < 1e-7
     flown = of(series, "effects").drop("session").to_numpy()
     assert abs(flown - logged.select(of(series, "effects").columns[1:]).to_numpy()).max() < 1e-7
     # A flight without the delay in the file begins with the velocity of a moment ago.
-    _, unaware = replay(logged, craft, [EFFECTS], setup=Setup(physics=RK4))
+    _, unaware = replay(craft, logged, [EFFECTS], setup=Setup(physics=RK4))
     assert unaware.filter(pl.col("metric") == "rmse")["value"].max() > 1e-3
 
 
 def test_the_baselines_are_what_they_say(craft):
     raw = recording(craft, sessions=("a",))
     bare = msgspec.structs.replace(craft, effect=())
-    series, _ = replay(raw, craft, BASELINES, setup=Setup(physics=RK4))
-    expected = simulate(raw, bare)
+    series, _ = replay(craft, raw, BASELINES, setup=Setup(physics=RK4))
+    expected = simulate(bare, raw)
     flown = of(series, "MJ0")
     assert (
         abs(flown.drop("session", "t").to_numpy() - expected.select(flown.columns[2:]).to_numpy()).max()
@@ -123,7 +123,7 @@ def test_the_baselines_are_what_they_say(craft):
     # M_A without C_A: the whole added mass with its Coriolis terms taken back.
     kept = next(effect for effect in craft.effect if effect["name"] == "added_mass")
     inertial = msgspec.structs.replace(craft, effect=(kept, {"name": "added_mass_coriolis", "kappa": -1.0}))
-    expected, flown = simulate(raw, inertial), of(series, "MJ0+M_A")
+    expected, flown = simulate(inertial, raw), of(series, "MJ0+M_A")
     assert (
         abs(flown.drop("session", "t").to_numpy() - expected.select(flown.columns[2:]).to_numpy()).max()
         < 1e-7
@@ -142,7 +142,7 @@ def test_mujoco_s_own_fluid_slows_an_ellipsoid_as_its_documentation_says(craft):
         pl.lit(0.0).alias(name) for name in ("phi", "theta", "v", "w", "p", "q", "r")
     )
     coasting = still.with_columns(pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)).with_columns(u=1.0)
-    series, _ = replay(coasting[:50], floating, [BASELINES[2]], setup=Setup(physics=RK4))
+    series, _ = replay(floating, coasting[:50], [BASELINES[2]], setup=Setup(physics=RK4))
     u = of(series, "MJ0+ellipsoid")["u"].to_numpy()
     a, b, c = craft.hull.length / 2, craft.hull.width / 2, craft.hull.height / 2
     drag = craft.environment.water_density * np.pi * (0.5 * b * c + 0.25 * (a * b - b * c))
@@ -157,7 +157,7 @@ def test_a_network_that_says_what_the_physics_is_flies_the_recording(craft):
     push = np.array([4.0, -3.0, 2.0, 0.5, -0.4, 0.3])
     model.scalers = model.scalers | {"output_mean": push}
     raw = recording(craft, sessions=("a",))
-    series, metrics = replay(raw, craft, variants([model], ["MJ1"]), setup=Setup(physics=RK4))
+    series, metrics = replay(craft, raw, variants([model], ["MJ1"]), setup=Setup(physics=RK4))
     assert set(metrics["model"]) == {"mlp"}
     first, second = of(series, "MJ1").select("u", "v", "w", "p", "q", "r").to_numpy()[:2]
     # M nu_dot = -g - tau_ML + thrust, and the thrust has only begun to build up.
@@ -205,7 +205,7 @@ def test_a_network_of_what_all_effects_leave_flies_the_recording(craft):
             "effects": ["effects", "effects+MJ4"],
             "inertia": ["MJ4"],
         }[subtract]
-        series, _ = replay(raw, level, flying[-1:], setup=Setup(control_step=0.002, physics=RK4))
+        series, _ = replay(level, raw, flying[-1:], setup=Setup(control_step=0.002, physics=RK4))
         flown[subtract] = of(series, flying[-1].name).drop("session").to_numpy()
     expected = of(series, "measured").drop("session").to_numpy()
     assert abs(flown["effects"] - expected).max() < 3e-3
@@ -216,8 +216,8 @@ def test_conditioning_is_applied_and_counted(craft):
     _, model = trained("physfeat")
     raw = recording(craft, sessions=("a",))
     strict = Conditioning(limits=(1.0,) * 6)
-    free, _ = replay(raw, craft, variants([model], ["MJ4"]))
-    held, metrics = replay(raw, craft, variants([model], ["MJ4"]), setup=Setup(conditioning=strict))
+    free, _ = replay(craft, raw, variants([model], ["MJ4"]))
+    held, metrics = replay(craft, raw, variants([model], ["MJ4"]), setup=Setup(conditioning=strict))
     assert not of(free, "MJ4").equals(of(held, "MJ4"))
     shares = metrics.filter(pl.col("metric") == "clipped")
     assert shares["axis"].to_list() == ["X", "Y", "Z", "K", "M", "N"]
@@ -233,7 +233,7 @@ def test_a_divergence_is_told_and_its_rows_are_dropped(craft):
     model.architecture = model.architecture | {"activation": "relu"}
     model.scalers = model.scalers | {"output_scale": np.full(6, -1e9), "input_mean": np.full(12, 5.0)}
     raw = recording(craft)
-    series, metrics = replay(raw, craft, [Variant("wild", "mlp", model), *BASELINES])
+    series, metrics = replay(craft, raw, [Variant("wild", "mlp", model), *BASELINES])
     wild = of(series, "wild")
     assert 0 < wild.height < raw.height
     assert np.isfinite(wild.drop("session").to_numpy()).all()
@@ -247,8 +247,8 @@ def test_a_divergence_is_told_and_its_rows_are_dropped(craft):
 
 def test_more_threads_change_nothing_and_tables_fit_their_schemas(craft):
     raw = recording(craft)
-    one = replay(raw, craft, BASELINES)
-    two = replay(raw, craft, BASELINES, setup=Setup(threads=2))
+    one = replay(craft, raw, BASELINES)
+    two = replay(craft, raw, BASELINES, setup=Setup(threads=2))
     assert one[0].equals(two[0])
     assert one[1].equals(two[1])
     schema.load("replay").check(one[0], "replay")
@@ -257,7 +257,7 @@ def test_more_threads_change_nothing_and_tables_fit_their_schemas(craft):
 
 def test_progress_reaches_its_end(craft):
     seen = []
-    replay(recording(craft), craft, BASELINES, progress=lambda *what: seen.append(what))
+    replay(craft, recording(craft), BASELINES, progress=lambda *what: seen.append(what))
     assert {name for name, *_ in seen} == {"MJ0", "MJ0+M_A", "MJ0+ellipsoid"}
     assert [done for name, done, total in seen if done == total]
 
@@ -265,14 +265,14 @@ def test_progress_reaches_its_end(craft):
 def test_what_does_not_fit_is_refused(craft):
     raw = recording(craft)
     with pytest.raises(DataError, match="7 command columns, no cmd_8, and vehicle "):
-        replay(raw.drop("cmd_8"), craft)
+        replay(craft, raw.drop("cmd_8"))
     with pytest.raises(DataError, match="also cmd_9"):
-        replay(raw.with_columns(cmd_9=pl.lit(0.0)), craft)
+        replay(craft, raw.with_columns(cmd_9=pl.lit(0.0)))
     with pytest.raises(UsageError, match="no multiple of the physics step"):
-        replay(raw, craft, setup=Setup(physics=Physics(timestep=0.003)))
+        replay(craft, raw, setup=Setup(physics=Physics(timestep=0.003)))
     _, model = trained("mlp")
     with pytest.raises(UsageError, match=r"control step of 0\.001 s"):
-        replay(raw, craft, variants([model]), setup=Setup(control_step=0.001))
+        replay(craft, raw, variants([model]), setup=Setup(control_step=0.001))
     with pytest.raises(UsageError, match="no variant is called 'MJ9'"):
         variants([], ["MJ9"])
     with pytest.raises(UsageError, match="cannot be told apart"):
@@ -284,14 +284,14 @@ def test_stonefish_baselines_stray_as_far_as_they_did(stonefish, datasets):
     # `simulate`; Euler's own error at 2 ms is part of these figures (RK4 gives 2.17 in surge).
     vehicle = vehicle_file.read(datasets / "stonefish" / "vehicle.toml")[0]
     raw = pl.read_parquet(stonefish / "replay90.parquet")
-    _, metrics = replay(raw, vehicle, BASELINES, setup=Setup(physics=Physics(integrator="euler")))
+    _, metrics = replay(vehicle, raw, BASELINES, setup=Setup(physics=Physics(integrator="euler")))
     added_mass = metrics.filter((pl.col("variant") == "MJ0+M_A") & (pl.col("metric") == "rmse"))
     np.testing.assert_allclose(added_mass["value"][:6], [2.57, 2.33, 2.20, 0.815, 0.60, 2.88], rtol=0.02)
 
 
 def test_pieces_of_a_recording_are_measured_by_themselves(craft):
     raw = recording(craft, sessions=("a",))
-    series, metrics = replay(raw, craft, [BASELINES[1]], dataset="run", piece=1.0)
+    series, metrics = replay(craft, raw, [BASELINES[1]], dataset="run", piece=1.0)
     assert metrics["dataset"].unique(maintain_order=True).to_list() == [
         "run",
         "run 0-1 s",

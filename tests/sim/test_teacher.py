@@ -257,7 +257,7 @@ def test_labels_of_a_recording_are_the_water_that_made_it():
     M_A = teacher(craft()).added_mass
     vehicle = craft(effect=({"name": "added_mass", "matrix": M_A.tolist()},))
     subject = teacher(vehicle)
-    labelled = labels(collect(subject, 3000, 2), vehicle)
+    labelled = labels(vehicle, collect(subject, 3000, 2))
     nu = labelled.select("u", "v", "w", "p", "q", "r").to_numpy().astype(np.float64)
     coriolis = np.einsum("kij,kj->ki", coriolis_matrix(mass_matrix(vehicle) + M_A, nu), nu)
     expected = coriolis - np.array([panel_wrench(subject.hull, row, RHO) for row in nu])

@@ -136,7 +136,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
     Raises:
         DataError: It does not fit the vehicle, or no session lasts HORIZON.
     """
-    record = recording(raw, vehicle)
+    record = recording(vehicle, raw)
     rows = round(HORIZON / record.dt) + 1
     if (record.segments[:, 1] - record.segments[:, 0]).max() < rows:
         raise DataError(f"no session lasts {HORIZON:g} s without a gap; record longer sessions")

@@ -93,7 +93,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
     if found is None:
         return Preprocessed(log.raw, log.record, faults)
     raw = in_order(log.raw, found.wiring)
-    return Preprocessed(raw, recording(raw, vehicle), (*faults, _exchanged(found)), found.wiring)
+    return Preprocessed(raw, recording(vehicle, raw), (*faults, _exchanged(found)), found.wiring)
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:

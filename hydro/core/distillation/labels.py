@@ -47,8 +47,8 @@ BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole colum
 
 
 def labels(
-    raw: pl.DataFrame,
     vehicle: Vehicle,
+    raw: pl.DataFrame,
     *,
     acceleration: str = "rts",
     noise: Sequence[float] | None = None,
@@ -58,9 +58,9 @@ def labels(
     """Smoothed motion, thrusts and residual wrench of every row of a recording.
 
     Args:
+        vehicle: Its rigid body, buoyancy, thrusters and effects.
         raw: Raw table: `session`, `t` [s], pose (NED), velocity of CO in body axes (FRD), `cmd_1` ...
             `cmd_n`.
-        vehicle: Its rigid body, buoyancy, thrusters and effects.
         acceleration: Method of `smoothing.smooth`: rts, kalman or kalman-difference.
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: The filter, where it is at hand; by default `filter_design(raw, noise)`.

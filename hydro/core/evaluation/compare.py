@@ -70,7 +70,7 @@ def compare(
     told = progress or (lambda words, share: None)
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
-    record, model = recording(raw, vehicle), candidate(vehicle)
+    record, model = recording(vehicle, raw), candidate(vehicle)
     told("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
     names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]

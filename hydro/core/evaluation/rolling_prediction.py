@@ -48,9 +48,9 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
     since = pl.col("t") - pl.col("t").first().over("session")
     first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
     shown = raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
-    record = recording(shown, next(iter(vehicles.values())))
+    record = recording(next(iter(vehicles.values())), shown)
     motions = {MEASURED: np.hstack([record.eta, record.nu])}
-    motions |= {name: _predicted(vehicle, recording(shown, vehicle)) for name, vehicle in vehicles.items()}
+    motions |= {name: _predicted(vehicle, recording(vehicle, shown)) for name, vehicle in vehicles.items()}
     kept = _thinned(record)
     table = pl.concat(
         pl.DataFrame(motion[kept].astype(np.float32), schema=[*POSE, *VELOCITY]).select(

@@ -54,7 +54,7 @@ class Recording:
         return len(self.t)
 
 
-def recording(raw: pl.DataFrame, vehicle: Vehicle) -> Recording:
+def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
     """Read a raw table for a vehicle.
 
     Raises:

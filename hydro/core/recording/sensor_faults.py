@@ -129,17 +129,17 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    record = recording(raw, vehicle)
+    record = recording(vehicle, raw)
     found = faults(record)
     kinds = list(described(raw, record, found))
     if kinds:
         raw = mended(raw, record, found)
-        record = recording(raw, vehicle)
+        record = recording(vehicle, raw)
     bias = {name: float(value) for name, value in zip(RATES, rate_bias(record), strict=True) if value}
     if bias:
         kinds.append(_biased(bias))
         raw = raw.with_columns(pl.col(name) - value for name, value in bias.items())
-        record = recording(raw, vehicle)
+        record = recording(vehicle, raw)
     return Corrected(raw, record, tuple(kinds))
 
 

@@ -27,15 +27,15 @@ RATE = 500.0
 """Integration steps per second, at least [Hz]."""
 
 
-def simulate(commands: pl.DataFrame, vehicle: Vehicle) -> pl.DataFrame:
+def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     """Move a vehicle by recorded or designed commands.
 
     Args:
+        vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
         commands: Columns `session`, `t` and `cmd_1 ... cmd_n`; the command of a row is held until the next.
             Where all columns of pose and velocity are there too (a raw table), the first row of every
             session, and the first after a gap, gives the initial state; else every session starts at rest
             at the origin.
-        vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
 
     Returns:
         The raw table of what would have been logged, without noise, row for row.

@@ -33,7 +33,7 @@ def logged(white: Noise = PROFILES["ordinary"], size: np.ndarray | None = None, 
     motion[:, :3] += walk * np.sqrt(DT) * rng.standard_normal((len(t), 3)).cumsum(axis=0)
     table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *POSE, *VELOCITY])
     still = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
-    return recording(table.with_columns(pl.lit("a").alias("session"), *still), synthetic.vehicle())
+    return recording(synthetic.vehicle(), table.with_columns(pl.lit("a").alias("session"), *still))
 
 
 def weighed(record, left: np.ndarray) -> np.ndarray:

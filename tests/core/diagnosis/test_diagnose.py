@@ -57,7 +57,7 @@ def flown(vehicle: Vehicle, *, seed: int = 0, session: str = "a", rows: int = RO
             np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform([0.03, 0.2], [0.15, 0.6])
         )
         columns[f"cmd_{i + 1}"] = (0.5 * slow + 0.3 * fast) * (i in thrusters)
-    moved = simulate(pl.DataFrame(columns), vehicle)
+    moved = simulate(vehicle, pl.DataFrame(columns))
     logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
 
@@ -158,7 +158,7 @@ def test_heave_alone_shows_little(known):
     """Four vertical thrusters in step: what only surge, sway and yaw would show is named as not shown."""
     t = np.arange(2 * ROWS) * 0.02
     demand = {f"cmd_{i}": (0.5 * np.sin(t) if i > 4 else 0.0 * t) for i in range(1, 9)}
-    heave = simulate(pl.DataFrame({"session": ["a"] * len(t), "t": t, **demand}), known)
+    heave = simulate(known, pl.DataFrame({"session": ["a"] * len(t), "t": t, **demand}))
     rng = np.random.default_rng(0)
     logged = disturb(heave.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     found = diagnose(known, heave.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))

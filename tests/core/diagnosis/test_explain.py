@@ -36,7 +36,7 @@ def flown(vehicle: Vehicle, seed: int, seconds: float = 32.0) -> pl.DataFrame:
             np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform([0.03, 0.2], [0.15, 0.6])
         )
         columns[f"cmd_{i + 1}"] = 0.5 * slow + 0.3 * fast
-    moved = simulate(pl.DataFrame(columns), vehicle)
+    moved = simulate(vehicle, pl.DataFrame(columns))
     logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
 

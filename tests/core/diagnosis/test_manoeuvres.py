@@ -50,7 +50,7 @@ def test_every_vehicle_can_fly_its_library(datasets, name):
         assert one.commands.shape == (round(FLIGHT_LENGTH * 50.0), len(vehicle.thruster))
         assert 0.01 < np.abs(one.commands).max() <= 1.0
     table = flown[0].table()
-    moved = simulate(table, vehicle)
+    moved = simulate(vehicle, table)
     assert moved.height == table.height
     assert moved.select(table.columns).equals(table)
 
@@ -65,14 +65,14 @@ def test_what_the_thrusters_cannot_do_is_not_asked_for():
 def test_a_slow_turn_goes_once_around():
     vehicle = damped()
     (sweep,) = (one for one in library(vehicle) if one.name == "heading sweep")
-    heading = np.unwrap(simulate(sweep.table(), vehicle)["psi"].to_numpy())
+    heading = np.unwrap(simulate(vehicle, sweep.table())["psi"].to_numpy())
     assert 4.0 < np.ptp(heading) < 20.0
 
 
 def test_tilts_are_near_fifteen_degrees():
     vehicle = damped()
     (tilts,) = (one for one in library(vehicle) if one.name == "static tilts")
-    moved = simulate(tilts.table(), vehicle)
+    moved = simulate(vehicle, tilts.table())
     quarters = moved.select("phi", "theta").to_numpy().reshape(4, -1, 2)[:, 50:].mean(axis=1)
     swings = 0.5 * np.rad2deg([quarters[0, 0] - quarters[1, 0], quarters[2, 1] - quarters[3, 1]])
     np.testing.assert_allclose(swings, 15.0, atol=4.0)
@@ -149,11 +149,11 @@ def test_what_is_predicted_is_what_a_flight_shows():
     """One rival is true: flown with noise, the other errs by the difference more."""
     true, other = (hiding(damped(), {"name": "thruster_lag", "dT": t}) for t in (0.02, 0.035))
     flight = best([true, other], NOISE)
-    flown = simulate(flight.manoeuvre.table(), true)
+    flown = simulate(true, flight.manoeuvre.table())
     logged = disturb(
         flown.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], np.random.default_rng(3)
     )
-    record = recording(flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])), true)
+    record = recording(true, flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
     costs = []
     for rival in (true, other):
         shots = multiple_shooting.aim(record, sigma=NOISE)

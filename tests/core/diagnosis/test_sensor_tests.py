@@ -40,7 +40,7 @@ def logged(noise: Noise = ORDINARY, *, seed: int = 0, **wrong) -> Recording:
     motion = disturb(np.hstack([x, angles, read, omega]), noise, np.random.default_rng(seed))
     table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *POSE, *VELOCITY])
     still = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
-    return recording(table.with_columns(pl.lit("a").alias("session"), *still), synthetic.vehicle())
+    return recording(synthetic.vehicle(), table.with_columns(pl.lit("a").alias("session"), *still))
 
 
 FAULTS = [
@@ -127,7 +127,7 @@ def test_a_current_and_forces_that_no_model_has_show_nothing():
     rng = np.random.default_rng(0)
     noisy = disturb(raw.select(*POSE, *VELOCITY).to_numpy(), ORDINARY, rng)
     raw = raw.with_columns(pl.DataFrame(noisy, schema=[*POSE, *VELOCITY]))
-    tests = kinematic_tests(recording(raw, damped()))
+    tests = kinematic_tests(recording(damped(), raw))
     assert not [name for name, test in tests.items() if shown(test)]
     assert vetoed(tests["sensor_bias"], {"name": "sensor_bias", "b": [0.3, 0.2, 0.0]})
 
@@ -139,7 +139,7 @@ def test_stonefish_has_no_faults(stonefish, level):
     noise = ORDINARY if level else Noise()
     motion = disturb(raw.select(*POSE, *VELOCITY).to_numpy(), noise, np.random.default_rng(1))
     raw = raw.with_columns(pl.DataFrame(motion, schema=[*POSE, *VELOCITY]))
-    for test in kinematic_tests(recording(raw, vehicle)).values():
+    for test in kinematic_tests(recording(vehicle, raw)).values():
         assert not shown(test)
         assert (np.abs(test.estimate) < 0.01).all()
 
@@ -152,7 +152,7 @@ def test_a_level_vehicle_that_only_heaves_cannot_show_most_and_vetoes_nothing_of
     logged = disturb(motion, ORDINARY, np.random.default_rng(0))
     table = pl.DataFrame(np.column_stack([t, logged]), schema=["t", *POSE, *VELOCITY])
     still = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
-    record = recording(table.with_columns(pl.lit("a").alias("session"), *still), synthetic.vehicle())
+    record = recording(synthetic.vehicle(), table.with_columns(pl.lit("a").alias("session"), *still))
     tests = kinematic_tests(record)
     assert not vetoed(tests["sensor_lever_arm"], {"name": "sensor_lever_arm", "r": [0.2, 0.2, 0.0]})
     assert not vetoed(tests["sensor_scale"], {"name": "sensor_scale", "axes": [0.1, 0.1, 0.0]})

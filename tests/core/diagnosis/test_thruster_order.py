@@ -49,7 +49,7 @@ def drawn(log: pl.DataFrame, column, sign) -> pl.DataFrame:
 )
 def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
     raw = noisy(moved(damped(*beside), rows=2500, seed=1))
-    assert rewired(damped(), recording(raw, damped())) is None
+    assert rewired(damped(), recording(damped(), raw)) is None
     assert preprocess(damped(), raw).wiring is None
 
 
@@ -82,10 +82,10 @@ def test_the_other_end_first_is_found(log):
 
 def test_a_recording_too_short_for_it_says_nothing(log):
     raw = drawn(log, [1, 0, *range(2, N)], [1] * N).head(200)
-    assert rewired(damped(), recording(raw, damped())) is None
+    assert rewired(damped(), recording(damped(), raw)) is None
 
 
 def test_a_vehicle_without_thrusters_is_no_matter(log):
     bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
     raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
-    assert rewired(bare, recording(raw, bare)) is None
+    assert rewired(bare, recording(bare, raw)) is None

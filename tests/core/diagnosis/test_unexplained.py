@@ -33,10 +33,10 @@ def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> 
     plan = pl.DataFrame({"session": ["a"] * len(t), "t": t, **commands}).with_columns(
         pl.lit(value).alias(name) for name, value in still.items()
     )
-    motion = simulate(plan, flown)
+    motion = simulate(flown, plan)
     logged = motion.select(*POSE, *VELOCITY).to_numpy()
     logged = logged + noise * SIGMA * np.random.default_rng(1).standard_normal(logged.shape)
-    record = recording(motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])), believed)
+    record = recording(believed, motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
     problem = OutputError.of(aim(record, sigma=trusted * SIGMA), believed)
     disturbed = list(unexplained.steadily_disturbed(believed))
     return unexplained.steady_disturbance(problem.linearise(believed, disturbed, [1.0] * unexplained.WRENCH))
@@ -59,7 +59,7 @@ def test_pulls_are_steady_forces_and_moments(known):
     t = np.arange(10) * 0.02
     rows = {name: np.zeros(10) for name in (*POSE, *VELOCITY)}
     rest = pl.DataFrame({"session": ["a"] * 10, "t": t, **rows, **{f"cmd_{i}": 0.0 * t for i in range(1, 9)}})
-    record = recording(rest, known)
+    record = recording(known, rest)
     at_rest = accelerations(candidate(known), record, record.eta, record.nu)[0]
     pushed = [
         accelerations(candidate(one), record, record.eta, record.nu)[0] - at_rest

@@ -55,7 +55,7 @@ def residual(frame: pl.DataFrame) -> np.ndarray:
 
 def test_labels_of_a_fossen_vehicle_are_its_coriolis_and_damping(raw, vehicle):
     """Against scipy, to 0.1 N and N m: every sign, frame, lever and time is in this."""
-    error = np.abs(residual(labels(raw, vehicle)) - truth(raw))
+    error = np.abs(residual(labels(vehicle, raw)) - truth(raw))
     assert error[5:-5].max() < 0.1
     assert error.max() < 2.0
     assert np.abs(truth(raw)).max(axis=0).min() > 15
@@ -63,12 +63,12 @@ def test_labels_of_a_fossen_vehicle_are_its_coriolis_and_damping(raw, vehicle):
 
 def test_stored_as_float32_they_are_the_same(raw, vehicle):
     small = raw.with_columns(pl.col(pl.Float64).exclude("t").cast(pl.Float32))
-    np.testing.assert_allclose(residual(labels(small, vehicle)), residual(labels(raw, vehicle)), atol=0.02)
+    np.testing.assert_allclose(residual(labels(vehicle, small)), residual(labels(vehicle, raw)), atol=0.02)
 
 
 def test_a_command_shifted_by_one_row_is_seen(raw, vehicle):
     late = raw.with_columns(pl.col("^cmd_.*$").shift(1, fill_value=0.0))
-    assert np.abs(residual(labels(late, vehicle)) - truth(raw))[5:-5].max() > 1.0
+    assert np.abs(residual(labels(vehicle, late)) - truth(raw))[5:-5].max() > 1.0
 
 
 def test_two_sided_beats_the_papers_recipe_under_noise(raw, vehicle):
@@ -76,7 +76,7 @@ def test_two_sided_beats_the_papers_recipe_under_noise(raw, vehicle):
     likeliest = estimate(measured.select(VELOCITY).to_numpy(), [[0, raw.height]], 0.02)
 
     def errors(method, design=None):
-        made = residual(labels(measured, vehicle, acceleration=method, design=design))
+        made = residual(labels(vehicle, measured, acceleration=method, design=design))
         return np.sqrt(np.mean((made - expected) ** 2, axis=0))
 
     rms = {method: errors(method, likeliest) for method in ("rts", "kalman", "kalman-difference")}
@@ -94,7 +94,7 @@ def test_averaged_over_noise_labels_are_truer_than_those_of_the_likeliest_filter
     dvl = [0.05] * 3 + [0.01] * 3
     measured, bounds = noisy(raw, dvl), [[0, raw.height]]
     designs = filter_design(measured, dvl), estimate(measured.select(VELOCITY).to_numpy(), bounds, 0.02, dvl)
-    bias = [residual(labels(raw, vehicle, design=design)) - truth(raw) for design in designs]
+    bias = [residual(labels(vehicle, raw, design=design)) - truth(raw) for design in designs]
     closer, smoother = (np.sqrt(np.square(one[20:-20]).mean(axis=0)) for one in bias)
     assert (closer < 0.8 * smoother).all()
 
@@ -102,11 +102,11 @@ def test_averaged_over_noise_labels_are_truer_than_those_of_the_likeliest_filter
 def test_known_noise_is_used(raw, vehicle):
     design = filter_design(raw, ORDINARY)
     assert design.noise == pytest.approx(ORDINARY)
-    assert labels(raw, vehicle, noise=ORDINARY).equals(labels(raw, vehicle, design=design))
+    assert labels(vehicle, raw, noise=ORDINARY).equals(labels(vehicle, raw, design=design))
 
 
 def test_raw_columns_stay_and_the_rest_is_float32(raw, vehicle):
-    made = labels(raw, vehicle)
+    made = labels(vehicle, raw)
     assert made.select(raw.columns).equals(raw)
     added = [*(f"{name}_s" for name in VELOCITY), *DOT, *THRUSTS, *PROP, *RES]
     assert made.columns == raw.columns + added
@@ -114,13 +114,13 @@ def test_raw_columns_stay_and_the_rest_is_float32(raw, vehicle):
 
 
 def test_propulsion_is_the_thrusters_wrench(raw, vehicle):
-    made = labels(raw, vehicle)
+    made = labels(vehicle, raw)
     B = np.array([[*d, *np.cross(p, d)] for p, d in synthetic.PLACES]).T
     np.testing.assert_allclose(made.select(PROP), made.select(THRUSTS).to_numpy() @ B.T, atol=1e-4)
 
 
 def test_acceleration_is_of_the_row_itself(raw, vehicle):
-    dot = labels(raw, vehicle).select(DOT).to_numpy()
+    dot = labels(vehicle, raw).select(DOT).to_numpy()
     central = np.gradient(raw.select(VELOCITY).to_numpy(), 0.02, axis=0)
     np.testing.assert_allclose(dot[5:-5], central[5:-5], atol=5e-3)
 
@@ -131,15 +131,15 @@ def test_a_session_does_not_depend_on_its_neighbours(lengths, seed):
     """With one filter: sessions in any number and order, and each session's second half after a gap."""
     raw, vehicle = synthetic.recording(), synthetic.vehicle()
     parts = [raw[k : k + rows].with_columns(session=pl.lit(f"s{k}")) for k, rows in enumerate(lengths)]
-    together = labels(pl.concat(parts), vehicle, design=SPLINE)
+    together = labels(vehicle, pl.concat(parts), design=SPLINE)
     for part in np.random.default_rng(seed).permutation(len(parts)):
-        alone = labels(parts[part], vehicle, design=SPLINE)
+        alone = labels(vehicle, parts[part], design=SPLINE)
         assert together.filter(session=f"s{part}").equals(alone)
 
 
 def test_after_a_gap_thrusters_have_settled_on_their_command(raw, vehicle):
     broken = pl.concat([raw[:100], raw[150:]])
-    made = labels(broken, vehicle)
+    made = labels(vehicle, broken)
     settled = synthetic.MAX_THRUST * raw.select("^cmd_.*$").to_numpy()[150]
     np.testing.assert_allclose(made.select(THRUSTS).to_numpy()[100], settled, rtol=1e-6)
     assert np.abs(made.select(THRUSTS).to_numpy()[0]).max() == 0.0
@@ -154,20 +154,20 @@ def with_effects(vehicle: Vehicle, *effects: dict[str, object]) -> Vehicle:
 
 
 def test_without_added_mass_its_inertia_is_in_the_residual(raw, vehicle):
-    bare = labels(raw, msgspec.structs.replace(vehicle, effect=()))
-    full = labels(raw, vehicle)
+    bare = labels(msgspec.structs.replace(vehicle, effect=()), raw)
+    full = labels(vehicle, raw)
     missing = full.select(DOT).to_numpy().astype(float) * synthetic.ADDED
     np.testing.assert_allclose(residual(bare) - residual(full), missing, atol=1e-3)
 
 
 def test_damping_in_the_file_is_not_subtracted(raw, vehicle):
     damped = with_effects(vehicle, {"name": "linear_damping", "diagonal": [10.0] * 6})
-    assert labels(raw, damped).equals(labels(raw, vehicle))
+    assert labels(damped, raw).equals(labels(vehicle, raw))
 
 
 def test_actuator_effects_enter_the_thrust(raw, vehicle):
     weak = with_effects(vehicle, {"name": "thruster_gain", "g": [-0.4] + [0.0] * 7})
-    before, after = (labels(raw, v).select(THRUSTS).to_numpy() for v in (vehicle, weak))
+    before, after = (labels(v, raw).select(THRUSTS).to_numpy() for v in (vehicle, weak))
     np.testing.assert_allclose(after[:, 0], 0.6 * before[:, 0], rtol=1e-5)
     np.testing.assert_array_equal(after[:, 1:], before[:, 1:])
 
@@ -177,7 +177,7 @@ def test_inflow_is_of_the_water(raw, vehicle):
     c, flow = 0.05, np.array([0.3, 0.1, 0.0])
     inflow = {"name": "thruster_inflow", "c": c}
     carried = with_effects(vehicle, inflow, {"name": "ocean_current", "v_N": 0.3, "v_E": 0.1, "v_D": 0.0})
-    f = labels(raw, vehicle).select(THRUSTS).to_numpy().astype(float)
+    f = labels(vehicle, raw).select(THRUSTS).to_numpy().astype(float)
     psi, nu = raw["psi"].to_numpy(), raw.select(VELOCITY).to_numpy()
     level = raw.select((pl.col("phi").abs() < 0.02) & (pl.col("theta").abs() < 0.02)).to_series().to_numpy()
     assert level.sum() > 10
@@ -189,7 +189,7 @@ def test_inflow_is_of_the_water(raw, vehicle):
     for i, (position, direction) in enumerate(synthetic.PLACES[:4]):
         speed = (v_r + np.cross(nu[:, 3:], position)) @ direction
         expected = f[:, i] - c * np.sqrt(np.abs(f[:, i]) * synthetic.MAX_THRUST) * speed
-        found = labels(raw, carried)[f"f_{i + 1}"].to_numpy()
+        found = labels(carried, raw)[f"f_{i + 1}"].to_numpy()
         np.testing.assert_allclose(found[level], expected[level], atol=0.1)
 
 
@@ -227,7 +227,7 @@ def rigid_coriolis(nu: np.ndarray) -> np.ndarray:
 
 def test_effects_that_are_the_whole_truth_leave_the_rigid_bodys_coriolis(raw, vehicle):
     """Against scipy: added mass with its C_A, and damping."""
-    left = residual(labels(raw, with_effects(vehicle, *DAMPING), subtract="effects"))
+    left = residual(labels(with_effects(vehicle, *DAMPING), raw, subtract="effects"))
     expected = rigid_coriolis(raw.select(VELOCITY).to_numpy())
     assert np.abs(left - expected)[5:-5].max() < 0.1
     assert np.abs(expected).max() > 20.0
@@ -235,19 +235,19 @@ def test_effects_that_are_the_whole_truth_leave_the_rigid_bodys_coriolis(raw, ve
 
 def test_all_effects_at_once_in_a_current_leave_the_same(raw, vehicle):
     full = with_effects(vehicle, *EVERYTHING)
-    moved = simulate(raw, full)
-    left = residual(labels(moved, full, design=SPLINE, subtract="effects"))
+    moved = simulate(full, raw)
+    left = residual(labels(full, moved, design=SPLINE, subtract="effects"))
     expected = rigid_coriolis(moved.select(VELOCITY).to_numpy())
     assert np.abs(left - expected)[10:-10].max() < 0.15
     for effect in ("tether", "fluid_memory", "ocean_current", "payload", "added_mass"):
         less = msgspec.structs.replace(full, effect=tuple(e for e in full.effect if e["name"] != effect))
-        wrong = residual(labels(moved, less, design=SPLINE, subtract="effects"))
+        wrong = residual(labels(less, moved, design=SPLINE, subtract="effects"))
         assert np.abs(wrong - expected)[10:-10].max() > 1.0, effect
 
 
 def test_a_vehicle_without_effects_has_the_same_labels_either_way(raw, vehicle):
     bare = msgspec.structs.replace(vehicle, effect=())
-    assert labels(raw, bare, subtract="effects").equals(labels(raw, bare))
+    assert labels(bare, raw, subtract="effects").equals(labels(bare, raw))
 
 
 def test_what_is_subtracted_is_named(vehicle):
@@ -264,10 +264,10 @@ def test_errors_of_the_velocity_log_are_undone_first(raw, vehicle):
         {"name": "sensor_delay", "d": 0.03},
     )
     flawed = with_effects(vehicle, *DAMPING, *log)
-    logged, true = simulate(raw, flawed), simulate(raw, with_effects(vehicle, *DAMPING))
+    logged, true = simulate(flawed, raw), simulate(with_effects(vehicle, *DAMPING), raw)
     assert np.abs(logged["u"].to_numpy() - true["u"].to_numpy()).max() > 0.01
-    known, ignored = (residual(labels(logged, v, design=SPLINE)) for v in (flawed, vehicle))
-    expected = residual(labels(true, vehicle, design=SPLINE))
+    known, ignored = (residual(labels(v, logged, design=SPLINE)) for v in (flawed, vehicle))
+    expected = residual(labels(vehicle, true, design=SPLINE))
     assert np.abs(known - expected)[20:-20].max() < 0.2
     assert np.abs(ignored - expected)[20:-20].max() > 2.0
 
@@ -277,13 +277,13 @@ def test_wrong_vehicle(raw, vehicle):
     with pytest.raises(
         DataError, match="8 command columns, also cmd_7, and vehicle synthetic 6 thrusters; use the vehicle"
     ):
-        labels(raw, six)
+        labels(six, raw)
 
 
 def test_rows_alone_between_gaps(raw, vehicle):
     lonely = pl.concat([raw[:50], raw[60:61], raw[70:]])
     with pytest.raises(DataError, match=r"1 rows stand alone.*row 50, session synthetic-0"):
-        labels(lonely, vehicle)
+        labels(vehicle, lonely)
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_values_that_are_not_finite(raw, vehicle, column, value):
         pl.when(pl.int_range(pl.len()) == 200).then(value).otherwise(pl.col(column)).alias(column)
     )
     with pytest.raises(DataError, match=r"not finite in .* session synthetic-0"):
-        labels(broken, vehicle)
+        labels(vehicle, broken)
 
 
 @pytest.fixture(scope="module")
@@ -303,7 +303,7 @@ def stonefish_labels(stonefish) -> pl.DataFrame:
     known, _ = vehicle_file.read(
         Path(__file__).resolve().parents[3] / "datasets" / "stonefish" / "vehicle.toml"
     )
-    return labels(raw, known)
+    return labels(known, raw)
 
 
 def test_stonefish_residual_takes_energy(stonefish_labels):

@@ -40,7 +40,7 @@ def moved(vehicle, *, rows=3000, sessions=3, noise="ordinary") -> pl.DataFrame:
         columns = {"session": [f"s{session}"] * rows, "t": t}
         for i in range(len(vehicle.thruster)):
             columns[f"cmd_{i + 1}"] = 0.6 * np.sin(2 * np.pi * rng.uniform(0.05, 0.3) * t + rng.uniform(0, 6))
-        parts.append(simulate(pl.DataFrame(columns), vehicle))
+        parts.append(simulate(vehicle, pl.DataFrame(columns)))
     frame = pl.concat(parts)
     motion = frame.select(*POSE, *VELOCITY).to_numpy()
     logged = disturb(motion, PROFILES[noise], np.random.default_rng(7))
@@ -145,7 +145,7 @@ def test_a_current_is_found_in_the_position_and_by_heading():
 def test_squares_of_a_whole_run_are_those_of_simulate():
     """One prediction from the first row of each session, beside `simulation.simulate` and numpy."""
     raw = moved(damped({"name": "net_buoyancy", "dB": 12.0}), rows=1000, sessions=2, noise="none")
-    expected = simulate(raw, damped()).select(VELOCITY).to_numpy() - raw.select(VELOCITY).to_numpy()
+    expected = simulate(damped(), raw).select(VELOCITY).to_numpy() - raw.select(VELOCITY).to_numpy()
     rows = whole(compare(damped(), raw), "replay", None)
     rmse = np.sqrt(np.mean(expected**2, axis=0))
     found = [rows[axis]["rmse"] for axis in VELOCITY]
@@ -278,7 +278,7 @@ def test_conditions_are_what_the_vehicle_does():
     still["r"], still["w"] = 0.3 * turning, 0.4 * turning
     still["psi"] = np.cumsum(still["r"]) * 0.02
     raw = pl.DataFrame({"session": ["a"] * rows, "t": np.arange(rows) * 0.02, **still})
-    record = recording(raw, vehicle)
+    record = recording(vehicle, raw)
     pieces = Pieces.of(record)
     eta, nu = record.eta, record.nu
     found = families(record, vehicle, pieces, eta, nu, np.zeros((rows, 6)), ["a"])
@@ -295,7 +295,7 @@ def test_conditions_are_what_the_vehicle_does():
 def test_pieces_neither_cross_gaps_nor_lose_rows():
     raw = moved(damped(), rows=333, sessions=2)
     gap = raw.with_columns(t=pl.col("t") + pl.when(pl.int_range(pl.len()) >= 100).then(5.0).otherwise(0.0))
-    record = recording(gap, damped())
+    record = recording(damped(), gap)
     pieces = Pieces.of(record)
     assert pieces.total(np.ones(record.rows)).sum() == record.rows
     assert set(record.segments[:, 0]) <= set(pieces.starts)
@@ -335,7 +335,7 @@ def test_a_short_recording_has_no_long_horizons():
 def test_a_motion_without_bounds_counts_at_its_bound():
     wild = damped({"name": "linear_damping", "diagonal": [-9e3] * 6})
     raw = moved(damped(), rows=300, sessions=1)
-    record = recording(raw, damped())
+    record = recording(damped(), raw)
     both = misfit.replay(candidate(wild), record, misfit.Motion.of(record), Pieces.of(record), None, 0)
     assert both is not None
     for one in both:

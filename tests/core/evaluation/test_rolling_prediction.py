@@ -23,7 +23,7 @@ def known(datasets) -> Vehicle:
 def flown(vehicle: Vehicle, seconds: float, session: str = "a") -> pl.DataFrame:
     t = np.arange(round(seconds / 0.02)) * 0.02
     demand = {f"cmd_{i}": 0.4 * np.sin((0.2 + 0.05 * i) * t + i) for i in range(1, 9)}
-    return simulate(pl.DataFrame({"session": [session] * len(t), "t": t, **demand}), vehicle)
+    return simulate(vehicle, pl.DataFrame({"session": [session] * len(t), "t": t, **demand}))
 
 
 def test_the_true_vehicle_predicts_its_own_track(known):

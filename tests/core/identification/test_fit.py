@@ -76,7 +76,7 @@ def test_one_hidden_effect_of_each_kind(hidden):
 def test_a_fit_begins_near_what_is_hidden_where_parameters_are_products(hidden, close):
     """The linear problem tells w, w x, w y, w z of a payload, k and k times the anchor of a cable."""
     truth = CATALOGUE[hidden["name"]].pack(hidden, thrusters=8)
-    record = recording(moved(damped(hidden)), damped())
+    record = recording(damped(), moved(damped(hidden)))
     unknown = free(damped(), [hidden["name"]], reach=record.eta[:, :3])
     best = beginnings(unknown, Windows.of(record), record.eta[:, :3])[0]
     for entry, begun, true in zip(unknown.entries, best, truth, strict=True):
@@ -125,7 +125,7 @@ def test_beginnings_go_no_way_that_leads_off():
     driven = {"name": "linear_damping", "diagonal": [-250.0, -200.0, *synthetic.LINEAR[2:].tolist()]}
     known = damped()
     known = msgspec.structs.replace(known, effect=(known.effect[0], driven, known.effect[2]))
-    problem = OutputError.of(aim(recording(raw, known)), known)
+    problem = OutputError.of(aim(recording(known, raw)), known)
     now = costs(load(candidate(known), problem.shots), problem.shots)
     normal = problem.linearise(known, [], [])
     total, along = problem.cost(known, np.zeros(0), normal)
@@ -181,7 +181,7 @@ def test_what_the_data_do_not_show_stays_and_is_told(datasets):
     known, _ = files.read(datasets / "vehicles" / "auv151.toml")
     t = np.arange(1000) * 0.02
     demand = {f"cmd_{i}": 0.5 * np.sin(t) if i > 4 else 0.0 * t for i in range(1, 9)}
-    heave = simulate(pl.DataFrame({"session": ["a"] * 1000, "t": t, **demand}), known)
+    heave = simulate(known, pl.DataFrame({"session": ["a"] * 1000, "t": t, **demand}))
     found = fit(known, noisy(heave, 0), ["quadratic_damping"])
     assert found.determined.tolist() == [False, False, True, False, False, False]
     assert found.values[5] == pytest.approx(30.0, rel=0.2)
@@ -258,7 +258,7 @@ def test_windows_of_a_long_recording_are_some_of_all_and_no_other():
         {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]},
         {"name": "sensor_delay", "d": 0.1},
     )
-    record = recording(noisy(moved(vehicle, rows=2000), 0), vehicle)
+    record = recording(vehicle, noisy(moved(vehicle, rows=2000), 0))
     every, some = Windows.of(record), Windows.of(record, most=12)
     first = every.rows[every.starts].tolist()
     kept = [first.index(row) for row in some.rows[some.starts].tolist()]

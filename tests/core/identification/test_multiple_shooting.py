@@ -46,7 +46,7 @@ def exact(shots, record):
 def test_a_shot_from_within_a_session_follows_the_session(effect, tolerance):
     """Rotors, late commands and memories go on over the beginning of a shot; 500 Hz against 50 Hz steps."""
     vehicle = damped(effect)
-    record = recording(moved(vehicle, rows=600), vehicle)
+    record = recording(vehicle, moved(vehicle, rows=600))
     shots = exact(multiple_shooting.aim(record), record)
     predicted = multiple_shooting.predict(multiple_shooting.load(candidate(vehicle), shots), shots)
     np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=tolerance)
@@ -56,8 +56,8 @@ def test_a_shot_from_within_a_session_follows_the_session(effect, tolerance):
 def test_a_late_log_looks_back_on_what_was_before_the_comparison():
     vehicle = damped({"name": "sensor_delay", "d": 0.31}, {"name": "sensor_lever_arm", "r": [0.2, 0.1, 0.0]})
     raw = moved(vehicle, rows=600)
-    record = recording(raw, damped())
-    truth = recording(moved(damped(), rows=600), damped())
+    record = recording(damped(), raw)
+    truth = recording(damped(), moved(damped(), rows=600))
     shots = exact(multiple_shooting.aim(record, lead=0.5), truth)
     left = multiple_shooting.residuals(multiple_shooting.load(candidate(vehicle), shots), shots) * shots.sigma
     assert left.shape == (len(shots.starts), 100, 12)
@@ -66,7 +66,7 @@ def test_a_late_log_looks_back_on_what_was_before_the_comparison():
 
 def test_noise_is_found_through_the_motion():
     raw = noisy(moved(damped(), rows=3000), 0)
-    found = noise(recording(raw, damped()))
+    found = noise(recording(damped(), raw))
     np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.06)
 
 
@@ -78,7 +78,7 @@ def test_noise_is_found_between_the_samples_of_a_slower_sensor(apart):
         name: np.interp(raw["t"], raw["t"].gather_every(apart), raw[name].gather_every(apart))
         for name in ("x", "y", "z", "u", "v", "w")
     }
-    found = noise(recording(raw.with_columns(**slow), damped()))
+    found = noise(recording(damped(), raw.with_columns(**slow)))
     np.testing.assert_allclose(found, np.repeat([0.02, 0.001, 0.01, 0.002], 3), rtol=0.12)
 
 
@@ -93,7 +93,7 @@ def test_a_tumbling_vehicle_is_smoothed_through_the_vertical():
     raw = moved(damped(), rows=1500).with_columns(
         phi=pl.Series(angles[:, 0]), theta=pl.Series(angles[:, 1]), psi=pl.Series(angles[:, 2])
     )
-    eta, _ = smoothed(recording(raw, damped()))
+    eta, _ = smoothed(recording(damped(), raw))
     left = Rotation.from_euler("ZYX", eta[:, :2:-1]).inv() * turn
     assert left.magnitude().max() < 2e-4
 
@@ -101,7 +101,7 @@ def test_a_tumbling_vehicle_is_smoothed_through_the_vertical():
 def test_shots_never_reach_over_a_gap():
     raw = moved(damped(), rows=500)
     broken = raw[np.r_[0:230, 260:500]]
-    record = recording(broken, damped())
+    record = recording(damped(), broken)
     shots = multiple_shooting.aim(record)
     assert len(segments(broken)) == 2
     for start in shots.starts:
@@ -125,7 +125,7 @@ def test_shots_kept_are_spread_evenly_and_in_no_rhythm(count, most):
 def test_a_thinned_recording_keeps_some_of_the_shots_of_all_its_sessions():
     part = moved(damped(), rows=500)
     raw = pl.concat([part.with_columns(session=pl.lit(name)) for name in "abcde"])
-    record = recording(raw, damped())
+    record = recording(damped(), raw)
     every, some = multiple_shooting.aim(record), multiple_shooting.aim(record, most=10)
     assert set(some.starts) < set(every.starts)
     assert set(some.segment) == set(range(5))
@@ -177,7 +177,7 @@ def test_a_piece_that_knows_no_bounds_leaves_errors_finite_and_an_unseen_entry_t
 def test_a_shot_that_leaves_all_bounds_is_lost_and_no_other():
     """Drag too stiff for the steps: the faster shots grow without end, and take no others with them."""
     stiff = {"name": "quadratic_damping", "diagonal": [1e5, *synthetic.QUADRATIC[1:]]}
-    record = recording(moved(damped(), rows=2000), damped())
+    record = recording(damped(), moved(damped(), rows=2000))
     shots = multiple_shooting.aim(record)
     known = damped()
     changed = msgspec.structs.replace(known, effect=(*known.effect[:-1], stiff))

@@ -52,7 +52,7 @@ def by_differences(base, changed, steps, shots):
 def test_derivatives_are_differences_of_predictions(extra):
     """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike."""
     vehicle = damped(*extra)
-    record = recording(noisy(moved(vehicle, rows=500), 0), vehicle)
+    record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
     shots = multiple_shooting.corrected_first(multiple_shooting.aim(record, lead=0.2), candidate(vehicle))
     unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.eta[:, :3])
     changed, steps = nudged(unknown, unknown.starts[0])
@@ -83,7 +83,7 @@ def test_derivatives_are_differences_of_predictions(extra):
 
 def test_a_problem_without_parameters_has_its_residuals_alone():
     vehicle = damped()
-    record = recording(noisy(moved(vehicle, rows=500), 0), vehicle)
+    record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
     shots = multiple_shooting.aim(record)
     base = multiple_shooting.load(candidate(vehicle), shots)
     alone = sensitivity.linearise(base, [], [], shots)

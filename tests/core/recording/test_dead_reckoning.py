@@ -15,7 +15,7 @@ from hydro.core.simulation.sensor_noise import PROFILES, Noise
 
 
 def read(raw: pl.DataFrame) -> Recording:
-    return recording(raw, synthetic.vehicle())
+    return recording(synthetic.vehicle(), raw)
 
 
 def test_without_noise_pose_and_velocities_go_the_same_way():

@@ -318,8 +318,8 @@ def test_fourth_order_even_with_a_delay_within_a_step(delay):
 @given(numbers(0.0, 0.3))
 def test_sensor_effects_are_in_the_log_and_not_in_the_motion(bias):
     frame = pl.DataFrame({"session": ["a"] * 50, "t": np.arange(50) * 0.02, "cmd_1": np.full(50, 0.5)})
-    plain = simulate(frame, bare())
-    biased = simulate(frame, bare({"name": "sensor_bias", "b": [bias, 0.0, 0.0]}))
+    plain = simulate(bare(), frame)
+    biased = simulate(bare({"name": "sensor_bias", "b": [bias, 0.0, 0.0]}), frame)
     np.testing.assert_allclose(biased["u"], plain["u"] + bias, atol=1e-12)
     assert biased.select(POSE).equals(plain.select(POSE))
 
@@ -334,27 +334,27 @@ def raw(rows=50, session="a", start=0.0):
 
 def test_a_raw_table_gives_its_own_first_state_and_gets_its_shape_back():
     frame = pl.concat([raw(), raw(session="b"), raw(session="b", start=3.0)])
-    moved = simulate(frame, bare({"name": "linear_damping", "diagonal": [30.0] * 6}))
+    moved = simulate(bare({"name": "linear_damping", "diagonal": [30.0] * 6}), frame)
     assert moved.columns == frame.columns
     for first in (0, 50, 100):
         np.testing.assert_allclose(moved.row(first)[2:14], np.full(12, 0.1), atol=1e-12)
-    again = simulate(moved, bare({"name": "linear_damping", "diagonal": [30.0] * 6}))
+    again = simulate(bare({"name": "linear_damping", "diagonal": [30.0] * 6}), moved)
     np.testing.assert_allclose(again["u"], moved["u"], atol=1e-9)
-    apart = simulate(frame[:50], bare({"name": "linear_damping", "diagonal": [30.0] * 6}))
+    apart = simulate(bare({"name": "linear_damping", "diagonal": [30.0] * 6}), frame[:50])
     assert moved[:50].equals(apart)
 
 
 def test_what_cannot_be_simulated():
     commands = raw().select("session", "t", "cmd_1")
     with pytest.raises(DataError, match="0 command columns, no cmd_1"):
-        simulate(commands.drop("cmd_1"), bare())
+        simulate(bare(), commands.drop("cmd_1"))
     with pytest.raises(DataError, match="all of them or none"):
-        simulate(raw().drop("w"), bare())
+        simulate(bare(), raw().drop("w"))
     gap = pl.concat([commands, raw(start=3.0).select("session", "t", "cmd_1")])
     with pytest.raises(DataError, match="a gap in t before row 50"):
-        simulate(gap, bare())
+        simulate(bare(), gap)
     with pytest.raises(DataError, match="finite rows of 1 thrusters"):
-        simulate(commands.with_columns(cmd_1=float("nan")), bare())
+        simulate(bare(), commands.with_columns(cmd_1=float("nan")))
     with pytest.raises(DataError, match="some finite rows"):
         trajectory(assemble(bare()), np.empty((0, 1)), [])
     with pytest.raises(DataError, match="beyond all bounds by t = "):
