@@ -79,7 +79,7 @@ def independent(
         first[2], first[3], first[6] = depth, np.cos(0.5 * heading), np.sin(0.5 * heading)
         states, commands = fly(plant, file, allocation, gains, demand, first, DT)
         if not np.isfinite(states).all():
-            raise DataError(f"the motion of {believed.name} grows beyond all bounds")
+            raise DataError(f"the motion of {believed.name} diverges")
         motion = np.hstack([states[:, :3], angles(states[:, 3:7]), logged(states, hidden)])
         tables.append(table(f"s{number}", motion, commands, noise, rng))
     return tables

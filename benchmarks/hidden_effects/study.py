@@ -99,7 +99,7 @@ def fly(case: Case, seconds: float, folder: Path) -> Flown:
     """Record a case: `seconds` in four sessions, and a held-out session of the same length as each.
 
     Raises:
-        DataError: The motion knows no bounds.
+        DataError: The motion diverges.
     """
     rows = [round(seconds / SESSIONS / flights.DT)] * (SESSIONS + 1)
     how: dict[str, Any] = {"rows": rows, "depth": case.depth, "noise": case.noise, "seed": case.seed}

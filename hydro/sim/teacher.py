@@ -162,7 +162,7 @@ def collect(
         The raw table: `session`, `t` (float64), pose, velocity and commands (float32).
 
     Raises:
-        DataError: No such programme, no axis to excite, or a motion that grows beyond all bounds.
+        DataError: No such programme, no axis to excite, or a motion that diverges.
     """
     flown = programme or Programme()
     sessions = plan(rows, seed, subject.mixing.axes, excitation=flown.excitation)
@@ -204,7 +204,7 @@ def fly(
         Motion (N, 12) x … psi, u … r, and commands (N, n).
 
     Raises:
-        DataError: The motion grows beyond all bounds.
+        DataError: The motion diverges.
     """
     rows, thrusters = len(demand), subject.program.thrusters
     first = np.zeros(BODY)
@@ -218,7 +218,7 @@ def fly(
     reached: int = _follow(program.flat, subject.facets, first, course, pilot, states)
     if reached < rows:
         raise DataError(
-            f"the motion grows beyond all bounds by t = {reached / RATE:g} s: check the vehicle's inertia, "
+            f"the motion diverges by t = {reached / RATE:g} s: check the vehicle's inertia, "
             "and what is hidden"
         )
     return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]]), commands

@@ -97,7 +97,7 @@ def test_other_choices_are_another_training(tmp_path, auv151):
     with pytest.raises(DataError, match="other inputs"):
         train(tmp_path, replace(QUICK, steps=80), (vehicle, text.replace("mass = 151.0", "mass = 150.0")))
     (tmp_path / "checkpoint.pt").write_bytes(b"broken")
-    with pytest.raises(DataError, match="remove it to train anew"):
+    with pytest.raises(DataError, match="remove it to train again"):
         train(tmp_path, replace(QUICK, steps=80), auv151)
 
 
@@ -134,7 +134,7 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
     provenance = msgspec.structs.replace(
         artefact.provenance, model={k: v for k, v in artefact.provenance.model.items() if k != "fades"}
     )
-    with pytest.raises(DataError, match="an earlier version wrote it: train anew with"):
+    with pytest.raises(DataError, match="an earlier version wrote it: train again with"):
         policy_of(replace(artefact, provenance=provenance))
     fleet = Builder(config, vehicle)(3, 7)
     assert fly(policy, fleet).equals(fly(training.policy(), Builder(config, vehicle)(3, 7)))

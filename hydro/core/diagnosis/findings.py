@@ -163,7 +163,7 @@ def _table(row: dict[str, Any]) -> dict[str, Any]:
         errors: dict[str, Any] = tomllib.loads(f"table = {row['standard_errors'] or '{}'}")["table"]
     except tomllib.TOMLDecodeError as error:
         raise DataError(
-            f"the values of {row['effect']} are not inline TOML ({error}); diagnose anew"
+            f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
         ) from error
     return {"name": row["effect"]} | values | {"standard_error": errors}
 

@@ -57,7 +57,7 @@ BANDS = (
 """Bands of frequency [Hz], by the time that a motion takes."""
 SLOW_BAND = ("", 0.0, FASTEST)
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
-"""Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion knows no bounds."""
+"""Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion diverges."""
 PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
 LEAST_DRAWS = 16  # of uncertain beginnings, where there are few predictions
 IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from

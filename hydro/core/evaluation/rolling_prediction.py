@@ -40,7 +40,7 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
     Returns:
         A replay table in float32: `session`, `variant` (`measured` and those of `vehicles`), `t`, pose in NED
         [m, rad] and velocity in the body frame [m/s, rad/s].  A variant lacks the rows in which its motion
-        knows no bounds.
+        diverges.
 
     Raises:
         DataError: The recording does not fit a vehicle.

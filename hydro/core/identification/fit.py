@@ -153,7 +153,7 @@ def fit(
         Values with standard errors and warnings.
 
     Raises:
-        DataError: An effect or the recording is at fault, or the vehicle's motion knows no bounds.
+        DataError: An effect or the recording is at fault, or the vehicle's motion diverges.
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
@@ -251,7 +251,7 @@ def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Arr
 
 
 def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
-    """Where output error begins: as equation error says, unless its motion knows no bounds."""
+    """Where output error begins: as equation error says, unless its motion diverges."""
     for begin in (values, *unknown.starts):
         problem = OutputError.of(shots, unknown.at(begin))
         if np.isfinite(
@@ -259,7 +259,7 @@ def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tupl
         ):
             return begin, problem
     raise DataError(
-        "the vehicle's predicted motion grows beyond all bounds within a shot; check its damping, or fit "
+        "the vehicle's predicted motion diverges within a shot; check its damping, or fit "
         f"{LINEAR_DAMPING.name} too"
     )
 
@@ -331,7 +331,7 @@ def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, 
     determined = (errors <= UNDETERMINED * scales) | plain
     if lost := int(normal.lost.sum()):
         warnings.append(
-            f"{lost} of {len(normal.lost)} predictions grow beyond all bounds with these values and are left "
+            f"{lost} of {len(normal.lost)} predictions diverge with these values and are left "
             "out; check the vehicle's damping"
         )
     warnings += _advice(unknown, determined)

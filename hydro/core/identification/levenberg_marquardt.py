@@ -153,7 +153,7 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
     others = [unknown.at(trial) for trial in trials[1:]]
     gram = problem.linearise(unknown.at(trials[0]), nudged + others, steps + [1.0] * len(others)).gram
     total, count = gram.sum(axis=0), len(nudged)
-    if not np.isfinite(total).all():  # a trial's motion knows no bounds: stay, and try nearer
+    if not np.isfinite(total).all():  # a trial's motion diverges: stay, and try nearer
         return np.arange(float(len(trials)))
     # The residual of a trial is the first one's less the column that leads from there to it.
     way = np.vstack([np.zeros((1, len(trials) - 1)), np.eye(len(trials) - 1)])

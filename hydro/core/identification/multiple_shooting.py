@@ -41,7 +41,7 @@ GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
 ENDLESS = 1e9
-"""Residual or derivative [standard deviations] of a prediction that knows no bounds: sums still hold it."""
+"""Residual or derivative [standard deviations] of a prediction that diverges: sums still hold it."""
 TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
@@ -279,7 +279,7 @@ def predict(
         part: Which shots.
 
     Returns:
-        Position, quaternion, nu of every row, (s, length, 13); not finite where a motion knows no bounds.
+        Position, quaternion, nu of every row, (s, length, 13); not finite where a motion diverges.
     """
     places = shots.places(part)
     beginnings = loaded.beginnings(shots.first if first is None else first, part)
@@ -309,7 +309,7 @@ def residuals(
 
 
 def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
-    """Sum of squared residuals of each shot, (S,); infinite where a motion knows no bounds."""
+    """Sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
 
     def work(begin: int) -> Array:
         error = residuals(loaded, shots, None, slice(begin, begin + TOGETHER))
@@ -323,7 +323,7 @@ def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
 
 
 def cost(loaded: Loaded, shots: Shots) -> float:
-    """Sum of squared residuals over all shots; infinite where a motion knows no bounds."""
+    """Sum of squared residuals over all shots; infinite where a motion diverges."""
     return float(costs(loaded, shots).sum())
 
 

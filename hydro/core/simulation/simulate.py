@@ -124,9 +124,7 @@ def trajectory(
     out = np.empty((clock.size, BODY))
     reached = _follow(program.flat, first, course, settled, out)
     if reached < clock.size:
-        raise DataError(
-            f"the motion grows beyond all bounds by t = {clock[reached]:g} s; check the vehicle's damping"
-        )
+        raise DataError(f"the motion diverges by t = {clock[reached]:g} s; check the vehicle's damping")
     return np.hstack([out[:, :3], euler_from_quaternion(out[:, 3:7]), out[:, 7:]])
 
 

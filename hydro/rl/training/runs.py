@@ -63,11 +63,11 @@ def config_of(run: Artefact) -> TrainingConfig:
     choices = {current_name(name): value for name, value in run.frame.select("name", "value").iter_rows()}
     if strange := sorted(choices.keys() ^ _choices(TrainingConfig()).keys()):
         # A choice that is left out is not its default: there was none, and something else was done.
-        raise DataError(f"run: not a training of this version, for its {strange[0]}: train anew")
+        raise DataError(f"run: not a training of this version, for its {strange[0]}: train again")
     try:
         return _config(choices)
     except msgspec.MsgspecError as error:
-        raise DataError(f"run: not a training of this version ({error}): train anew") from error
+        raise DataError(f"run: not a training of this version ({error}): train again") from error
 
 
 def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfig:
@@ -259,7 +259,7 @@ def policy_of(artefact: Artefact) -> Policy:
     described = artefact.provenance.model or {}
     if not described.keys() >= {"widths", "scale", "fades", "training"}:
         raise DataError(
-            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train anew "
+            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train again "
             "with `hydro rl train`"
         )
     return Policy(
@@ -286,7 +286,7 @@ def _read_state(path: Path) -> dict[str, Any]:
         state = torch.load(path, weights_only=True)
     except Exception as error:  # whatever torch's unpickler comes across
         raise DataError(
-            f"{path}: cannot be read: remove it to train anew ({type(error).__name__})"
+            f"{path}: cannot be read: remove it to train again ({type(error).__name__})"
         ) from error
     learner = state.pop("learner")
     return {**_each(state, torch.Tensor, torch.Tensor.numpy), "learner": learner}
