@@ -71,8 +71,10 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
         velocity = given[begin : begin + 1, 6:]
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)
-        begun = {"eta": given[begin, :6], "nu": velocity[0], "settled": bool(resumed)}
-        motion[rows] = trajectory(program, demand[rows], t[rows], steps=steps, **begun)
+        eta, nu = given[begin, :6], velocity[0]
+        motion[rows] = trajectory(
+            program, demand[rows], t[rows], eta=eta, nu=nu, settled=bool(resumed), steps=steps
+        )
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
     return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
