@@ -193,7 +193,7 @@ def oracle(case: Case, flown: Flown) -> Vehicle:
     wanted = [*dict.fromkeys([*own, *(str(table["name"]) for table in case.hidden)])]
     unknown = free(vehicle, wanted, reach=record.eta[:, :3])
     late = "sensor_delay" in wanted
-    shots = multiple_shooting.aim(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
+    shots = multiple_shooting.make_shots(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
     start = unknown.starts[0]
     values, _, _ = descend(unknown, start, OutputError.of(shots, unknown.at(start)), ITERATIONS)
     return unknown.at(values)

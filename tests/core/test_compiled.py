@@ -20,10 +20,10 @@ for name, module in sorted(sys.modules.items()):
 def test_the_digest_covers_all_that_kernel_modules_load():
     """An import that the scan of the sources missed would leave stale machine code behind."""
     ran = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
-    loaded = set(ran.stdout.split())
+    prepared = set(ran.stdout.split())
     seen = {str(path) for path in compiled.kernel_sources()}
-    assert {Path(name).name for name in loaded - seen} == {"__init__.py"}
-    assert len(loaded) > 30
+    assert {Path(name).name for name in prepared - seen} == {"__init__.py"}
+    assert len(prepared) > 30
 
 
 def test_what_no_kernel_sees_does_not_compile_everything_again():

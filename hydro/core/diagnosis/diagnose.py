@@ -109,10 +109,10 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
             )
         problem = OutputError.of(shots, vehicle)
         stable = multiple_shooting.bounded(
-            multiple_shooting.load(candidate(vehicle), problem.shots), problem.shots
+            multiple_shooting.prepare(candidate(vehicle), problem.shots), problem.shots
         )
         if stable.mean() >= STABLE:
-            return OutputError(multiple_shooting.some(problem.shots, stable))
+            return OutputError(multiple_shooting.select(problem.shots, stable))
     raise DataError(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
         f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"

@@ -71,7 +71,7 @@ class Preprocessed:
             DataError: No segment is as long as one shot.
         """
         if seconds not in self._shots:
-            self._shots[seconds] = multiple_shooting.aim(
+            self._shots[seconds] = multiple_shooting.make_shots(
                 self.record, seconds=seconds, sigma=self.noise, most=MOST_SHOTS
             )
         return self._shots[seconds]

@@ -255,10 +255,10 @@ def _grams(
         except DataError:  # a motion that diverges is none to propose
             continue
         record = _record(manoeuvre, motion)
-        shots = multiple_shooting.aim(record, lead=lead, sigma=sigma)
+        shots = multiple_shooting.make_shots(record, lead=lead, sigma=sigma)
         state = np.hstack([motion[:, :3], quaternion_from_euler(*motion[:, 3:6].T), motion[:, 6:]])
         shots = replace(shots, first=state[shots.starts])
-        own, *rest = (multiple_shooting.load(model, shots) for model in models)
+        own, *rest = (multiple_shooting.prepare(model, shots) for model in models)
         shots = replace(shots, measured=multiple_shooting.predict(own, shots))
         moved = [
             multiple_shooting.displaced(shots.first, step[None]) for step in np.diag(multiple_shooting.NUDGE)

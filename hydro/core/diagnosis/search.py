@@ -255,7 +255,7 @@ class Search:
         Begun again where the recording saw the vehicle: what a poor model has made of the initial states may
         hold a good one back.
         """
-        at_sight = self.baseline.problem.begun(model.vehicle)
+        at_sight = self.baseline.problem.at_measured_states(model.vehicle)
         again = self._fit(model.vehicle, chosen, at_sight, ITERATIONS)
         if again.normal.cost <= model.normal.cost:
             return again

@@ -67,29 +67,29 @@ def compare(
     Raises:
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
     """
-    told = progress or (lambda words, share: None)
+    report = progress or (lambda words, share: None)
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
     record, model = recording(vehicle, raw), candidate(vehicle)
-    told("smoothing", 0.0)
+    report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
     names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]
     found = families(record, vehicle, pieces, motion.eta, motion.nu, motion.nu_dot, names)
     sessions = [family for family in found if family.by == "session"]
-    told("forces", 0.1)
+    report("forces", 0.1)
     forces, banded, bands = force(model, record, motion, pieces, seed)
     lines = [*_Lines(forces, seed).of([*found]), *_Lines(banded, seed).of([bands], whole=False)]
     for number, horizon in enumerate((*HORIZONS, None)):
-        told("whole run" if horizon is None else f"{horizon:g} s ahead", 0.3 + 0.15 * number)
+        report("whole run" if horizon is None else f"{horizon:g} s ahead", 0.3 + 0.15 * number)
         if (both := replay(model, record, motion, pieces, horizon, seed)) is not None:
             velocity, pose = both
             lines += _Lines(velocity, seed).of(sessions if horizon is None else found)
             lines += _Lines(pose, seed).of(sessions)
-    told("places", 0.9)
+    report("places", 0.9)
     lines += _ranked(_Lines(forces, seed), found, against)
     table = pl.DataFrame(lines, infer_schema_length=None)
     table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon").fill_nan(None))
-    told("done", 1.0)
+    report("done", 1.0)
     return table if against is None else _beside(table, against)
 
 

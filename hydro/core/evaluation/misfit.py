@@ -32,11 +32,11 @@ from hydro.core.evaluation.regimes import Family, Pieces
 from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
-    Loaded,
+    Prepared,
     Shots,
     corrected_first,
     displaced,
-    load,
+    prepare,
     residuals,
 )
 from hydro.core.recording import smoothing
@@ -256,7 +256,7 @@ def _predictions(
     unit = np.ones(CHANNELS)
     every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
     every = corrected_first(every, model)
-    loaded = load(model, every)
+    prepared = prepare(model, every)
     compared = np.zeros(record.rows)
     squares, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
     draws = -(-LEAST_DRAWS // len(starts))
@@ -271,7 +271,7 @@ def _predictions(
             first=every.first[part],
             measured=logged[rows],
         )
-        model_there = Loaded(model, loaded.rotors[part], loaded.memory[part])
+        model_there = Prepared(model, prepared.rotors[part], prepared.memory[part])
         error = _bounded(residuals(model_there, shots))
         rng = np.random.default_rng([seed, part.start])
         for _ in range(draws):

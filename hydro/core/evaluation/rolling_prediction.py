@@ -13,7 +13,7 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Rows
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, load, predict
+from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, predict, prepare
 from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
@@ -92,7 +92,7 @@ def _predicted(vehicle: Vehicle, record: Recording) -> Array:
                 nu=nu,
             )
             shot = corrected_first(shot, model)
-            out[rows] = _angles(predict(load(model, shot), shot)[0])
+            out[rows] = _angles(predict(prepare(model, shot), shot)[0])
     return out
 
 

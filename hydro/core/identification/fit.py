@@ -23,15 +23,15 @@ from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, sensitivity, weak_form
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.initial_guess import beginnings
+from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
     PRIOR,
     Problem,
     descend,
     linearised,
+    over_standard_errors,
     searched,
-    told_by_errors,
 )
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
@@ -170,7 +170,7 @@ def fit(
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
         )
-        shots = multiple_shooting.aim(
+        shots = multiple_shooting.make_shots(
             record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most
         )
         share = shots.share
@@ -195,17 +195,17 @@ class OutputError:
     @classmethod
     def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
         """Begin the shots as this vehicle's velocity log says."""
-        return cls(shots).begun(vehicle)
+        return cls(shots).at_measured_states(vehicle)
 
-    def begun(self, vehicle: Vehicle) -> OutputError:
+    def at_measured_states(self, vehicle: Vehicle) -> OutputError:
         """The problem with its shots begun as this vehicle's velocity log says."""
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `sensitivity.linearise`."""
-        loaded = multiple_shooting.load(candidate(base), self.shots)
-        others = [multiple_shooting.load(candidate(other), self.shots, loaded) for other in moved]
-        return sensitivity.linearise(loaded, others, steps, self.shots)
+        prepared = multiple_shooting.prepare(candidate(base), self.shots)
+        others = [multiple_shooting.prepare(candidate(other), self.shots, prepared) for other in moved]
+        return sensitivity.linearise(prepared, others, steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
         """Predict anew, from beginnings moved as the linearised problem would have them.
@@ -215,15 +215,18 @@ class OutputError:
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
         shift = np.clip(shift, -FARTHEST * multiple_shooting.TRUST, FARTHEST * multiple_shooting.TRUST)
         first = multiple_shooting.displaced(self.shots.first, shift)
-        loaded, reached = multiple_shooting.load(candidate(vehicle), self.shots), OFF * normal.expected(step)
-        costs = multiple_shooting.costs(loaded, replace(self.shots, first=first))
+        prepared, reached = (
+            multiple_shooting.prepare(candidate(vehicle), self.shots),
+            OFF * normal.expected(step),
+        )
+        costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
         for part in SHORTER:
             poor = ~(costs <= np.maximum(reached, normal.freedom))
             if not poor.any():
                 break
             less = multiple_shooting.displaced(self.shots.first[poor], part * shift[poor])
-            tried = replace(multiple_shooting.some(self.shots, poor), first=less)
-            again = multiple_shooting.costs(loaded.of(poor), tried)
+            tried = replace(multiple_shooting.select(self.shots, poor), first=less)
+            again = multiple_shooting.costs(prepared.of(poor), tried)
             better = np.flatnonzero(poor)[again < costs[poor]]
             first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
         return float(costs.sum()), OutputError(replace(self.shots, first=first))
@@ -243,7 +246,9 @@ class OutputError:
 
 def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
     """The best of all beginnings after equation error from each, and its chi2."""
-    tried = [descend(unknown, start, windows, ITERATIONS) for start in beginnings(unknown, windows, reach)]
+    tried = [
+        descend(unknown, start, windows, ITERATIONS) for start in initial_guesses(unknown, windows, reach)
+    ]
     values, normal, problem = min(tried, key=lambda result: result[1].cost)
     problem, _ = problem.reweighted(normal)
     values, _, problem = descend(unknown, values, problem, ITERATIONS)
@@ -255,7 +260,9 @@ def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tupl
     for begin in (values, *unknown.starts):
         problem = OutputError.of(shots, unknown.at(begin))
         if np.isfinite(
-            multiple_shooting.cost(multiple_shooting.load(candidate(unknown.at(begin)), shots), problem.shots)
+            multiple_shooting.cost(
+                multiple_shooting.prepare(candidate(unknown.at(begin)), shots), problem.shots
+            )
         ):
             return begin, problem
     raise DataError(
@@ -277,7 +284,7 @@ def _settle(
         problem, changed = problem.reweighted(normal)
         if not changed:
             break
-    return values, told_by_errors(unknown, values, normal, problem), problem
+    return values, over_standard_errors(unknown, values, normal, problem), problem
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:

@@ -24,7 +24,7 @@ KEPT = 4
 """Shapes of one effect that a fit begins from: those that explain most."""
 
 
-def beginnings(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
+def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Array, ...]:
     """Values (P,) to begin from, the most telling first; those that `unknown` has where all is linear.
 
     Args:

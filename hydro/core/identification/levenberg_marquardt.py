@@ -10,9 +10,9 @@ about the truth with a standard deviation of sqrt(26)/a: 26 is the variance of t
 least, W a Brownian motion in both directions (its density in Y.-C. Yao, Approximating the distribution of the
 maximum likelihood estimate of the change-point in a sequence of independent random variables, Annals of
 Statistics 15, 1321-1328, 1987).  A derivative over h has the information a/h.  Where h is sqrt(26) times the
-standard error that it gives itself, both agree: `told_by_errors` takes that h.  Of a smooth cost no h changes
-anything.  Where the commands say little about the dead band, the cost far from its best value tells how
-much (`_reach`).
+standard error that it gives itself, both agree: `over_standard_errors` takes that h.  Of a smooth cost no h
+changes anything.  Where the commands say little about the dead band, the cost far from its best value tells
+how much (`_reach`).
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _profile(unknown: Free, trials: Array, problem: Problem) -> Array:
     return cost
 
 
-def told_by_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
+def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Normal:
     """The problem about the best values with derivatives over sqrt(26) standard errors where it has corners.
 
     From wide to narrow; a derivative so narrow that no row of commands lies in it tells less, and ends it.

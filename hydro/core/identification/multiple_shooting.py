@@ -65,7 +65,7 @@ class Places(NamedTuple):
     steps: int
 
 
-class Beginnings(NamedTuple):
+class InitialStates(NamedTuple):
     """States at the beginning of S shots.
 
     Attributes:
@@ -80,7 +80,7 @@ class Beginnings(NamedTuple):
 
 
 class Answers(NamedTuple):
-    """How S shots answer to their beginnings and to P parameters.
+    """How S shots answer to their initial states and to P parameters.
 
     Attributes:
         changes: The parameters.
@@ -142,7 +142,7 @@ class Shots:
         )
 
 
-def aim(
+def make_shots(
     record: Recording,
     *,
     seconds: float = SECONDS,
@@ -213,15 +213,15 @@ def evenly(count: int, most: int | None) -> Rows:
     return chosen
 
 
-def bounded(loaded: Loaded, shots: Shots) -> NDArray[np.bool_]:
+def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
     """Which shots a candidate predicts without leaving all bounds, (S,)."""
-    nu = predict(loaded, shots)[..., 7:]
+    nu = predict(prepared, shots)[..., 7:]
     with np.errstate(invalid="ignore"):
         tame = np.abs(nu - shots.measured[..., 7:]) < WILD
     return np.asarray(tame.all(axis=(1, 2)))
 
 
-def some(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
+def select(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
     """The shots that a mask (S,) keeps."""
     parts = ("starts", "segment", "first", "measured")
     return replace(shots, **{name: getattr(shots, name)[kept] for name in parts})
@@ -235,23 +235,23 @@ def corrected_first(shots: Shots, model: Candidate) -> Shots:
 
 
 @dataclass(frozen=True)
-class Loaded:
+class Prepared:
     """A candidate with what it brings to the beginning of every shot: rotors (S, n), memories (S, states)."""
 
     model: Candidate
     rotors: Array
     memory: Array
 
-    def of(self, kept: NDArray[np.bool_]) -> Loaded:
+    def of(self, kept: NDArray[np.bool_]) -> Prepared:
         """The same for the shots that a mask (S,) keeps."""
-        return Loaded(self.model, self.rotors[kept], self.memory[kept])
+        return Prepared(self.model, self.rotors[kept], self.memory[kept])
 
-    def beginnings(self, first: Array, part: slice) -> Beginnings:
+    def initial_states(self, first: Array, part: slice) -> InitialStates:
         """States at the beginning of some shots, `first` (S, 13) those of the body of all."""
-        return Beginnings(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
+        return InitialStates(np.ascontiguousarray(first[part]), self.rotors[part], self.memory[part])
 
 
-def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
+def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
     """Work out a candidate's states at the beginning of every shot; `like` has perhaps the same thrusters."""
     if like is not None and same_states(like.model.thrusters, model.thrusters):
         rotors = like.rotors
@@ -261,11 +261,11 @@ def load(model: Candidate, shots: Shots, like: Loaded | None = None) -> Loaded:
     if model.program.states:
         nu = true_velocity(model, shots.record, shots.nu)
         memory = memories(model, shots.record, shots.eta, nu)[shots.starts]
-    return Loaded(model, rotors, memory)
+    return Prepared(model, rotors, memory)
 
 
 def predict(
-    loaded: Loaded,
+    prepared: Prepared,
     shots: Shots,
     first: Array | None = None,
     part: slice = slice(None),
@@ -273,27 +273,27 @@ def predict(
     """What would have been logged, shot by shot.
 
     Args:
-        loaded: The candidate.
+        prepared: The candidate.
         shots: The shots.
-        first: Other beginnings, (S, 13).
+        first: Other initial states, (S, 13).
         part: Which shots.
 
     Returns:
         Position, quaternion, nu of every row, (s, length, 13); not finite where a motion diverges.
     """
     places = shots.places(part)
-    beginnings = loaded.beginnings(shots.first if first is None else first, part)
+    initial = prepared.initial_states(shots.first if first is None else first, part)
     out = np.empty((places.starts.size, shots.length, BODY))
-    shoot(loaded.model.program.flat, places, beginnings, out, None)
-    if loaded.model.log.any():
+    shoot(prepared.model.program.flat, places, initial, out, None)
+    if prepared.model.log.any():
         clock = np.arange(shots.length) * shots.record.dt
         finite = np.nan_to_num(out[..., 7:], nan=1e6, posinf=1e6, neginf=-1e6)
-        out[..., 7:] = sensor.measured(loaded.model.log, clock, finite)
+        out[..., 7:] = sensor.measured(prepared.model.log, clock, finite)
     return out
 
 
 def residuals(
-    loaded: Loaded,
+    prepared: Prepared,
     shots: Shots,
     first: Array | None = None,
     part: slice = slice(None),
@@ -302,17 +302,17 @@ def residuals(
 
     The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
     """
-    predicted = predict(loaded, shots, first, part)
+    predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
     deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
     return out
 
 
-def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
+def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:
     """Sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
 
     def work(begin: int) -> Array:
-        error = residuals(loaded, shots, None, slice(begin, begin + TOGETHER))
+        error = residuals(prepared, shots, None, slice(begin, begin + TOGETHER))
         squares: Array = np.einsum("mki,mki->m", error, error)
         return squares
 
@@ -322,13 +322,13 @@ def costs(loaded: Loaded, shots: Shots, *, threads: int | None = None) -> Array:
     return each
 
 
-def cost(loaded: Loaded, shots: Shots) -> float:
+def cost(prepared: Prepared, shots: Shots) -> float:
     """Sum of squared residuals over all shots; infinite where a motion diverges."""
-    return float(costs(loaded, shots).sum())
+    return float(costs(prepared, shots).sum())
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Beginnings (S, 13) moved by (S, 12): position, small rotation about the body's axes, nu."""
+    """Initial states (S, 13) moved by (S, 12): position, small rotation about the body's axes, nu."""
     out = np.empty((len(first), BODY))
     _displace(first, shift, out)
     return out
@@ -362,13 +362,13 @@ def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> Non
 
 
 @jit
-def shoot(flat: Array, places: Places, beginnings: Beginnings, out: Array, answers: Answers | None) -> None:
+def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answers: Answers | None) -> None:
     """Predict shots; commands of its own segment alone are felt by each, from before its beginning too.
 
     Args:
         flat: The vehicle's program.
         places: Where they lie.
-        beginnings: What they begin from.
+        initial: Their initial states.
         out: Written: predicted state of the body, (S, K, 13); NaN behind a row that is not finite.
         answers: How they answer to changes, written besides; or None.
     """
@@ -377,9 +377,9 @@ def shoot(flat: Array, places: Places, beginnings: Beginnings, out: Array, answe
         begin, end = places.bounds[m, 0], places.bounds[m, 1]
         course = Course(places.commands[begin:end], places.t[begin:end], places.steps, 0.0)
         at = places.starts[m] - begin
-        motion.y[:BODY], motion.y[BODY:] = beginnings.first[m], beginnings.memory[m]
+        motion.y[:BODY], motion.y[BODY:] = initial.first[m], initial.memory[m]
         resume(thrusters, course, at, places.resumed[m])
-        thrusters.rotors[2] = beginnings.rotors[m]
+        thrusters.rotors[2] = initial.rotors[m]
         if answers is None:
             march(motion, thrusters, course, at, out[m], None, None)
         else:

@@ -156,10 +156,10 @@ def covariance(normal: Normal, prior: Array) -> Array:
     Returns:
         (P, P), in the units of the problem's parameters.
     """
-    told = normal.matrix.sum(axis=0)
-    total = told + np.diag(prior)
+    information = normal.matrix.sum(axis=0)
+    total = information + np.diag(prior)
     inverse = np.linalg.inv(total)
-    plain: Array = inverse @ (max(1.0, normal.chi2) * told + np.diag(prior)) @ inverse
+    plain: Array = inverse @ (max(1.0, normal.chi2) * information + np.diag(prior)) @ inverse
     size = block_length(normal.score)
     edges = np.arange(0, len(normal.gram), size)
     if len(edges) > 1 and len(normal.gram) - edges[-1] < size:

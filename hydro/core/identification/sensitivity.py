@@ -26,7 +26,7 @@ from hydro.core.identification.multiple_shooting import (
     TOGETHER,
     TRUST,
     Answers,
-    Loaded,
+    Prepared,
     Shots,
 )
 from hydro.core.identification.normal_equations import Normal, eliminate
@@ -45,8 +45,8 @@ class Moved:
         shares: By how much, in the unit that the parameters of the problem are to have, (P,).
     """
 
-    base: Loaded
-    others: Sequence[Loaded]
+    base: Prepared
+    others: Sequence[Prepared]
     shares: Array
 
 
@@ -66,8 +66,8 @@ class Varied:
 
 
 def linearise(
-    base: Loaded,
-    moved: Sequence[Loaded],
+    base: Prepared,
+    moved: Sequence[Prepared],
     steps: Sequence[float],
     shots: Shots,
     *,
@@ -127,7 +127,7 @@ def linearise(
     return Normal(gram, shots.residuals - CHANNELS, channels, follow)
 
 
-def _same_motion(base: Loaded, other: Loaded) -> bool:
+def _same_motion(base: Prepared, other: Prepared) -> bool:
     """Whether two candidates predict the same motion and differ in their velocity logs at most."""
     return np.array_equal(base.model.program.flat, other.model.program.flat) and np.array_equal(
         base.memory, other.memory
@@ -179,7 +179,7 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
     return flat.size == other.size and np.array_equal(flat[:begin], other[:begin])
 
 
-def _predicted(base: Loaded, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
+def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
     """Predicted states (s, length, 13), and columns (s, length, 12, 12 + P + 1), the first of them filled."""
     places, known = shots.places(part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
@@ -187,7 +187,7 @@ def _predicted(base: Loaded, varied: Varied, shots: Shots, part: slice, count: i
     ahead = np.ascontiguousarray(varied.ahead[part])
     answers = Answers(varied.changes, ahead, columns[..., :known])
     multiple_shooting.shoot(
-        base.model.program.flat, places, base.beginnings(shots.first, part), states, answers
+        base.model.program.flat, places, base.initial_states(shots.first, part), states, answers
     )
     return states, columns
 

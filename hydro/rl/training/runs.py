@@ -259,8 +259,8 @@ def policy_of(artefact: Artefact) -> Policy:
     described = artefact.provenance.model or {}
     if not described.keys() >= {"widths", "scale", "fades", "training"}:
         raise DataError(
-            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train again "
-            "with `hydro rl train`"
+            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train "
+            "again with `hydro rl train`"
         )
     return Policy(
         tuple(described["widths"]),

@@ -66,10 +66,10 @@ def test_what_is_known_of_their_sum_alone():
 def gains(raw):
     """Covariance of the gains of all thrusters beside nothing else, from shots over a recording."""
     vehicle = damped()
-    shots = multiple_shooting.aim(recording(vehicle, raw))
+    shots = multiple_shooting.make_shots(recording(vehicle, raw))
     (suspect,) = (one for one in suspects(vehicle) if one.effect == "thruster_gain")
-    own = multiple_shooting.load(candidate(vehicle), shots)
-    changed = [multiple_shooting.load(candidate(one), shots) for one in suspect.changed]
+    own = multiple_shooting.prepare(candidate(vehicle), shots)
+    changed = [multiple_shooting.prepare(candidate(one), shots) for one in suspect.changed]
     normal = sensitivity.linearise(own, changed, suspect.steps, shots)
     return undetermined(entries("thruster_gain"), Evidence.of(normal).covariance([], range(8), normal.chi2))
 

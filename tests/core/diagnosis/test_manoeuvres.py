@@ -156,7 +156,7 @@ def test_what_is_predicted_is_what_a_flight_shows():
     record = recording(true, flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
     costs = []
     for rival in (true, other):
-        shots = multiple_shooting.aim(record, sigma=NOISE)
+        shots = multiple_shooting.make_shots(record, sigma=NOISE)
         problem = OutputError.of(shots, rival)
         for _ in range(3):
             normal = problem.linearise(rival, [], [])

@@ -11,7 +11,7 @@ from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import unexplained
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import OutputError
-from hydro.core.identification.multiple_shooting import aim
+from hydro.core.identification.multiple_shooting import make_shots
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -37,7 +37,7 @@ def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> 
     logged = motion.select(*POSE, *VELOCITY).to_numpy()
     logged = logged + noise * SIGMA * np.random.default_rng(1).standard_normal(logged.shape)
     record = recording(believed, motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
-    problem = OutputError.of(aim(record, sigma=trusted * SIGMA), believed)
+    problem = OutputError.of(make_shots(record, sigma=trusted * SIGMA), believed)
     disturbed = list(unexplained.steadily_disturbed(believed))
     return unexplained.steady_disturbance(problem.linearise(believed, disturbed, [1.0] * unexplained.WRENCH))
 

@@ -18,9 +18,15 @@ from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import OutputError, fit
-from hydro.core.identification.initial_guess import beginnings
-from hydro.core.identification.levenberg_marquardt import ERRORS, FINER, linearised, searched, told_by_errors
-from hydro.core.identification.multiple_shooting import TRUST, aim, costs, displaced, load
+from hydro.core.identification.initial_guess import initial_guesses
+from hydro.core.identification.levenberg_marquardt import (
+    ERRORS,
+    FINER,
+    linearised,
+    over_standard_errors,
+    searched,
+)
+from hydro.core.identification.multiple_shooting import TRUST, costs, displaced, make_shots, prepare
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
@@ -78,7 +84,7 @@ def test_a_fit_begins_near_what_is_hidden_where_parameters_are_products(hidden, 
     truth = CATALOGUE[hidden["name"]].pack(hidden, thrusters=8)
     record = recording(damped(), moved(damped(hidden)))
     unknown = free(damped(), [hidden["name"]], reach=record.eta[:, :3])
-    best = beginnings(unknown, Windows.of(record), record.eta[:, :3])[0]
+    best = initial_guesses(unknown, Windows.of(record), record.eta[:, :3])[0]
     for entry, begun, true in zip(unknown.entries, best, truth, strict=True):
         if entry.parameter in close:
             assert begun == pytest.approx(true, rel=0.5), entry.name
@@ -125,17 +131,17 @@ def test_beginnings_go_no_way_that_leads_off():
     driven = {"name": "linear_damping", "diagonal": [-250.0, -200.0, *synthetic.LINEAR[2:].tolist()]}
     known = damped()
     known = msgspec.structs.replace(known, effect=(known.effect[0], driven, known.effect[2]))
-    problem = OutputError.of(aim(recording(known, raw)), known)
-    now = costs(load(candidate(known), problem.shots), problem.shots)
+    problem = OutputError.of(make_shots(recording(known, raw)), known)
+    now = costs(prepare(candidate(known), problem.shots), problem.shots)
     normal = problem.linearise(known, [], [])
     total, along = problem.cost(known, np.zeros(0), normal)
-    after = costs(load(candidate(known), along.shots), along.shots)
+    after = costs(prepare(candidate(known), along.shots), along.shots)
     assert total == pytest.approx(after.sum())
     assert (after <= np.maximum(now, 1.5 * np.maximum(normal.expected(np.zeros(0)), normal.freedom))).all()
     # all of the way, whatever comes of it, would have been worse for some
     whole = displaced(problem.shots.first, np.clip(normal.follow[..., -1], -3.0 * TRUST, 3.0 * TRUST))
     assert (
-        costs(load(candidate(known), problem.shots), replace(problem.shots, first=whole)) > 1.01 * now
+        costs(prepare(candidate(known), problem.shots), replace(problem.shots, first=whole)) > 1.01 * now
     ).any()
 
 
@@ -164,7 +170,9 @@ def test_three_standard_errors_reach_what_costs_hardly_more():
     """A narrow valley at 1.0, 4 deeper than the plain from 0.2 to 1.4 around it: all of it is possible."""
     unknown = free(damped(), ["thruster_deadband"])
     plain = Along(lambda x: np.array([10.0, min(2.0, 40.0 * abs(x - 1.0)), 1e3 * max(0.2 - x, x - 1.4, 0.0)]))
-    normal = told_by_errors(unknown, np.array([0.1]), linearised(unknown, np.array([1.0]), plain), plain)
+    normal = over_standard_errors(
+        unknown, np.array([0.1]), linearised(unknown, np.array([1.0]), plain), plain
+    )
     error = np.sqrt(covariance(normal, np.array([1e-9])))[0, 0]
     assert 0.8 / FINER <= 3.0 * error <= 0.8
 

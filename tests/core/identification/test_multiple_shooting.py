@@ -47,8 +47,8 @@ def test_a_shot_from_within_a_session_follows_the_session(effect, tolerance):
     """Rotors, late commands and memories go on over the beginning of a shot; 500 Hz against 50 Hz steps."""
     vehicle = damped(effect)
     record = recording(vehicle, moved(vehicle, rows=600))
-    shots = exact(multiple_shooting.aim(record), record)
-    predicted = multiple_shooting.predict(multiple_shooting.load(candidate(vehicle), shots), shots)
+    shots = exact(multiple_shooting.make_shots(record), record)
+    predicted = multiple_shooting.predict(multiple_shooting.prepare(candidate(vehicle), shots), shots)
     np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=tolerance)
     np.testing.assert_allclose(predicted[..., 7:], shots.measured[..., 7:], atol=tolerance)
 
@@ -58,8 +58,10 @@ def test_a_late_log_looks_back_on_what_was_before_the_comparison():
     raw = moved(vehicle, rows=600)
     record = recording(damped(), raw)
     truth = recording(damped(), moved(damped(), rows=600))
-    shots = exact(multiple_shooting.aim(record, lead=0.5), truth)
-    left = multiple_shooting.residuals(multiple_shooting.load(candidate(vehicle), shots), shots) * shots.sigma
+    shots = exact(multiple_shooting.make_shots(record, lead=0.5), truth)
+    left = (
+        multiple_shooting.residuals(multiple_shooting.prepare(candidate(vehicle), shots), shots) * shots.sigma
+    )
     assert left.shape == (len(shots.starts), 100, 12)
     assert np.abs(left).max() < 1e-4
 
@@ -102,13 +104,13 @@ def test_shots_never_reach_over_a_gap():
     raw = moved(damped(), rows=500)
     broken = raw[np.r_[0:230, 260:500]]
     record = recording(damped(), broken)
-    shots = multiple_shooting.aim(record)
+    shots = multiple_shooting.make_shots(record)
     assert len(segments(broken)) == 2
     for start in shots.starts:
         inside = (record.segments[:, 0] <= start) & (start + shots.length <= record.segments[:, 1])
         assert inside.sum() == 1
     with pytest.raises(DataError, match="record longer sessions"):
-        multiple_shooting.aim(record, seconds=8.0)
+        multiple_shooting.make_shots(record, seconds=8.0)
 
 
 @pytest.mark.parametrize(("count", "most"), [(10, 10), (10, 3), (15, 10), (8575, 1000), (7, 1)])
@@ -126,14 +128,14 @@ def test_a_thinned_recording_keeps_some_of_the_shots_of_all_its_sessions():
     part = moved(damped(), rows=500)
     raw = pl.concat([part.with_columns(session=pl.lit(name)) for name in "abcde"])
     record = recording(damped(), raw)
-    every, some = multiple_shooting.aim(record), multiple_shooting.aim(record, most=10)
+    every, some = multiple_shooting.make_shots(record), multiple_shooting.make_shots(record, most=10)
     assert set(some.starts) < set(every.starts)
     assert set(some.segment) == set(range(5))
     at = np.searchsorted(every.starts, some.starts)
     np.testing.assert_array_equal(some.measured, every.measured[at])
     np.testing.assert_array_equal(some.first, every.first[at])
     np.testing.assert_array_equal(some.segment, every.segment[at])
-    assert len(multiple_shooting.aim(record, most=1000).starts) == len(every.starts)
+    assert len(multiple_shooting.make_shots(record, most=1000).starts) == len(every.starts)
 
 
 def test_beginnings_are_taken_out_as_least_squares_would():
@@ -178,10 +180,10 @@ def test_a_shot_that_leaves_all_bounds_is_lost_and_no_other():
     """Drag too stiff for the steps: the faster shots grow without end, and take no others with them."""
     stiff = {"name": "quadratic_damping", "diagonal": [1e5, *synthetic.QUADRATIC[1:]]}
     record = recording(damped(), moved(damped(), rows=2000))
-    shots = multiple_shooting.aim(record)
+    shots = multiple_shooting.make_shots(record)
     known = damped()
     changed = msgspec.structs.replace(known, effect=(*known.effect[:-1], stiff))
-    tame, wild = (multiple_shooting.load(candidate(vehicle), shots) for vehicle in (known, changed))
+    tame, wild = (multiple_shooting.prepare(candidate(vehicle), shots) for vehicle in (known, changed))
     normal = sensitivity.linearise(wild, [tame], [1.0], shots)
     assert 0 < normal.lost.sum() < len(normal.lost)
     assert np.isfinite(normal.matrix).all()

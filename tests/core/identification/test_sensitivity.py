@@ -53,7 +53,9 @@ def test_derivatives_are_differences_of_predictions(extra):
     """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike."""
     vehicle = damped(*extra)
     record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
-    shots = multiple_shooting.corrected_first(multiple_shooting.aim(record, lead=0.2), candidate(vehicle))
+    shots = multiple_shooting.corrected_first(
+        multiple_shooting.make_shots(record, lead=0.2), candidate(vehicle)
+    )
     unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.eta[:, :3])
     changed, steps = nudged(unknown, unknown.starts[0])
     names = [entry.effect for entry in unknown.entries]
@@ -61,8 +63,8 @@ def test_derivatives_are_differences_of_predictions(extra):
         changed, steps = [*changed, *suspect.changed], [*steps, *suspect.steps]
         names += [suspect.effect] * len(suspect.steps)
     assert set(names) == set(CATALOGUE)
-    base = multiple_shooting.load(candidate(vehicle), shots)
-    others = [multiple_shooting.load(candidate(other), shots, base) for other in changed]
+    base = multiple_shooting.prepare(candidate(vehicle), shots)
+    others = [multiple_shooting.prepare(candidate(other), shots, base) for other in changed]
     found = sensitivity.linearise(base, others, steps, shots).gram.sum(axis=0)
     expected = by_differences(base, others, steps, shots).sum(axis=0)
     size = np.sqrt(np.diag(expected))
@@ -84,8 +86,8 @@ def test_derivatives_are_differences_of_predictions(extra):
 def test_a_problem_without_parameters_has_its_residuals_alone():
     vehicle = damped()
     record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
-    shots = multiple_shooting.aim(record)
-    base = multiple_shooting.load(candidate(vehicle), shots)
+    shots = multiple_shooting.make_shots(record)
+    base = multiple_shooting.prepare(candidate(vehicle), shots)
     alone = sensitivity.linearise(base, [], [], shots)
     assert alone.gram.shape == (len(shots.starts), 1, 1)
     assert alone.cost <= multiple_shooting.cost(base, shots)
