@@ -36,7 +36,7 @@ import polars as pl
 from mujoco import batch
 
 from hydro.core.effects import assemble
-from hydro.core.simulation.simulate import RATE, steps_of_row, trajectory
+from hydro.core.simulation.simulate import INTEGRATION_RATE, steps_of_row, trajectory
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.sim.bridge import mjcf, native
@@ -269,7 +269,7 @@ def of_others(vehicle: Vehicle, rounds: int, seconds: float, rows: int) -> Rows:
 
     def simulated() -> int:
         trajectory(program, commands, t, eta=(0.0, 0.0, 50.0, 0.0, 0.0, 0.0), steps=steps_of_row(ROW))
-        return round((rows - 1) * ROW * RATE)
+        return round((rows - 1) * ROW * INTEGRATION_RATE)
 
     found = interleaved({"hydro simulate": partial(rate, simulated)}, rounds, seconds)
     results = rows_of(found, "simulate", 1, 1, "physics steps")

@@ -108,13 +108,13 @@ class _Given:
 
 def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Artefact]:
     """The teacher with hidden effects, and its recording."""
-    from hydro.core.simulation.excitation import RATE, REPLAY, REPLAY_SECONDS
+    from hydro.core.simulation.excitation import LOG_RATE, REPLAY, REPLAY_SECONDS
     from hydro.io import table
     from hydro.sim import teacher as sim
 
     sigma = noise_for(given.noise)
     subject, text = _teacher(given.vehicle, hidden)
-    count = given.rows or (round(REPLAY_SECONDS * RATE) if given.excitation == REPLAY else ROWS)
+    count = given.rows or (round(REPLAY_SECONDS * LOG_RATE) if given.excitation == REPLAY else ROWS)
     with progress("collect") as update, about(str(given.vehicle)):
         frame = sim.collect(
             subject,

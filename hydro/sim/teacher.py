@@ -32,7 +32,7 @@ from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import BODY, afloat, settle
-from hydro.core.simulation.excitation import RATE, Session, demands, holds_heading, plan
+from hydro.core.simulation.excitation import LOG_RATE, Session, demands, holds_heading, plan
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.pilot import Pilot
 from hydro.core.simulation.sensor_noise import Noise, disturb
@@ -214,11 +214,11 @@ def fly(
     crew, program = subject.mixing, subject.program
     wrenches = np.ascontiguousarray(demand) * crew.authority
     pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, first[2], aim)
-    course = Course(commands, np.arange(rows) / RATE, SUBSTEPS, 1.0 / (RATE * SUBSTEPS))
+    course = Course(commands, np.arange(rows) / LOG_RATE, SUBSTEPS, 1.0 / (LOG_RATE * SUBSTEPS))
     reached: int = _follow(program.flat, subject.facets, first, course, pilot, states)
     if reached < rows:
         raise DataError(
-            f"the motion diverges by t = {reached / RATE:g} s: check the vehicle's inertia, "
+            f"the motion diverges by t = {reached / LOG_RATE:g} s: check the vehicle's inertia, "
             "and what is hidden"
         )
     return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]]), commands
@@ -226,13 +226,13 @@ def fly(
 
 def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: Noise) -> pl.DataFrame:
     """One session as it is logged: sensor effects on the true motion, then noise."""
-    demand = demands(session, seed, 1.0 / RATE)
+    demand = demands(session, seed, 1.0 / LOG_RATE)
     heading_rng, noise_rng = (np.random.default_rng([seed, session.number + 1, use]) for use in (1, 2))
     heading = float(heading_rng.uniform(-np.pi, np.pi))
     motion, commands = fly(
         subject, demand, depth=depth, heading=heading, hold_heading=holds_heading(session.kind)
     )
-    t = np.arange(session.rows) / RATE
+    t = np.arange(session.rows) / LOG_RATE
     motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])
     motion = disturb(motion, noise, noise_rng)
     names = [*MOTION_COLUMNS, *command_columns(commands.shape[1])]

@@ -13,14 +13,14 @@ from hydro.core.compiled import jit
 from hydro.core.effects.layout import ROTATION
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
-from hydro.core.simulation.excitation import RATE
+from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.integrate import Course, Thrusters, advance, at_rest, resume
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import DELAY
 from hydro.sim.plant import Readings, Snapshot, upright
 from hydro.sim.teacher import SUBSTEPS, teacher
 
-STEP = 1.0 / (RATE * SUBSTEPS)
+STEP = 1.0 / (LOG_RATE * SUBSTEPS)
 """Integration step [s], that of `hydro collect`."""
 
 

@@ -45,7 +45,7 @@ from hydro.core.identification.prior import in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.vehicle.description import Vehicle
 
-SHOT_LENGTHS = tuple(part * multiple_shooting.SECONDS for part in (1.0, 0.5, 0.25))
+SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25))
 """Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
 STABLE = 0.95
 """Part of the shots that must not diverge."""

@@ -38,7 +38,7 @@ HORIZON = 5.0
 """How far ahead the predictions look by whose error steps are compared [s]."""
 RISE = 1.02
 """Held-out error over that of the step before from which a step counts as a step too far."""
-ADDED = ("missing", "cannot_tell_apart")
+STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
 DATASETS = ("fit", "holdout")
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
@@ -177,7 +177,7 @@ def _finding(step: Step) -> dict[str, Table]:
     New values alone make a step only where the effects have not been fitted in this one.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "")
-    missing = with_values.filter(pl.col("verdict").is_in(ADDED)).sort("rank")["effect"].to_list()
+    missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
     if not missing and {table["name"] for table in step.tables}.issuperset(retuned):
         return {}

@@ -26,7 +26,7 @@ from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import NO_HULL
-from hydro.core.simulation.excitation import HEAVE, PITCH, RATE, ROLL, SURGE, SWAY, YAW
+from hydro.core.simulation.excitation import HEAVE, LOG_RATE, PITCH, ROLL, SURGE, SWAY, YAW
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.simulation.steady_motion import fluid_wrench, wrench_limits
 from hydro.core.vehicle.control_allocation import Mixing, mixing, mixing_kernel
@@ -41,7 +41,7 @@ DEPTH = 5.0
 """Depth at which a manoeuvre begins where nothing else is said [m]."""
 CHIRP = (0.05, 2.0)
 """First and last frequency of a chirp [Hz]."""
-TILT = np.deg2rad(15.0)
+STATIC_TILT = np.deg2rad(15.0)
 """Tilt at which a vehicle is held, as far as its thrusters can [rad]."""
 SINGLE = 0.6
 """Command of a thruster on its own."""
@@ -65,7 +65,7 @@ class Manoeuvre:
     @property
     def t(self) -> Array:
         """Times of the rows [s], (N,)."""
-        times: Array = np.arange(len(self.commands)) / RATE
+        times: Array = np.arange(len(self.commands)) / LOG_RATE
         return times
 
     def table(self) -> pl.DataFrame:
@@ -208,19 +208,19 @@ def _demands(vehicle: Vehicle, program: Program, mixed: Mixing) -> Iterator[tupl
         yield "drift angles", words, held(*drifts)
     tilts = [axis for axis in (ROLL, PITCH) if axis in axes]
     if tilts:
-        share = [min(stiffness * np.sin(TILT) / full[axis], 1.0) for axis in tilts]
+        share = [min(stiffness * np.sin(STATIC_TILT) / full[axis], 1.0) for axis in tilts]
         poses = [{a: sign * s} for a, s in zip(tilts, share, strict=True) for sign in (1.0, -1.0)]
         words = "hold still at tilts of 15 degrees, both ways in " + " and ".join(DOF[a] for a in tilts)
         yield "static tilts", words, held(*poses)
 
 
 def _rows() -> int:
-    return round(FLIGHT_LENGTH * RATE)
+    return round(FLIGHT_LENGTH * LOG_RATE)
 
 
 def _chirp() -> Array:
     """Logarithmic sine sweep of amplitude 1, (N,)."""
-    t, growth = np.arange(_rows()) / RATE, np.log(CHIRP[1] / CHIRP[0]) / FLIGHT_LENGTH
+    t, growth = np.arange(_rows()) / LOG_RATE, np.log(CHIRP[1] / CHIRP[0]) / FLIGHT_LENGTH
     swept: Array = np.sin(2.0 * np.pi * CHIRP[0] * np.expm1(growth * t) / growth)
     return swept
 
@@ -289,5 +289,5 @@ def _record(manoeuvre: Manoeuvre, motion: Array) -> Recording:
         segments=np.array([[0, rows]], np.int64),
         after_gap=np.zeros(1, bool),
         session=np.zeros(1, np.int64),
-        dt=1.0 / RATE,
+        dt=1.0 / LOG_RATE,
     )

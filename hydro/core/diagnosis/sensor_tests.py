@@ -47,7 +47,7 @@ SEEN = 0.9
 """Probability with which an error as large as `KinematicTest.visible` shows."""
 
 HORIZON = (0.25, 20.0)  # s, bounds of the time over which dead reckoning is trusted
-PIECE = 2.0  # s, of one piece of the normal equations
+PIECE_SECONDS = 2.0  # s, of one piece of the normal equations
 BOX = 0.1  # s, to each side, over which an acceleration is averaged
 PLAIN_SIZE = 0.5  # of every parameter, in its own unit: what is not determined stays within
 LATEST = 2.0  # s, of a delay
@@ -207,14 +207,14 @@ def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
     pieces = list(_pieces(record, log, sigma))
     if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
         raise DataError(
-            f"the recording has fewer than {LEAST_PIECES} stretches of {PIECE:g} s without a gap to hold "
-            f"velocity against pose; record at least {LEAST_PIECES * PIECE:g} s"
+            f"the recording has fewer than {LEAST_PIECES} stretches of {PIECE_SECONDS:g} s without a gap to "
+            f"hold velocity against pose; record at least {LEAST_PIECES * PIECE_SECONDS:g} s"
         )
     gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     mount = slice(SCALE.start, ANGLES.stop)
     total, noisy = (part.sum(axis=0)[mount, mount] for part in (gram, shared))
     gram -= CAUTION * min(1.0, float(eigh(total, noisy, eigvals_only=True)[0])) * shared
-    rows = 3 * round(PIECE / record.dt)
+    rows = 3 * round(PIECE_SECONDS / record.dt)
     return Normal(gram, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
 
 
@@ -230,7 +230,7 @@ def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array
     noisy = np.concatenate([turned, -mount[None]])
     shared = np.einsum("jab,b,kcb->jkac", noisy, sigma[6:9] ** 2, noisy)
     shared[-1, -1] = 0.0
-    length, late = max(round(PIECE / dt), 4), round((abs(log[DELAY]) + BOX) / dt)
+    length, late = max(round(PIECE_SECONDS / dt), 4), round((abs(log[DELAY]) + BOX) / dt)
     for start, stop in record.segments:
         count = (stop - start - 2 * late) // length
         if count < 1:

@@ -44,7 +44,7 @@ REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""
 GAINS = (-1.0, 0.5)
 """Relative deviations of a thrust that are no matter of its column: from dead to half as much again."""
-STRETCHES, RESAMPLES = 20, 1000
+BOOTSTRAP_STRETCHES, RESAMPLES = 20, 1000
 WRENCH = 6
 
 
@@ -142,13 +142,13 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
     if found == plain:
         return None
     before, after = (
-        np.array([part.sum() for part in np.array_split(problem.costs(one), STRETCHES)])
+        np.array([part.sum() for part in np.array_split(problem.costs(one), BOOTSTRAP_STRETCHES)])
         for one in (plain, found)
     )
     gained = GROSS * before - after
     if gained.sum() <= 0.0 or (gained > 0.0).mean() < MOSTLY:
         return None
-    confidence = float((weights(STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
+    confidence = float((weights(BOOTSTRAP_STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
     return Rewired(found, float(after.sum() / before.sum()), confidence)
 
 

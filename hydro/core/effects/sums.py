@@ -11,7 +11,7 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 
-TOLERANCE = 1e-9
+EIGENVALUE_TOLERANCE = 1e-9
 """Relative to the largest entry: asymmetry and negative eigenvalues below it are rounding."""
 
 
@@ -58,7 +58,7 @@ def damping_in_sum(vehicle: Vehicle) -> tuple[Array, Array, Array]:
 
 def _require_symmetric(added_mass: Array) -> None:
     apart = np.abs(added_mass - added_mass.T)
-    if apart.max() > TOLERANCE * np.abs(added_mass).max():
+    if apart.max() > EIGENVALUE_TOLERANCE * np.abs(added_mass).max():
         i, j = np.unravel_index(apart.argmax(), apart.shape)
         raise DataError(
             f"effect: added mass in sum must be symmetric: M_A[{i},{j}] is {added_mass[i, j]:.9g} and "
@@ -69,7 +69,7 @@ def _require_symmetric(added_mass: Array) -> None:
 def _require_semidefinite(matrix: Array, what: str) -> None:
     """Raise DataError where the symmetric part has a negative eigenvalue beyond rounding."""
     least = float(np.linalg.eigvalsh((matrix + matrix.T) / 2)[0])
-    if least < -TOLERANCE * float(np.abs(matrix).max()):
+    if least < -EIGENVALUE_TOLERANCE * float(np.abs(matrix).max()):
         raise DataError(
             f"effect: {what} in sum must be positive semi-definite: its least eigenvalue is {least:.6g}"
         )

@@ -43,14 +43,14 @@ Method = Literal["output", "equation"]
 METHODS: tuple[str, ...] = ("output", "equation")
 
 TURNS = 8  # of search and iteration
-MOST = 1000
+MOST_SHOTS = 1000
 """Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
-PLAIN = 3.0
+PLAIN_ERRORS = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
-OTHERWISE = 0.1  # share by which a channel's residual differs from its noise for weights to be made anew
+OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
-GROSS = 100.0  # mean square residual in units of the noise from which the noise has no say in the weights
+GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
@@ -133,7 +133,7 @@ def fit(
     *,
     method: Method = "output",
     noise: Array | None = None,
-    most: int | None = MOST,
+    most: int | None = MOST_SHOTS,
     progress: Progress | None = None,
 ) -> Fit:
     """Fit named effects to a recording.
@@ -235,7 +235,7 @@ class OutputError:
         """Noise of each channel as what is left in it: what the model does not explain weighs less."""
         rms = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / multiple_shooting.CHANNELS))
         sigma = np.maximum(self.shots.sigma * rms, LEAST_SIGMA)
-        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE).all():
+        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
         return self.weighed(sigma), True
 
@@ -276,7 +276,7 @@ def _settle(
 ) -> tuple[Array, Normal, Problem]:
     """Iterate, weigh anew by what is left, and iterate again; gross residuals are weighed before."""
     first = linearised(unknown, values / unknown.scales, problem)
-    if first.chi2 > GROSS:
+    if first.chi2 > GROSS_RESIDUAL:
         problem, _ = problem.reweighted(first)
     for attempt in range(4):
         values, normal, problem = _found(unknown, values, problem)
@@ -334,7 +334,7 @@ def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, 
     scales = unknown.scales
     spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
     errors = np.sqrt(np.diag(spread))
-    plain = (np.abs(values) > PLAIN * errors) & (errors < 0.3 * PRIOR * scales)
+    plain = (np.abs(values) > PLAIN_ERRORS * errors) & (errors < 0.3 * PRIOR * scales)
     determined = (errors <= UNDETERMINED * scales) | plain
     if lost := int(normal.lost.sum()):
         warnings.append(

@@ -30,7 +30,7 @@ from hydro.core.simulation.variational_equation import Changes, deviations_of
 from hydro.core.vehicle.frames import quaternion_from_euler, quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
 
-SECONDS = 2.0
+SHOT_SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""
 CHANNELS = 12  # position, attitude, velocity, rates: three each
 NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
@@ -42,7 +42,7 @@ WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
 ENDLESS = 1e9
 """Residual or derivative [standard deviations] of a prediction that diverges: sums still hold it."""
-TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
+SHOTS_TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
 class Places(NamedTuple):
@@ -145,7 +145,7 @@ class Shots:
 def make_shots(
     record: Recording,
     *,
-    seconds: float = SECONDS,
+    seconds: float = SHOT_SECONDS,
     lead: float = 0.0,
     sigma: Array | None = None,
     most: int | None = None,
@@ -312,12 +312,12 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
     """Sum of squared residuals of each shot, (S,); infinite where a motion diverges."""
 
     def work(begin: int) -> Array:
-        error = residuals(prepared, shots, None, slice(begin, begin + TOGETHER))
+        error = residuals(prepared, shots, None, slice(begin, begin + SHOTS_TOGETHER))
         squares: Array = np.einsum("mki,mki->m", error, error)
         return squares
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        each = np.concatenate(list(pool.map(work, range(0, len(shots.starts), TOGETHER))))
+        each = np.concatenate(list(pool.map(work, range(0, len(shots.starts), SHOTS_TOGETHER))))
     each[~(each < ENDLESS**2)] = np.inf
     return each
 

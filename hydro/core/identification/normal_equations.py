@@ -18,7 +18,7 @@ from scipy.optimize import lsq_linear
 
 from hydro.core.columns import Array
 
-LEAST_BLOCKS = 12
+LEAST_SCORE_BLOCKS = 12
 CORRELATION_TIMES = 10
 
 
@@ -130,15 +130,15 @@ def block_length(scores: Array) -> int:
     pieces = len(scores)
     size = np.sqrt((scores**2).sum(axis=0))
     unit = scores[:, size > 0.0] / size[size > 0.0]
-    if pieces < 2 * LEAST_BLOCKS or not unit.size:
+    if pieces < 2 * LEAST_SCORE_BLOCKS or not unit.size:
         return 1
     time, least = 0.0, 2.0 / math.sqrt(pieces * max(1.0, unit.shape[1] / 4.0))
-    for lag in range(1, pieces // LEAST_BLOCKS):
+    for lag in range(1, pieces // LEAST_SCORE_BLOCKS):
         correlation = float((unit[lag:] * unit[:-lag]).sum()) / unit.shape[1]
         if correlation <= least:
             break
         time += correlation
-    return max(1, min(math.ceil(CORRELATION_TIMES * time), pieces // LEAST_BLOCKS))
+    return max(1, min(math.ceil(CORRELATION_TIMES * time), pieces // LEAST_SCORE_BLOCKS))
 
 
 def covariance(normal: Normal, prior: Array) -> Array:
@@ -165,7 +165,7 @@ def covariance(normal: Normal, prior: Array) -> Array:
     if len(edges) > 1 and len(normal.gram) - edges[-1] < size:
         edges = edges[:-1]
     blocks = len(edges)
-    if blocks < LEAST_BLOCKS:
+    if blocks < LEAST_SCORE_BLOCKS:
         return plain
     matrices = np.add.reduceat(normal.matrix, edges, axis=0)
     scores = np.add.reduceat(normal.score, edges, axis=0)

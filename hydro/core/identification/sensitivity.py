@@ -23,7 +23,7 @@ from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
     ENDLESS,
-    TOGETHER,
+    SHOTS_TOGETHER,
     TRUST,
     Answers,
     Prepared,
@@ -97,7 +97,7 @@ def linearise(
     order = np.concatenate([np.arange(CHANNELS), CHANNELS + order, [CHANNELS + count]])
 
     def work(begin: int) -> None:
-        part = slice(begin, begin + TOGETHER)
+        part = slice(begin, begin + SHOTS_TOGETHER)
         states, columns = _predicted(base, varied, shots, part, count)
         done = CHANNELS + len(varied.of)
         _through_log(near, logged, shots, states, columns, done)
@@ -123,7 +123,7 @@ def linearise(
         channels[part] = (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(work, range(0, pieces, TOGETHER)))
+        list(pool.map(work, range(0, pieces, SHOTS_TOGETHER)))
     return Normal(gram, shots.residuals - CHANNELS, channels, follow)
 
 

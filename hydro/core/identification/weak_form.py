@@ -33,7 +33,7 @@ from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
-SECONDS = 2.0
+WINDOW_SECONDS = 2.0
 """Length of a window; neighbours overlap by half."""
 EQUATIONS = 9  # of a window
 SHARED = 4  # of them that overlapping neighbours have in common
@@ -79,7 +79,7 @@ class Windows:
         Raises:
             DataError: No segment is as long as a window.
         """
-        length = max(round(SECONDS / record.dt), 8) + 1
+        length = max(round(WINDOW_SECONDS / record.dt), 8) + 1
         step = length // 2
         room = np.concatenate(
             [np.arange(a, b - length + 1, step, dtype=np.int64) for a, b in record.segments]

@@ -22,7 +22,7 @@ from hydro.core.errors import DataError
 
 SURGE, SWAY, HEAVE, ROLL, PITCH, YAW = range(6)
 SWEEPS = {"sweep_surge": SURGE, "sweep_sway": SWAY, "sweep_heave": HEAVE, "sweep_yaw": YAW}
-RATE = 50.0
+LOG_RATE = 50.0
 """Rows, and thus commands, per second [Hz]."""
 REPLAY = "replay90"
 REPLAY_SECONDS = 90.0
@@ -37,7 +37,7 @@ DECKS: dict[str, tuple[str, ...]] = {
 
 SHORTEST, LONGEST = 6_000, 29_000
 """Rows of a session in a large collection."""
-LEAST = 250
+LEAST_ROWS = 250
 """Rows of the shortest session of a small collection, which deals its deck about once."""
 
 
@@ -122,7 +122,7 @@ def holds_heading(kind: str) -> bool:
 def _lengths(rows: int, deck: int, rng: np.random.Generator) -> list[int]:
     """Random lengths that add up to `rows`, within the bounds wherever a sum within them exists."""
     shrink = min(1.0, rows / (deck * 0.5 * (SHORTEST + LONGEST)))
-    low, high = max(LEAST, int(SHORTEST * shrink)), max(4 * LEAST, int(LONGEST * shrink))
+    low, high = max(LEAST_ROWS, int(SHORTEST * shrink)), max(4 * LEAST_ROWS, int(LONGEST * shrink))
     lengths: list[int] = []
     left = rows
     while left > high:

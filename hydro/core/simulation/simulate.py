@@ -23,7 +23,7 @@ from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
-RATE = 500.0
+INTEGRATION_RATE = 500.0
 """Integration steps per second, at least [Hz]."""
 
 
@@ -80,7 +80,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
 
 
-def steps_of_row(dt: float, rate: float = RATE) -> int:
+def steps_of_row(dt: float, rate: float = INTEGRATION_RATE) -> int:
     """Integration steps of a row of `dt` [s] that make at least `rate` of them a second [Hz]."""
     return max(1, math.ceil(dt * rate * (1.0 - 1e-9)))
 
@@ -104,7 +104,7 @@ def trajectory(
         eta: Initial pose, shape (6,), NED and ZYX Euler angles [m, rad].
         nu: Initial velocity of CO over ground, shape (6,), body frame [m/s, rad/s].
         settled: Thrusters start settled on the first command; by default at rest.
-        steps: Integration steps of a row; by default so many that `RATE` of them or more make a second.
+        steps: Integration steps of a row; by default at least `INTEGRATION_RATE` in a second.
 
     Returns:
         Pose and velocity (x ... psi, u ... r), shape (N, 12).

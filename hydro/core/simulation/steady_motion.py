@@ -20,7 +20,7 @@ MARGIN = 0.9
 """Share of the speed of overturning that excitation may reach."""
 TURN_RATE = 2.0
 """Greatest steady yaw rate [rad/s]."""
-TILT = 0.5
+MOST_TILT = 0.5
 """Greatest steady roll and pitch [rad] that excitation holds against what rights the vehicle."""
 
 
@@ -41,7 +41,7 @@ def wrench_limits(program: Program, facets: Array, righting: Array) -> Array:
         greatest = _upright_speed(program, facets, righting, axis)
         if np.isfinite(greatest):
             limits[axis] = abs(fluid_wrench(program, facets, MARGIN * greatest * np.eye(6)[axis])[axis])
-    limits[3:5] = np.where(righting > 0.0, TILT * righting, np.inf)
+    limits[3:5] = np.where(righting > 0.0, MOST_TILT * righting, np.inf)
     limits[5] = abs(fluid_wrench(program, facets, TURN_RATE * np.eye(6)[5])[5])
     return limits
 

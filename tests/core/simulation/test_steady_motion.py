@@ -7,7 +7,7 @@ import pytest
 
 from hydro.core.effects import assemble
 from hydro.core.simulation.dynamics import NO_HULL
-from hydro.core.simulation.steady_motion import MARGIN, TILT, TURN_RATE, fluid_wrench, wrench_limits
+from hydro.core.simulation.steady_motion import MARGIN, MOST_TILT, TURN_RATE, fluid_wrench, wrench_limits
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Vehicle
 from hydro.core.vehicle.ellipsoid import added_mass_matrix
 from hydro.core.vehicle.panels import loaded_facets, panels, superellipsoid
@@ -40,7 +40,7 @@ def test_limits_are_the_drag_at_the_munk_moments_critical_speed():
     ahead, sideways = pitch / (140.0 - 20.0), roll / (140.0 - 80.0)
     expected = [DRAG[0] * MARGIN**2 * ahead, DRAG[1] * MARGIN**2 * sideways, np.inf]
     np.testing.assert_allclose(limits[:3], expected, rtol=1e-4)
-    np.testing.assert_allclose(limits[3:], [TILT * roll, TILT * pitch, DRAG[5] * TURN_RATE**2])
+    np.testing.assert_allclose(limits[3:], [MOST_TILT * roll, MOST_TILT * pitch, DRAG[5] * TURN_RATE**2])
 
 
 def test_a_neutral_body_has_no_critical_speed():
