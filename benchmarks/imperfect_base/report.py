@@ -90,7 +90,7 @@ def errors(scored: Sequence[Score]) -> str:
     before, after, best = np.array(told).T
     half, most, longest = np.percentile(after / best, [50, 90, 100])
     return (
-        f"Held-out 5 s error after adding over the oracle's: median {half:.3f}, 90 % below {most:.3f}, "
+        f"Held-out error, 5 s ahead, over the oracle's: median {half:.3f}, 90 % below {most:.3f}, "
         f"greatest {longest:.3g}; greater than the given file's in {rate((after > before).tolist())}."
     )
 

@@ -105,7 +105,8 @@ def sessions(
 def way_points(depth: float, rng: np.random.Generator, count: int = 400) -> Array:
     """Points (count, 4) to be reached one after the other: x, y, z [m], and a heading that is not held."""
     points = np.zeros((count, 4))
-    points[:, :3] = rng.uniform(-BOX, BOX, (count, 3)) + [0.0, 0.0, depth]
+    points[:, :3] = rng.uniform(-BOX, BOX, (count, 3))
+    points[:, 2] += depth
     return points
 
 
