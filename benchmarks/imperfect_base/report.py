@@ -100,7 +100,7 @@ def spent(scored: Sequence[Score]) -> str:
     cpu = np.array([[one.row["cpu"], one.row["study_cpu"]] for one in scored])
     half, most = np.percentile(cpu, [50, 90], axis=0)
     return (
-        f"`nothing_missing` at a mean squared residual above {SPENT:g}: {rate(one.blind for one in scored)}.  "
+        f"`nothing_missing` at a mean squared residual above {SPENT:g}: {rate(one.blind for one in scored)}. "
         f"Processor time of a diagnosis: median {half[0]:.0f} s, 90 % below {most[0]:.0f} s; of a study "
         f"{half[1]:.0f} and {most[1]:.0f} s."
     )
