@@ -199,8 +199,8 @@ def test_every_condition_can_be_logged_from_one_case(tmp_path):
     case = cases.draw("none", 3, "independent")
     logs = {}
     for condition in study.CONDITIONS:
-        same, flown = study.logged(case, condition, 16.0, tmp_path)
-        assert flown.measured.height == 800
+        same, flown = study.logged(case, condition, 24.0, tmp_path)
+        assert flown.measured.height == 1200
         logs[condition] = flown
         expected = {"ocean_current"} if condition.endswith("current") else set()
         assert {table["name"] for table in same.hidden} == expected
