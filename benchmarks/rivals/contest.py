@@ -54,11 +54,11 @@ class Answer:
 
     Attributes:
         name: The effect that it blames; empty where it blames none.
-        error: From the held-out session to the root mean square velocity error 5 s ahead.
+        error: From the held-out session, and its raw table, to the root mean square velocity error 5 s ahead.
     """
 
     name: str
-    error: Callable[[Replay], float]
+    error: Callable[[Replay, pl.DataFrame], float]
 
 
 Rival = Callable[[Vehicle, pl.DataFrame], Answer]
@@ -114,7 +114,7 @@ def run(
         cpu = time.process_time()
         answer = rival(flown.given, flown.measured)
         row |= {"cpu": time.process_time() - cpu, "named": answer.name}
-        row["after"] = answer.error(errors)
+        row["after"] = answer.error(errors, flown.held_out)
     except Exception as error:  # a study that fails is a result, and must not end the others
         row["failure"] = f"{type(error).__name__}: {error}"
     return row

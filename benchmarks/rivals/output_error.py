@@ -144,7 +144,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     sizes = [float(np.sqrt(np.mean(part**2))) for part in parts]
     best = int(np.argmax(sizes))
     fitted = changed(plant, groups, found.x)
-    return Answer(groups[best].name if sizes[best] >= MOVED else "", lambda errors: error(fitted, errors))
+    return Answer(groups[best].name if sizes[best] >= MOVED else "", lambda errors, _: error(fitted, errors))
 
 
 def error(plant: Plant, errors: Replay) -> float:

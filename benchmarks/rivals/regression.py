@@ -104,7 +104,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
         chosen.append(name)
     flown = Replay(measured, given)
     model = min(_models(given, chosen, columns, tables, target), key=lambda one: _error(flown, one))
-    return Answer(chosen[0] if chosen else "", lambda errors: _error(errors, model))
+    return Answer(chosen[0] if chosen else "", lambda errors, _: _error(errors, model))
 
 
 def _models(
