@@ -58,11 +58,17 @@ def family(term: int, axis: int, thrusters: int) -> str:
             return "thruster_gain"
 
 
+def rms(values: Array) -> Array:
+    """Root mean square of each column; steady forces count, which a variance would leave out."""
+    out: Array = np.sqrt(np.mean(values**2, axis=0))
+    return out
+
+
 def sparse(terms: Array, target: Array) -> Array:
     """Coefficients (A, T) of a sparse regression of `target` (N, A), both taken in their own scales."""
     import pysindy
 
-    size, scale = terms.std(axis=0) + 1e-9, target.std(axis=0) + 1e-12
+    size, scale = rms(terms) + 1e-9, rms(target) + 1e-12
     names = [f"x{i}" for i in range(terms.shape[1])]
     model = pysindy.SINDy(
         optimizer=pysindy.STLSQ(threshold=THRESHOLD, alpha=1e-3), feature_library=pysindy.IdentityLibrary()
@@ -85,16 +91,16 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     terms = _terms(thinned, n)
     whole = thinned.select([f"{name}_dot" for name in VELOCITY]).to_numpy().astype(float)
     rest = thinned.select(WRENCH).to_numpy().astype(float) @ plant.inverse.T
-    coefficients, weight = sparse(terms, rest), 1.0 / (rest.var(axis=0) + 1e-12)
+    coefficients, weight = sparse(terms, rest), 1.0 / (rms(rest) ** 2 + 1e-12)
     taken: dict[str, float] = {}
     left = rest - terms @ coefficients.T
     for axis, row in enumerate(coefficients):
         groups = [family(term, axis, n) for term in range(row.size)]
         for name in set(groups):
             mine = np.array([one == name for one in groups])
-            more = (left[:, axis] + terms[:, mine] @ row[mine]).var() - left[:, axis].var()
+            more = rms(left[:, axis] + terms[:, mine] @ row[mine]) ** 2 - rms(left[:, axis]) ** 2
             taken[name] = taken.get(name, 0.0) + float(more * weight[axis])
-    explained = 1.0 - float((left.var(axis=0) * weight).sum()) / 6.0
+    explained = 1.0 - float((rms(left) ** 2 * weight).sum()) / 6.0
     best = max(taken, key=lambda name: taken[name])
     model = sparse(terms, whole)
     return Answer(
