@@ -91,7 +91,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     terms = _terms(thinned, n)
     whole = thinned.select([f"{name}_dot" for name in VELOCITY]).to_numpy().astype(float)
     rest = thinned.select(WRENCH).to_numpy().astype(float) @ plant.inverse.T
-    coefficients, weight = sparse(terms, rest), 1.0 / (rms(rest) ** 2 + 1e-12)
+    coefficients, weight = sparse(terms, rest), 1.0 / rms(whole) ** 2
     taken: dict[str, float] = {}
     left = rest - terms @ coefficients.T
     for axis, row in enumerate(coefficients):
@@ -100,7 +100,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
             mine = np.array([one == name for one in groups])
             more = rms(left[:, axis] + terms[:, mine] @ row[mine]) ** 2 - rms(left[:, axis]) ** 2
             taken[name] = taken.get(name, 0.0) + float(more * weight[axis])
-    explained = 1.0 - float((rms(left) ** 2 * weight).sum()) / 6.0
+    explained = 1.0 - float((rms(left) ** 2 * weight).sum() / (rms(rest) ** 2 * weight).sum())
     best = max(taken, key=lambda name: taken[name])
     model = sparse(terms, whole)
     return Answer(
