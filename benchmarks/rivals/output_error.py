@@ -28,7 +28,7 @@ from hydro.core.vehicle.frames import quaternion_from_euler
 SHOTS, SECONDS = 24, 4.0
 """Predictions that are fitted, spread over the log, and their length [s]."""
 EVERY = 5  # rows of which one is compared
-EVALUATIONS = 6  # of the Jacobian
+EVALUATIONS = 12  # of the residuals and their derivatives
 MOVED = 4.0
 """Standard errors that a group must have moved to be blamed."""
 
@@ -51,7 +51,7 @@ def parameters(vehicle: Vehicle) -> list[Group]:
         Group("linear_damping", 0.3 * sizes),
         Group("quadratic_damping", 0.5 * sizes),
         Group("ocean_current", np.array([0.3, 0.3, 0.05])),
-        Group("net_buoyancy", np.array([0.02 * mass])),
+        Group("net_buoyancy", np.array([0.02 * 9.81 * mass])),
         Group("buoyancy_offset", np.full(3, 0.01)),
         Group("thruster_gain", np.full(len(vehicle.thruster), 0.2)),
         Group("thruster_lag", np.array([0.1])),
@@ -129,21 +129,22 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
 
     low = np.concatenate([np.full(group.scales.size, group.low) for group in groups])
     start = np.where(np.isfinite(low), 1e-3, 0.0)
+    # About 1, as scipy takes its first trust region and its differences relative to where it begins.
     found = least_squares(
-        residual,
-        start,
-        bounds=(low, np.inf),
+        lambda about: residual(about - 1.0),
+        1.0 + start,
+        bounds=(1.0 + low, np.inf),
         diff_step=1e-4,
-        x_scale=1.0,
         max_nfev=EVALUATIONS,
         loss="soft_l1",
     )
+    x = found.x - 1.0
     spread = np.linalg.pinv(found.jac.T @ found.jac) * (2.0 * found.cost / found.fun.size)
-    moved = (found.x - start) / np.sqrt(np.maximum(np.diag(spread), 1e-12))
+    moved = (x - start) / np.sqrt(np.maximum(np.diag(spread), 1e-12))
     parts = np.split(moved, np.cumsum([group.scales.size for group in groups])[:-1])
     sizes = [float(np.sqrt(np.mean(part**2))) for part in parts]
     best = int(np.argmax(sizes))
-    fitted = changed(plant, groups, found.x)
+    fitted = changed(plant, groups, x)
     return Answer(groups[best].name if sizes[best] >= MOVED else "", lambda errors, _: error(fitted, errors))
 
 
