@@ -4,7 +4,8 @@
 
 Added mass, linear and quadratic damping on six axes, current, buoyancy and its centre, a gain per thruster,
 lag and delay are fitted together by `scipy.optimize.least_squares` in the benchmark's own simulator, begun at
-the file's values.  Blamed is the group whose parameters moved most in standard errors; none where none moved
+the file's values with a wide prior, as all forces and inertias together have no scale.  Predictions begin at
+the smoothed motion.  Blamed is the group whose parameters moved most in standard errors; none where none moved
 by four.  Jategaonkar: Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
 """
 
@@ -125,7 +126,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
             ],
             axis=-1,
         )
-        return np.clip(np.nan_to_num(off, nan=1e4), -1e4, 1e4).ravel()
+        return np.append(np.clip(np.nan_to_num(off, nan=1e4), -1e4, 1e4), x)  # a scale is its standard error
 
     low = np.concatenate([np.full(group.scales.size, group.low) for group in groups])
     start = np.where(np.isfinite(low), 1e-3, 0.0)
@@ -136,7 +137,6 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
         bounds=(1.0 + low, np.inf),
         diff_step=1e-4,
         max_nfev=EVALUATIONS,
-        loss="soft_l1",
     )
     x = found.x - 1.0
     spread = np.linalg.pinv(found.jac.T @ found.jac) * (2.0 * found.cost / found.fun.size)
