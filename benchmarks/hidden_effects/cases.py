@@ -144,22 +144,22 @@ def strong(name: str, rng: np.random.Generator, vehicle: Vehicle) -> dict[str, A
     """An effect's table at a random place and of random strength."""
     table = {"name": name, **TRUTHS[name](rng, vehicle)}
     factor = float(np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))))
-    return _times(table, factor)
+    return times(table, factor)
 
 
 def stronger(case: Case, which: Sequence[bool]) -> Case:
     """The case with twice as much of some hidden effects, as far as a vehicle that works can have it."""
     pairs = zip(case.hidden, which, strict=True)
-    return replace(case, hidden=tuple(_times(table, 2.0 if more else 1.0) for table, more in pairs))
+    return replace(case, hidden=tuple(times(table, 2.0 if more else 1.0) for table, more in pairs))
 
 
 def weaker(case: Case) -> Case:
     """The case with half of everything that is hidden."""
     foreign = {k: v * (0.5 if k in SIZES else 1.0) for k, v in case.foreign.items()}
-    return replace(case, hidden=tuple(_times(table, 0.5) for table in case.hidden), foreign=foreign)
+    return replace(case, hidden=tuple(times(table, 0.5) for table in case.hidden), foreign=foreign)
 
 
-def _times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
+def times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
     """An effect so many times as strong."""
     fixed, bound = ("name", *FIXED.get(table["name"], ())), WITHIN.get(table["name"], np.inf)
     return {

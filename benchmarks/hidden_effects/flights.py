@@ -193,13 +193,20 @@ def by_simulate(
 
 
 def by_teacher(
-    believed: Vehicle, hidden: Tables, *, rows: Sequence[int], depth: float, noise: float, seed: int
+    believed: Vehicle,
+    hidden: Tables,
+    *,
+    rows: Sequence[int],
+    depth: float,
+    noise: float,
+    seed: int,
+    mesh: tuple[Array, Any] | None = None,
 ) -> list[pl.DataFrame]:
-    """Sessions of the embedded teacher with its light holds."""
+    """Sessions of the embedded teacher with its light holds; its hull a superellipsoid, or a mesh."""
     from hydro.core.effects import sensor
     from hydro.sim import teacher
 
-    subject, tables = teacher.teacher(believed, hidden=hidden), []
+    subject, tables = teacher.teacher(believed, mesh=mesh, hidden=hidden), []
     for number, (kind, count) in enumerate(zip(DECK, rows, strict=False)):
         rng = np.random.default_rng([seed, number, 7])
         demand = demands(Session(str(number), kind, count, number), seed, DT)

@@ -329,16 +329,8 @@ def settled(plant: Plant, command: Array) -> Array:
 
 
 @njit(cache=True)
-def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: float, demand: Array) -> Array:
-    """Commands for a demanded wrench with a slack hold of depth and attitude, as the vehicle file knows it.
-
-    `gains` holds stiffness and damping of heave, roll and pitch, (3, 2); the dead band is not compensated.
-    """
-    R, nu, wrench = turned(y[3:7]), y[7:BODY], demand.copy()
-    sink = R[2] @ nu[:3]
-    wrench[:3] += R[2] * (gains[0, 0] * (depth - y[2]) - gains[0, 1] * sink)
-    wrench[3] -= gains[1, 0] * R[2, 1] + gains[1, 1] * nu[3]
-    wrench[4] += gains[2, 0] * R[2, 0] - gains[2, 1] * nu[4]
+def commanded(believed: Plant, allocation: Array, wrench: Array) -> Array:
+    """Commands for a wrench as the vehicle file knows the thrusters; the dead band is not compensated."""
     thrust = allocation @ wrench
     out = np.empty(thrust.size)
     for i in range(thrust.size):
@@ -347,6 +339,50 @@ def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: flo
         size = size ** (1.0 / believed.chains[i, 0])
         out[i] = size if thrust[i] > 0.0 else -size
     return out
+
+
+@njit(cache=True)
+def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: float, demand: Array) -> Array:
+    """Commands for a demanded wrench with a slack hold of depth and attitude, as the vehicle file knows it.
+
+    `gains` holds stiffness and damping of heave, roll and pitch, (3, 2).
+    """
+    R, nu, wrench = turned(y[3:7]), y[7:BODY], demand.copy()
+    sink = R[2] @ nu[:3]
+    wrench[:3] += R[2] * (gains[0, 0] * (depth - y[2]) - gains[0, 1] * sink)
+    wrench[3] -= gains[1, 0] * R[2, 1] + gains[1, 1] * nu[3]
+    wrench[4] += gains[2, 0] * R[2, 0] - gains[2, 1] * nu[4]
+    return commanded(believed, allocation, wrench)
+
+
+@njit(cache=True)
+def resting(plant: Plant, first: Array) -> Array:
+    """The whole state of a vehicle whose body is at `first` (13,) and has been moving so until now."""
+    count = plant.gains.size
+    y = np.zeros(BODY + 2 * count + MEMORY + SLOSH + HYSTERESIS)
+    y[:BODY] = first
+    at = BODY + 2 * count
+    if plant.memory[6] > 0.0:
+        R = turned(y[3:7])
+        y[at : at + 6] = y[7:BODY]
+        y[at : at + 3] -= R.T @ water(plant, y[2], R[2] @ y[7:10], 0.0)[0]
+        y[at : at + 6] /= plant.memory[6]
+    return y
+
+
+@njit(cache=True)
+def onward(plant: Plant, y: Array, commands: Array, k: int, dt: float) -> Array:
+    """The state one row after row `k`, under commands (N, n) of which those up to row `k` are read."""
+    count = plant.gains.size
+    whole = int(plant.delay / dt + 1e-9)
+    part = plant.delay - whole * dt
+    now, old = k - whole, k - whole - 1
+    if part > 1e-9:
+        target = settled(plant, commands[old] if old >= 0 else np.zeros(count))
+        y = march(plant, y, target, k * dt, part)
+    target = settled(plant, commands[now] if now >= 0 else np.zeros(count))
+    y = march(plant, y, target, k * dt + part, dt - part)
+    return y
 
 
 @njit(cache=True)
@@ -360,25 +396,11 @@ def fly(
     """
     rows, count = demand.shape[0], plant.gains.size
     states, commands = np.full((rows, BODY), np.nan), np.zeros((rows, count))
-    y = np.zeros(BODY + 2 * count + MEMORY + SLOSH + HYSTERESIS)
-    y[:BODY] = first
-    at = BODY + 2 * count
-    if plant.memory[6] > 0.0:
-        R = turned(y[3:7])
-        y[at : at + 6] = y[7:BODY]
-        y[at : at + 3] -= R.T @ water(plant, y[2], R[2] @ y[7:10], 0.0)[0]
-        y[at : at + 6] /= plant.memory[6]
-    whole = int(plant.delay / dt + 1e-9)
-    part = plant.delay - whole * dt
+    y = resting(plant, first)
     for k in range(rows):
         if not np.abs(y).max() < 1e6:
             break
         states[k] = y[:BODY]
         commands[k] = steer(believed, allocation, gains, y, first[2], demand[k])
-        now, old = k - whole, k - whole - 1
-        if part > 1e-9:
-            target = settled(plant, commands[old] if old >= 0 else np.zeros(count))
-            y = march(plant, y, target, k * dt, part)
-        target = settled(plant, commands[now] if now >= 0 else np.zeros(count))
-        y = march(plant, y, target, k * dt + part, dt - part)
+        y = onward(plant, y, commands, k, dt)
     return states, commands

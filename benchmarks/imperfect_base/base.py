@@ -1,0 +1,104 @@
+"""Vehicles with hulls of panels, and the files that describe them as well as the catalogue can.
+
+The embedded teacher flies a tapered hull.  What its panels do has no exact form in the catalogue, so that the
+best of files leaves an error far above the noise.  The file is made as a user would make it: the effects of
+the preset are fitted to flights of the unchanged vehicle, and written with their standard errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from benchmarks.hidden_effects import flights, vehicles
+from benchmarks.hidden_effects.plant import Array
+from hydro.core.identification.fit import fit
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.panels import superellipsoid
+from hydro.io import vehicle as files
+
+GROUP = 100
+"""Seeds that share their hulls, and so a fitted file per preset."""
+DEPTH = 20.0
+"""Where unchanged vehicles are flown [m]."""
+NOISE = 0.5
+"""Of the flights that a file is fitted to, times ordinary noise."""
+SESSIONS = 4
+TAPER = (0.3, 0.7)
+"""Share of the width that a stern, and half the share of the height that a bow may lack."""
+FACETS = {"along": 12, "around": 12}
+Hull = tuple[Array, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class Base:
+    """An unchanged vehicle.
+
+    Attributes:
+        believed: The preset, which the commands are made with.
+        vehicle: The file fitted to the unchanged flights.
+        hull: Vertices [m] and faces of what flies.
+        unchanged: Path of the flights that the file was fitted to, a raw table.
+    """
+
+    believed: Vehicle
+    vehicle: Vehicle
+    hull: Hull
+    unchanged: Path
+
+
+def hull(vehicle: Vehicle, taper: float) -> Hull:
+    """A superellipsoid of the vehicle's size whose stern narrows and whose bow lowers."""
+    size, center = vehicle.hull, np.array(vehicle.hull.center, float)
+    half = 0.5 * np.array([size.length, size.width, size.height])
+    points, faces = superellipsoid(*(2.0 * half), center, **FACETS)
+    x, y, z = ((points - center) / half).T
+    y = y * (1.0 - taper * np.clip(-x, 0.0, 1.0))
+    z = z * (1.0 - 0.5 * taper * np.clip(x, 0.0, 1.0))
+    return center + half * np.column_stack([x, y, z]), faces
+
+
+def of(preset: str, seed: int, seconds: float, folder: Path) -> Base:
+    """The unchanged vehicle of a preset and a seed's group, from `folder` where it was made before.
+
+    Args:
+        preset: Name of a vehicle of the benchmarks.
+        seed: Of the study.
+        seconds: Of the flights that the file is fitted to.
+        folder: Where vehicle file and flights are kept.
+
+    Raises:
+        DataError: The fit fails.
+    """
+    group = seed // GROUP
+    believed = vehicles.preset(preset)
+    rng = np.random.default_rng([group, vehicles.PRESETS.index(preset), 17])
+    shape = hull(believed, float(rng.uniform(*TAPER)))
+    path = folder / f"base_{preset}_{group}_{seconds:g}s.toml"
+    unchanged = path.with_suffix(".parquet")
+    if not path.exists():
+        rows = [round(seconds / SESSIONS / flights.DT)] * SESSIONS
+        flown = pl.concat(
+            flights.by_teacher(
+                believed, (), rows=rows, depth=DEPTH, noise=NOISE, seed=90_000 + group, mesh=shape
+            )
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        flown.write_parquet(unchanged)
+        own = [str(table["name"]) for table in believed.effect]
+        files.write(_written(preset, fit(believed, flown, own).tables()), path)
+    return Base(believed, files.read(path)[0], shape, unchanged)
+
+
+def _written(preset: str, fitted: Sequence[dict[str, Any]]) -> str:
+    """The preset's file with fitted effects in the place of its own, as `hydro fit` writes it."""
+    text = (vehicles.VEHICLES / f"{preset}.toml").read_text()
+    for table in fitted:
+        text = files.set_effect(text, table)
+    return text

@@ -1,0 +1,53 @@
+"""Tasks beside one another, and a results file that grows with them."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, TypeVar
+
+import polars as pl
+
+Result = TypeVar("Result")
+
+
+def done(task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], workers: int) -> Iterator[Result]:
+    """Results of a task with each of the arguments, as they end."""
+    if workers == 1:
+        yield from (task(*each) for each in arguments)
+        return
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(task, *each) for each in arguments]):
+            yield future.result()
+
+
+def said(row: Mapping[str, Any]) -> str:
+    """What a diagnosis says and what is left after it, in one line for whoever watches."""
+    told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], strict=True)
+    words = [
+        " ".join(
+            [verdict, "/".join(dict.fromkeys([effect, *members])), "" if sure is None else f"{sure:.2f}"]
+        )
+        for verdict, effect, members, sure in told
+    ]
+    names = ("before", "after", "oracle", "floor")
+    errors = " ".join(f"{name} {row[name]:.3g}" for name in names if row.get(name) is not None)
+    time = f"cpu {row['cpu']:.0f} of {row['study_cpu']:.0f} s"
+    return f"{'; '.join(word.strip() for word in words)} | {errors} | chi2 {row['chi2_end']:.3g} | {time}"
+
+
+class Results:
+    """A table on disk, one row more at a time, whole or not at all."""
+
+    def __init__(self, path: Path, schema: Mapping[str, Any]) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.path, self.schema = path, schema
+        self.table = pl.read_parquet(path) if path.exists() else pl.DataFrame(schema=schema)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        self.table = pl.concat([self.table, pl.DataFrame([row], schema=self.schema)])
+        partial = self.path.with_suffix(".partial")
+        self.table.write_parquet(partial)
+        partial.replace(self.path)

@@ -1,0 +1,171 @@
+"""The studies as a rival sees them, what its answer is worth, and how a results file grows with it.
+
+A rival is given the vehicle file and the log, and answers with the name of one effect, or none, and a model.
+Whatever it names is taken as a statement; its error is that of predictions 5 s ahead on the held-out session.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from benchmarks.hidden_effects import cases, vehicles
+from benchmarks.hidden_effects.scoring import rate
+from benchmarks.hidden_effects.study import HORIZON, Flown, Replay
+from benchmarks.imperfect_base import base, changes
+from benchmarks.imperfect_base import study as on_base
+from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_logs import study as on_logs
+from hydro.core.vehicle.description import Vehicle
+
+BASE = "imperfect base"
+CONDITIONS = (BASE, *on_logs.CONDITIONS)
+SCHEMA: dict[str, Any] = {
+    "rival": pl.String,
+    "condition": pl.String,
+    "kind": pl.String,
+    "seed": pl.Int64,
+    "seconds": pl.Float64,
+    "preset": pl.String,
+    "title": pl.String,
+    "called": pl.List(pl.String),
+    "misjudged": pl.List(pl.String),
+    "share": pl.Float64,
+    "named": pl.String,
+    "before": pl.Float64,
+    "after": pl.Float64,
+    "floor": pl.Float64,
+    "cpu": pl.Float64,
+    "failure": pl.String,
+}
+KEY = ("rival", "condition", "kind", "seed", "seconds")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a rival says.
+
+    Attributes:
+        name: The effect that it blames; empty where it blames none.
+        error: From the held-out session, and its raw table, to the root mean square velocity error 5 s ahead.
+    """
+
+    name: str
+    error: Callable[[Replay, pl.DataFrame], float]
+
+
+Rival = Callable[[Vehicle, pl.DataFrame], Answer]
+
+
+def ahead(errors: Replay) -> np.ndarray:
+    """First rows of predictions laid end to end over the held-out session, as `Replay` lays them."""
+    length = round(HORIZON / errors.record.dt) + 1
+    parts = [np.arange(a, b - length + 1, length) for a, b in errors.record.segments]
+    return np.concatenate(parts)
+
+
+def weighed(errors: Replay, starts: np.ndarray, predicted: np.ndarray) -> float:
+    """Root mean square error of predicted velocities (S, L, 6), as `Replay.of` weighs it.
+
+    A prediction that leaves all bounds is off by as much as one may be.
+    """
+    rows = starts[:, None] + np.arange(predicted.shape[1])
+    off = np.clip(np.nan_to_num(errors.record.nu[rows] - predicted, nan=np.inf), -100.0, 100.0)
+    assert errors.weight is not None  # set by the first vehicle
+    return float(np.sqrt((off**2).mean(axis=(0, 1)) @ errors.weight))
+
+
+def recorded(
+    condition: str, kind: str, seed: int, seconds: float, folder: Path
+) -> tuple[cases.Case, Flown, set[str]]:
+    """A study's case, recordings, and all that may be named in it."""
+    if condition == BASE:
+        case = changes.draw("changed" if kind == "one" else "nothing", seed)
+        known = base.of(case.preset, seed, seconds, folder / "bases")
+        case, _, _ = on_base.standing_out(case, known, seconds)
+        case, flown, _ = on_base.changed(case, known, seconds)
+        return case, flown, set(case.called)
+    case, flown = on_logs.logged(cases.draw(kind, seed, "independent"), condition, seconds, folder)
+    return case, flown, {*case.called, *([on_logs.ALSO[condition]] if condition in on_logs.ALSO else [])}
+
+
+def run(
+    name: str, rival: Rival, condition: str, kind: str, seed: int, seconds: float, folder: Path
+) -> dict[str, Any]:
+    """The row of one study; what went wrong stands under `failure`."""
+    row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
+        **{"rival": name, "condition": condition, "kind": kind, "seed": seed, "seconds": seconds},
+        "failure": "",
+    }
+    try:
+        case, flown, called = recorded(condition, kind, seed, seconds, folder)
+        row |= {"preset": case.preset, "title": case.title, "called": sorted(called)}
+        row["misjudged"] = [] if condition == BASE else vehicles.damping_of(flown.given)
+        errors = Replay(flown.held_out, flown.exact)
+        row["before"], row["floor"] = errors.of(flown.given), errors.floor
+        row["share"] = on_base.shares(case, flown, errors, row["before"])[0]
+        cpu = time.process_time()
+        answer = rival(flown.given, flown.measured)
+        row |= {"cpu": time.process_time() - cpu, "named": answer.name}
+        row["after"] = answer.error(errors, flown.held_out)
+    except Exception as error:  # a study that fails is a result, and must not end the others
+        row["failure"] = f"{type(error).__name__}: {error}"
+    return row
+
+
+def summary(results: pl.DataFrame) -> str:
+    """How often each rival names what is hidden, and (an alarm) anything where nothing is, as Markdown."""
+    head = ("rival", "studies", "named first", "nothing named", "alarm", "error after / before", "cpu, s")
+    lines = [f"| {' | '.join(head)} |", "|---|---|---:|---:|---:|---:|---:|"]
+    for (rival, condition), part in results.group_by("rival", "condition", maintain_order=True):
+        rows = [row for row in part.to_dicts() if not row["failure"]]
+        hidden = [row for row in rows if row["kind"] == "one" and row["share"] >= on_base.SHARE]
+        nothing = [row for row in rows if row["kind"] == "none"]
+        ratio = np.median([row["after"] / row["before"] for row in rows]) if rows else np.nan
+        cpu = np.median([row["cpu"] for row in rows]) if rows else np.nan
+        told = (
+            rate(row["named"] in row["called"] for row in hidden),
+            rate(not row["named"] for row in hidden),
+            rate(row["named"] not in ("", *row["called"], *row["misjudged"]) for row in nothing),
+        )
+        lines.append(f"| {rival} | {condition} | {' | '.join(told)} | {ratio:.2f} | {cpu:.0f} |")
+    failed = results.filter(pl.col("failure") != "")
+    return "\n".join(lines) + f"\n\nFailed: {failed.height} of {results.height}.\n"
+
+
+def main(name: str, rival: Rival, about: str) -> None:
+    """Run a rival's studies that are not in the results file yet, and sum up the file."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    parser.add_argument("--condition", action="append", choices=CONDITIONS, help="by default the base alone")
+    parser.add_argument("--kind", action="append", choices=("one", "none"), help="both by default")
+    parser.add_argument("--studies", type=int, default=30, help="per kind")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=300.0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("-o", "--out", type=Path, default=Path("rivals.parquet"))
+    chosen = parser.parse_args()
+    results = Results(chosen.out, SCHEMA)
+    known = set(results.table.select(KEY).rows())
+    keys = [
+        (name, condition, kind, seed, chosen.seconds)
+        for condition in chosen.condition or [BASE]
+        for kind in chosen.kind or ("one", "none")
+        for seed in range(chosen.first_seed, chosen.first_seed + chosen.studies)
+    ]
+    tasks = [(name, rival, *key[1:], chosen.out.parent) for key in keys if key not in known]
+    for number, row in enumerate(done(run, tasks, chosen.workers), 1):
+        results.add(row)
+        said = row["failure"] or (
+            f"-> {row['named'] or '-'} | before {row['before']:.3g} after {row['after']:.3g}, "
+            f"cpu {row['cpu']:.0f} s"
+        )
+        head = f"{row['condition']} {row['kind']} {row['seed']} {row['preset']}: {row['title'] or '-'}"
+        print(f"{number}/{len(tasks)} {head} {said}", flush=True)
+    print(summary(results.table), end="")
