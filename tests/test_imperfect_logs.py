@@ -11,7 +11,7 @@ from scipy.stats import kurtosis
 
 from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_logs import closed_loop, sensors, study
-from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.vehicle.frames import rotation
 
 DT, ROWS = 0.02, 6000

@@ -13,7 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from hydro.core.recording.arrays import POSE, VELOCITY
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.vehicle.frames import rotation
 
 Array = NDArray[np.float64]

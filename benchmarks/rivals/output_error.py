@@ -109,7 +109,7 @@ def beginnings(record: Recording, eta: Array, nu: Array, at: Array) -> Array:
 
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     """Fit everything to the log."""
-    record, plant, groups = recording(measured, given), build(given), parameters(given)
+    record, plant, groups = recording(given, measured), build(given), parameters(given)
     eta, nu = smoothed(record)
     length = round(SECONDS / record.dt)
     room = np.concatenate([np.arange(a, b - length, length) for a, b in record.segments])

@@ -69,7 +69,7 @@ def groups(vehicle: Vehicle) -> Iterator[tuple[str, list[dict[str, Any]]]]:
 
 def left(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
     """The wrench that a vehicle leaves unexplained, thinned out, (K, 6) [N, N m]."""
-    found = labels(raw, vehicle, subtract="effects").select("session", *WRENCH)
+    found = labels(vehicle, raw, subtract="effects").select("session", *WRENCH)
     parts = found.partition_by("session", maintain_order=True)
     return np.vstack([part.select(WRENCH).to_numpy()[EDGE:-EDGE:EVERY] for part in parts]).astype(float)
 

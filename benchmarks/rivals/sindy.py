@@ -84,7 +84,7 @@ def sparse(terms: Array, target: Array) -> Array:
 def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     """Regress, name the family that matters most, and predict with the whole regression."""
     plant, n = build(given), len(given.thruster)
-    found = labels(measured, given, subtract="effects")
+    found = labels(given, measured, subtract="effects")
     thinned = pl.concat(
         [part[EDGE:-EDGE].gather_every(EVERY) for part in found.partition_by("session", maintain_order=True)]
     )
@@ -122,7 +122,7 @@ def _thrusts(table: pl.DataFrame, thrusters: int) -> Array:
 def error(model: Array, given: Vehicle, errors: Replay, raw: pl.DataFrame) -> float:
     """Error 5 s ahead, all predictions side by side in steps of a row (Heun)."""
     record, starts = errors.record, ahead(errors)
-    thrusts = _thrusts(labels(raw, given, subtract="effects"), len(given.thruster))
+    thrusts = _thrusts(labels(given, raw, subtract="effects"), len(given.thruster))
     nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
     length = round(HORIZON / record.dt) + 1
     out = np.empty((starts.size, length, 6))
