@@ -29,7 +29,7 @@ SURE = 4.0
 PLAIN_EXCESS = 1.2
 """times the white noise that it must then be, and that a model must leave in the channel."""
 LEAST_SLOPES = 30
-POSE = 6
+POSE_CHANNELS = 6
 
 
 def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str, KinematicTest]) -> Array:
@@ -45,14 +45,14 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
         (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
         velocities that weigh little leave little.  `sigma` itself where only white noise shows.
     """
-    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE:]
+    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE_CHANNELS:]
     white = noise(record)
-    grown = velocity_noise(record, tests) / white[POSE:]
-    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE))]
+    grown = velocity_noise(record, tests) / white[POSE_CHANNELS:]
+    known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE_CHANNELS))]
     there = (left > PLAIN_EXCESS) & (grown > PLAIN_EXCESS) & np.repeat(known, 3)
-    if drawn(record, slice(POSE)) or not there.any():
+    if drawn(record, slice(POSE_CHANNELS)) or not there.any():
         return sigma
-    weighed: Array = sigma * np.concatenate([np.ones(POSE), np.where(there, grown, 1.0)])
+    weighed: Array = sigma * np.concatenate([np.ones(POSE_CHANNELS), np.where(there, grown, 1.0)])
     return weighed * float(np.sqrt(1.0 - there.sum() / len(sigma)))
 
 
@@ -68,7 +68,7 @@ def velocity_noise(record: Recording, tests: Mapping[str, KinematicTest]) -> Arr
         if shown(tests[name]):
             log[place] = tests[name].estimate
     nu = np.vstack([sensor.corrected(log, record.t[a:b], record.nu[a:b]) for a, b in record.segments])
-    found, error = sigma[POSE:], pose_error(record, nu)
+    found, error = sigma[POSE_CHANNELS:], pose_error(record, nu)
     for seconds in SLOPE_LENGTHS:
         found = np.maximum(found, _over(record, error, sigma, max(round(seconds / record.dt) + 1, 4)))
     return found
@@ -78,7 +78,7 @@ def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: i
     """The same by slopes of the `pose_error` over so many rows; 0 where white noise does as much."""
     starts = np.concatenate([np.arange(a, b - length + 1, length) for a, b in record.segments])
     if len(starts) < LEAST_SLOPES:
-        return np.zeros(len(sigma) - POSE)
+        return np.zeros(len(sigma) - POSE_CHANNELS)
     rows, (position, attitude) = starts[:, None] + np.arange(length), error
     time = (np.arange(length) - 0.5 * (length - 1)) * record.dt
     weight = time / (time @ time)
@@ -86,7 +86,7 @@ def _over(record: Recording, error: tuple[Array, Array], sigma: Array, length: i
     moved = np.einsum("l,wli,wij->wj", weight, position[rows], body)
     slopes = np.hstack([moved, np.einsum("l,wli->wi", weight, attitude[rows])])
     summed = np.cumsum(weight[::-1])[::-1][1:] * record.dt  # how a slope answers to each velocity
-    white = sigma[:POSE] ** 2 * (weight @ weight) + sigma[POSE:] ** 2 * (summed @ summed)
+    white = sigma[:POSE_CHANNELS] ** 2 * (weight @ weight) + sigma[POSE_CHANNELS:] ** 2 * (summed @ summed)
     square = (slopes**2).mean(axis=0)
     clear = square - white > SURE * square * np.sqrt(2.0 / len(slopes))
     size: Array = np.sqrt(np.where(clear, (square - white) / (summed @ summed), 0.0))

@@ -81,25 +81,23 @@ class Diagnosis:
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""
-        rows = [
-            {
-                "rank": number,
-                "verdict": one.verdict,
-                "effect": one.effect,
-                "members": list(one.members),
-                "share_of_error_explained": one.share,
-                "share_low": one.low,
-                "share_high": one.high,
-                "confidence": one.confidence,
-                "p_value": one.p_value,
-                "parameters": inline(one.parameters),
-                "standard_errors": inline(one.standard_errors),
-                "excited": one.excited,
-                "advice": one.advice,
-            }
-            for number, one in enumerate(self.findings, 1)
-        ]
-        return pl.DataFrame(rows, infer_schema_length=None).with_columns(cs.float().fill_nan(None))
+        found = self.findings
+        columns = {
+            "rank": range(1, len(found) + 1),
+            "verdict": [one.verdict for one in found],
+            "effect": [one.effect for one in found],
+            "members": [list(one.members) for one in found],
+            "share_of_error_explained": [one.share for one in found],
+            "share_low": [one.low for one in found],
+            "share_high": [one.high for one in found],
+            "confidence": [one.confidence for one in found],
+            "p_value": [one.p_value for one in found],
+            "parameters": [inline(one.parameters) for one in found],
+            "standard_errors": [inline(one.standard_errors) for one in found],
+            "excited": [one.excited for one in found],
+            "advice": [one.advice for one in found],
+        }
+        return pl.DataFrame(columns).with_columns(cs.float().fill_nan(None))
 
 
 def inline(table: Mapping[str, Any]) -> str:
@@ -115,10 +113,6 @@ def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(inner) for inner in value)}]"
     return repr(float(value))
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)
 
 
 def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> list[dict[str, Any]]:
