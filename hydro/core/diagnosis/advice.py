@@ -9,6 +9,7 @@ from typing import Any
 from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
 
+ADD = "add it with `hydro add`"
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -52,7 +53,13 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
     words = saying(parameters, dt) if saying is not None else None
     if words is not None:
         return words
-    return f"add it with `hydro add`; {CATALOGUE[effect].definition}"
+    return f"{ADD}; {CATALOGUE[effect].definition}"
+
+
+def suspecting(effect: str, words: str) -> str:
+    """The advice `words` for a missing effect, where the recording is not sure enough of its name."""
+    by_name = f"add it by its name alone (`hydro add --effect {effect}`), if the vehicle bears it out"
+    return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
 
 
 def retuning(effect: str) -> str:

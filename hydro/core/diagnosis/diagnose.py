@@ -24,6 +24,7 @@ from hydro.core.diagnosis.confidence import (
     explained_share,
     selection_frequency,
     shared,
+    stated,
     unconfirmed,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
@@ -148,7 +149,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     remaining = unexplained(baseline, outcome)
     together = float(np.clip((first.normal.cost - model.normal.cost) / max(first.excess, 1e-9), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
-    findings = [doubted(finding, remaining) for finding in named] + remaining
+    findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))

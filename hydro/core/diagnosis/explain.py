@@ -16,7 +16,7 @@ import polars as pl
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.diagnose import diagnose_log, stable_shots
-from hydro.core.diagnosis.findings import extended, tables
+from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
 from hydro.core.diagnosis.model import Wanted, fit_model, own_effects
 from hydro.core.effects.record import BOOKKEEPING
@@ -40,6 +40,8 @@ RISE = 1.02
 """Held-out error over that of the step before from which a step counts as a step too far."""
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
+UNEXPLAINED = ("none_of_the_known", "far_from_noise")
+"""Verdicts that something is left which no effect explains."""
 DATASETS = ("fit", "holdout")
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
 
@@ -151,8 +153,10 @@ def ending(steps: Sequence[Step]) -> str:
             f"which is the one to use"
         )
     if not _finding(last):
-        known = "none_of_the_known" not in last.diagnosis["verdict"].to_list()
-        return "nothing more is found" if known else "what is left no effect of the catalogue explains"
+        known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
+        words = "nothing more is found" if known else "what is left no effect of the catalogue explains"
+        suspected = ", ".join(suspects(last.diagnosis))
+        return f"{words}; only suspected, and not added: {suspected}" if suspected else words
     return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
 
 

@@ -171,6 +171,14 @@ def test_what_no_effect_explains_is_told(staged):
     assert ending(steps) == "what is left no effect of the catalogue explains"
 
 
+def test_suspects_are_told_and_not_added(staged):
+    steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
+    assert [step.added for step in steps] == [()]
+    assert ending(steps) == (
+        "what is left no effect of the catalogue explains; only suspected, and not added: ocean_current"
+    )
+
+
 def test_it_goes_on_from_steps_that_are_done(staged):
     found = [[finding("missing", "payload", w=1.0)], [finding("missing", "tether", k=1.0)], []]
     steps, _ = staged(found, [3.0, 2.0, 1.0])

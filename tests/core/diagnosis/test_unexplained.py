@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import msgspec
 import numpy as np
 import polars as pl
@@ -9,6 +11,8 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import unexplained
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.model import fit_model
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.multiple_shooting import make_shots
@@ -25,8 +29,8 @@ def known(datasets) -> Vehicle:
     return files.read(datasets / "vehicles" / "auv151.toml")[0]
 
 
-def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> float:
-    """Share that steady wrenches explain of 60 s with `noise` SIGMA, `trusted` SIGMA of it believed."""
+def moving(flown: Vehicle, *, noise: float) -> pl.DataFrame:
+    """60 s with `noise` SIGMA of white noise."""
     t = np.arange(3000) * 0.02
     commands = {f"cmd_{i}": 0.4 * np.sin((0.3 + 0.07 * i) * t + i) for i in range(1, 9)}
     still = dict.fromkeys((*POSE, *VELOCITY), 0.0) | {"z": 5.0}
@@ -36,10 +40,30 @@ def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> 
     motion = simulate(flown, plan)
     logged = motion.select(*POSE, *VELOCITY).to_numpy()
     logged = logged + noise * SIGMA * np.random.default_rng(1).standard_normal(logged.shape)
-    record = recording(believed, motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
+    return motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+def left(believed: Vehicle, flown: Vehicle, *, noise: float, trusted: float) -> float:
+    """Share that steady wrenches explain of 60 s with `noise` SIGMA, `trusted` SIGMA of it believed."""
+    record = recording(believed, moving(flown, noise=noise))
     problem = OutputError.of(make_shots(record, sigma=trusted * SIGMA), believed)
     disturbed = list(unexplained.steadily_disturbed(believed))
     return unexplained.steady_disturbance(problem.linearise(believed, disturbed, [1.0] * unexplained.WRENCH))
+
+
+def fitted_to_noise(believed: Vehicle, trusted: float):
+    """60 s of the vehicle as it is believed, with SIGMA of noise, `trusted` SIGMA of it believed."""
+    motion = moving(believed, noise=1.0)
+    log = preprocess(believed, motion)
+    problem = OutputError.of(make_shots(log.record, sigma=trusted * SIGMA), believed)
+    return log, fit_model(believed, [], problem, log.positions, 0)
+
+
+def as_searched(log, model):
+    """Baseline and outcome of a search that found nothing significant."""
+    last = SimpleNamespace(significant=False, p_value=1.0)
+    baseline = SimpleNamespace(refitted=model, log=log, problem=model.problem)
+    return baseline, SimpleNamespace(model=model, last=last, found=())
 
 
 @pytest.mark.parametrize("trusted", [1.0, 0.5, 3.0])
@@ -52,6 +76,23 @@ def test_a_current_that_the_model_has_not_is_a_force(known):
     flown = msgspec.structs.replace(known, effect=(*known.effect, current))
     assert left(known, flown, noise=1.0, trusted=1.0) > 0.3
     assert left(flown, flown, noise=1.0, trusted=1.0) < 0.01
+
+
+def test_a_fit_that_leaves_nine_times_the_noise_is_far_from_it(known):
+    """White noise of three times its declared size: no test shows structure, and yet it is no fit."""
+    log, model = fitted_to_noise(known, trusted=1.0 / 3.0)
+    (one,) = unexplained.unexplained(*as_searched(log, model))
+    assert one.verdict == "far_from_noise"
+    assert f"mean squared residual {model.normal.chi2:.3g}" in one.advice
+    assert 8.0 < model.normal.chi2 < 10.0
+    assert unexplained.unexplained(*as_searched(*fitted_to_noise(known, trusted=1.0))) == []
+
+
+def test_what_is_left_tells_where_and_with_which_velocity_it_grows():
+    left = unexplained.Leftover(1, 0.8, "Y", "above 0.4 m/s", 1.9, (None, 1.2, 0.1, None, None, 2.0))
+    assert left.growing() == "; by velocities, it grows with r to the power 2.0, v to the power 1.2"
+    assert "yaw first" in left.experiment()
+    assert "without thrust" in unexplained.Leftover(1, 0.8, "Y").experiment()
 
 
 def test_pulls_are_steady_forces_and_moments(known):
