@@ -8,7 +8,7 @@ numbers' worth a shot, and no more.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -24,9 +24,11 @@ from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.misfit import Misfit, Motion, force
 from hydro.core.evaluation.regimes import Pieces, families
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.fit import OutputError
 from hydro.core.identification.normal_equations import Normal, block_length
 from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation_from_quaternion
 
 STRUCTURED = 0.05
 """Share of the noise that error which no effect explains must reach to be a finding."""
@@ -83,25 +85,68 @@ def _white(baseline: Baseline) -> bool:
 
 def _steady_share(model: Model) -> float:
     """What steady forces explain of what a model leaves."""
-    disturbed = list(steadily_disturbed(model.vehicle))
-    return steady_disturbance(model.problem.linearise(model.vehicle, disturbed, [1.0] * WRENCH))
+    return steady_disturbance(steady_wrenches(model.problem, model.vehicle))
+
+
+def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:
+    """The linearised problem whose six columns are steady wrenches: forces in NED, moments about body axes.
+
+    Args:
+        problem: The shots.
+        vehicle: What they are predicted by.
+    """
+    disturbed = list(steadily_disturbed(vehicle))
+    normal = problem.linearise(vehicle, disturbed, [1.0] * len(disturbed))
+    turned = wrenches_of_pulls(rotation_from_quaternion(problem.shots.first[:, 3:7]))
+    mix = np.zeros((len(turned), len(disturbed) + 1, WRENCH + 1))
+    mix[:, :-1, :-1], mix[:, -1, -1] = turned, 1.0
+    kept = ~normal.lost
+    gram = np.zeros((len(turned), WRENCH + 1, WRENCH + 1))
+    gram[kept] = mix[kept].transpose(0, 2, 1) @ normal.gram[kept] @ mix[kept]
+    gram[~kept, -1, -1] = np.inf
+    return replace(normal, gram=gram, follow=normal.follow @ mix)
 
 
 def steadily_disturbed(vehicle: Vehicle) -> Iterator[Vehicle]:
-    """The vehicle under a small steady pull: three at CO along north, east and down, three off CO."""
+    """The vehicle under a small steady pull north, east or down, at CO, ahead, to starboard or below."""
     pull = PULL * vehicle.rigid_body.mass * vehicle.environment.gravity
     lever = 0.5 * vehicle.hull.length
-    for arm in (0.0, lever):
-        for way in range(3):
-            cable = steady_pull(pull, np.eye(3)[way], arm * np.eye(3)[(way + 1) % 3])
+    for place in (np.zeros(3), *np.eye(3)):
+        for way in np.eye(3):
+            cable = steady_pull(pull, way, lever * place)
             yield msgspec.structs.replace(vehicle, effect=(*vehicle.effect, cable))
+
+
+def wrenches_of_pulls(rotation: Array) -> Array:
+    """How the twelve pulls of `steadily_disturbed` make six independent wrenches at any attitude.
+
+    Levers are fixed to the body and pulls to the world, so that one pull off CO may have no moment: it turns
+    with the attitude.  Three pulls e_k x e_i at the ends of the body's axes e_i, each with its opposite at
+    CO, are the couple 2 e_k at every attitude, without a force.
+
+    Args:
+        rotation: Body to world, (S, 3, 3).
+
+    Returns:
+        Amounts of each pull, (S, 12, 6): for the forces north, east and down, and for the couples about the
+        body's axes.
+    """
+    mix = np.zeros((len(rotation), 4, 3, WRENCH))
+    mix[:, 0, :, :3] = np.eye(3)
+    for k, axis in enumerate(np.eye(3)):
+        for i, place in enumerate(np.eye(3)):
+            way = 0.5 * rotation @ np.cross(axis, place)
+            mix[:, i + 1, :, 3 + k] += way
+            mix[:, 0, :, 3 + k] -= way
+    amounts: Array = mix.reshape(len(rotation), 12, WRENCH)
+    return amounts
 
 
 def steady_disturbance(normal: Normal) -> float:
     """How much of the residual steady wrenches explain beyond chance, in units of the noise's square.
 
     Args:
-        normal: The problem whose columns are the six pulls.
+        normal: The problem of `steady_wrenches`.
 
     Returns:
         0 where nothing but white noise is left, of whatever size.
