@@ -31,7 +31,7 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.manoeuvres import best, plain, showing
-from hydro.core.diagnosis.model import fit_model, own_effects
+from hydro.core.diagnosis.model import Model, fit_model, own_effects
 from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import unexplained
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -42,7 +42,7 @@ from hydro.core.identification.fit import UNDETERMINED, Fit, OutputError, with_u
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import in_file, shrunk_to_prior
+from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.vehicle.description import Vehicle
 
@@ -171,7 +171,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         rivals = [found.rivals[name].vehicle for name in tied]
         words = advice.separating(list(tied), best(rivals, log.noise, start=log.middle))
     elif known:
-        words = advice.retuning(effect)
+        words = advice.retuning(effect, _change(effect, baseline, model))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     shots = baseline.problem.shots
@@ -189,6 +189,12 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         errors,
         advice=words,
     )
+
+
+def _change(effect: str, baseline: Baseline, model: Model) -> Change:
+    """The entry of an effect of the file that a model takes farthest from what is known of it."""
+    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
 def _tables(fit: Fit | None, effect: str) -> tuple[dict[str, object], dict[str, object]]:
@@ -214,7 +220,8 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Effects of the file whose values as given would cost much, and that the recording tells from these.
 
     Much is measured by the squared error of the model found: so what a share of a poor file's error would
-    pass over does not spoil what is added to it.
+    pass over does not spoil what is added to it.  Values beyond belief are told whatever they cost: a free
+    refit may have taken up with them what is missing.
     """
     model = outcome.model
     spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
@@ -225,11 +232,13 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
-        if cost < MATERIAL * model.normal.cost:
+        farthest = _change(name, baseline, model)
+        absurd = farthest.deviations > advice.ABSURD
+        if cost < MATERIAL * model.normal.cost and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
         p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))
-        if p <= ALPHA:
+        if p <= ALPHA or absurd:
             values, errors = _tables(outcome.fit, name)
             share = float(np.clip(cost / max(baseline.given.excess, 1e-9), 0.0, 1.0))
             yield Finding(
@@ -240,7 +249,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 p_value=p,
                 parameters=values,
                 standard_errors=errors,
-                advice=advice.retuning(name),
+                advice=advice.retuning(name, farthest),
             )
 
 

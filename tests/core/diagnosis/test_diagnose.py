@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -11,13 +12,16 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import advice
-from hydro.core.diagnosis.diagnose import diagnose, stable_shots
+from hydro.core.diagnosis.diagnose import _retuned, diagnose, stable_shots
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import fit_model
+from hydro.core.diagnosis.model import Model, fit_model
 from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.identification.fit import with_uncertainty
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.parameters import free
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -152,6 +156,25 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     fits = search.contend(first, [], screening)
     assert "net_buoyancy" in fits
     assert "sensor_bias" not in fits
+
+
+@pytest.mark.parametrize("times", [1.2, 80.0])
+def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
+    """Damping refitted to eighty times its value, for a thousandth of what is left."""
+    unknown = free(known, ["linear_damping"])
+    values = unknown.starts[0] * [times, 1.0, 1.0, 1.0, 1.0, 1.0]
+    change = (values - unknown.starts[0]) / unknown.scales
+    gram = np.zeros((100, 7, 7))
+    gram[:, :6, :6], gram[:, 6, 6] = np.eye(6) / (change @ change), 1000.0
+    normal = Normal(gram, 1000, np.ones((100, 12)), np.zeros((100, 0, 7)))
+    fit = with_uncertainty(unknown, values, normal, 1.0, "output")
+    given = SimpleNamespace(excess=1e6)
+    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), given=given)
+    told = list(_retuned(baseline, SimpleNamespace(model=Model(unknown, values, None, normal), fit=fit)))
+    assert [one.verdict for one in told] == ["retune"] * (times == 80.0)
+    for one in told:
+        assert "linear_damping.diagonal[0] goes from 15 to 1.2e+03" in one.advice
+        assert "standard deviations" in one.advice
 
 
 def test_heave_alone_shows_little(known):
