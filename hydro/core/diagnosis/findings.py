@@ -48,7 +48,7 @@ FIT = 3.0
 WITH_VALUES = ("missing", "suspect", "retune", "cannot_tell_apart")
 """Verdicts that come with values."""
 
-COLUMNS = {
+COLUMNS: dict[str, pl.DataType | type[pl.DataType]] = {
     "rank": pl.Int64,
     "verdict": pl.String,
     "effect": pl.String,

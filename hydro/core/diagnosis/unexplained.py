@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -85,7 +86,7 @@ def _white(baseline: Baseline) -> bool:
 
 def _steady_share(model: Model) -> float:
     """What steady forces explain of what a model leaves."""
-    return steady_disturbance(steady_wrenches(model.problem, model.vehicle))
+    return steady_disturbance(steady_wrenches(cast(OutputError, model.problem), model.vehicle))
 
 
 def steady_wrenches(problem: OutputError, vehicle: Vehicle) -> Normal:

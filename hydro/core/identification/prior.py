@@ -47,7 +47,7 @@ def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
     """
     given = np.abs(in_file(file, entries))
     scales = np.array([entry.scale for entry in entries])
-    found = KNOWN * np.maximum(given, scales)
+    found: Array = KNOWN * np.maximum(given, scales)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
         error = np.asarray(table.get("standard_error", {}).get(entry.parameter, 0.0), float)

@@ -12,11 +12,11 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import advice
-from hydro.core.diagnosis.diagnose import _retuned, diagnose, stable_shots
+from hydro.core.diagnosis.diagnose import _retuned, diagnose, refine, refit, stable_shots, stable_start
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import Model, fit_model
-from hydro.core.diagnosis.search import Baseline, Search
+from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.search import Baseline, Outcome, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import with_uncertainty
@@ -142,6 +142,53 @@ def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
     wild = {**screening.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
     joined = search.joined(first, [], replace(screening, ranked=wild), "net_buoyancy")
     assert joined.normal.cost <= first.normal.cost
+
+
+def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
+    search = searching(known, recorded(hiding(known, {"name": "net_buoyancy", "dB": 8.0}), rows=1000), {})
+    first, true = search.baseline.refitted, Search.joined
+    screening = search.screen(first, [])
+
+    def joined(self, model, chosen, screening, name):
+        if name == "net_buoyancy":
+            raise Diverges("it does")
+        return true(self, model, chosen, screening, name)
+
+    monkeypatch.setattr(Search, "joined", joined)
+    fits = search.contend(first, [], screening)
+    assert fits
+    assert "net_buoyancy" not in fits
+
+
+def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch):
+    def diverging(*given, **how):
+        raise Diverges("it does")
+
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.fit_model", diverging)
+    unknown = free(known, ["linear_damping"])
+    gram = np.tile(np.eye(7), (100, 1, 1))
+    normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
+    model = Model(unknown, unknown.starts[0], None, normal)
+    log = SimpleNamespace(positions=None)
+    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), log=log, warnings=())
+    outcome = refine(baseline, Outcome(model, (), None))
+    assert outcome.model.vehicle == model.vehicle
+    assert [outcome.fit.chi2, len(outcome.warnings)] == [1.0, 1]
+
+
+def test_a_file_that_diverges_begins_from_damping_of_its_hull(known):
+    """Damping in the wrong unit, so stiff that no step of the integration holds it."""
+    stiff = {"name": "linear_damping", "diagonal": [1e6] * 6}
+    others = tuple(effect for effect in known.effect if effect["name"] != "linear_damping")
+    wrong = msgspec.structs.replace(known, effect=(*others, stiff))
+    log = preprocess(wrong, recorded(known, rows=1000))
+    with pytest.raises(Diverges):
+        stable_shots(wrong, log)
+    start, problem = stable_start(wrong, log)
+    baseline = refit(wrong, log, problem, start)
+    assert baseline.vehicle == wrong
+    assert baseline.refitted.normal.chi2 < 1.2
+    assert "diverges" in baseline.warnings[0]
 
 
 def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):

@@ -77,5 +77,5 @@ def test_a_value_is_known_to_a_fifth_of_itself_or_of_its_scale_or_as_its_file_sa
     *others, damping = FILE.effect
     sure = msgspec.structs.replace(FILE, effect=(*others, damping | {"standard_error": stated}))
     np.testing.assert_allclose(deviations(sure, entries), [1.0, fifth[1], 3.0, 4.0, 5.0, 6.0])
-    change = greatest_change(sure, entries, given + [0.0, 0.0, 27.0, 0.0, -40.0, 0.0])
+    change = greatest_change(sure, entries, np.add(given, [0.0, 0.0, 27.0, 0.0, -40.0, 0.0]))
     assert (change.entry.name, change.deviations) == ("quadratic_damping.diagonal[2]", pytest.approx(9.0))
