@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
+from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
+from hydro.core.diagnosis.diagnose import refine, refit, stable_shots
 from hydro.core.diagnosis.explain import Step, best, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.search import Outcome
 from hydro.core.errors import DataError
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -92,6 +95,23 @@ def test_nothing_hidden_ends_at_the_file_as_given(known):
     assert [step.number for step in steps] == [0]
     assert ending(steps) == "nothing more is found"
     assert steps[0].error("holdout") is None
+
+
+def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
+    """One value, one standard error: noise of the velocities lasts half a second, and both weigh it so."""
+    raw, rng = flown(known, 6, 60.0), np.random.default_rng(7)
+    slow = lfilter([0.28], [1.0, -0.96], rng.standard_normal((raw.height, 6)), axis=0)
+    size = np.repeat([0.02, 0.01], 3)
+    noisy = raw.select(VELOCITY).to_numpy() + size * slow
+    log = preprocess(known, raw.with_columns(pl.DataFrame(noisy, schema=list(VELOCITY))))
+    baseline = refit(known, log, stable_shots(known, log), known)
+    assert not np.array_equal(baseline.problem.shots.sigma, log.noise)
+    told = refine(baseline, Outcome(baseline.refitted, (), None)).fit
+    tables = module._fit_together(known, log, baseline.effects, known)
+    for table, other in zip(tables, told.tables(), strict=True):
+        np.testing.assert_allclose(
+            table["standard_error"]["diagonal"], other["standard_error"]["diagonal"], rtol=0.05
+        )
 
 
 # What follows replaces the three computations by tables, to see the loop alone.
