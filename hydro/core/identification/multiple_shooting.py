@@ -328,8 +328,10 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Initial states (S, 13) moved by (S, 12): position, small rotation about the body's axes, nu."""
+    """Initial states (S, 13) moved by (S, 12) or all by (1, 12): position, rotation about body axes, nu."""
     out = np.empty((len(first), BODY))
+    if len(shift) == 1:  # compiled code does not broadcast
+        shift = np.repeat(shift, len(first), axis=0)
     _displace(first, shift, out)
     return out
 
