@@ -13,7 +13,7 @@ EXPLAINS = {
     "suspect": "suspected: {effect}, {share} of the unexplained error",
     "retune": "other values: {effect}, {share} of the error of the file as given",
     "cannot_tell_apart": "one of {members}: {share} of the unexplained error",
-    "not_separable": "told by no recording: {members}",
+    "not_separable": "told by no recording: {effect}",
     "not_excited": "not shown by this recording: {effect}",
     "none_of_the_known": "none of the known effects: {share} of the unexplained error remains",
     "far_from_noise": "far from the noise, and no effect earns it: {share} of the unexplained error remains",

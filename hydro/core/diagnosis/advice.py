@@ -89,6 +89,14 @@ def retuning(effect: str, change: Change | None = None) -> str:
     )
 
 
+def being_alias(effect: str, others: Sequence[str]) -> str:
+    """That an effect does what others do together."""
+    return (
+        f"{effect} is an alias of {' + '.join(others)}, in the file or found: no recording can tell; "
+        "choose by what you know of the vehicle"
+    )
+
+
 def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) -> str:
     """Which motion would show an effect that the recording does not.
 

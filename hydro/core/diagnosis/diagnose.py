@@ -19,6 +19,7 @@ from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis import advice
+from hydro.core.diagnosis.aliases import aliases
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
@@ -346,10 +347,15 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects, or entries of them, that the recording could not have shown."""
+    """Effects, or entries of them, that no recording or not this one could have shown."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
+    same = aliases(model, (suspect for suspect, _ in last.ranked.values()))
+    for name, others in same.items():
+        yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
     for name, (_, columns) in last.ranked.items():
+        if name in same:
+            continue
         spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
         if (np.diag(spread) > UNDETERMINED**2).all():
             hidden[name] = ()
