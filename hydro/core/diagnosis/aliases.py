@@ -7,7 +7,7 @@ are an exact sum of the others' or they are not.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from hydro.core.diagnosis.model import Model
 from hydro.core.effects import inertia_matrix
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.levenberg_marquardt import moved
-from hydro.core.identification.suspects import Suspect
+from hydro.core.identification.suspects import suspects
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
@@ -28,14 +28,15 @@ REACH = np.array([10.0, 10.0, 4.0, 0.6, 1.2, np.pi])  # m and rad, about it
 SPEED = np.array([1.5, 1.5, 1.5, 1.0, 1.0, 1.0])  # m/s and rad/s
 
 
-def aliases(model: Model, suspects: Iterable[Suspect]) -> dict[str, tuple[str, ...]]:
+def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> dict[str, tuple[str, ...]]:
     """Effects whose forces the model's own effects have already.
 
     Inertia that an effect has besides does not count: it shows in accelerations, and is another matter.
 
     Args:
         model: The vehicle and its free entries.
-        suspects: Effects that it has not, as columns.
+        known: Names of the effects that are in it, which are not asked about.
+        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
 
     Returns:
         The effects of the model that each alias is made of, by the alias' name.
@@ -52,7 +53,7 @@ def aliases(model: Model, suspects: Iterable[Suspect]) -> dict[str, tuple[str, .
 
     own = np.stack([unit(vehicle) for vehicle in moved(model.unknown, model.values)[0]], axis=1)
     found: dict[str, tuple[str, ...]] = {}
-    for suspect in suspects:
+    for suspect in suspects(model.vehicle, without=known, reach=reach):
         forces = [one for one in suspect.changed if np.array_equal(inertia_matrix(one), inertia)]
         columns = np.stack([unit(one) for one in forces], axis=1) if forces else np.zeros((len(own), 1))
         if not columns.any(axis=0).all():

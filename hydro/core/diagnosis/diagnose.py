@@ -42,6 +42,7 @@ from hydro.core.diagnosis.model import (
     fit_model,
     fitted_or_kept,
     own_effects,
+    repeated_effects,
 )
 from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import unexplained
@@ -350,7 +351,8 @@ def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Effects, or entries of them, that no recording or not this one could have shown."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
-    same = aliases(model, (suspect for suspect, _ in last.ranked.values()))
+    known = [*baseline.effects, *outcome.effects, *repeated_effects(model.vehicle)]
+    same = aliases(model, known, log.positions)
     for name, others in same.items():
         yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
     for name, (_, columns) in last.ranked.items():

@@ -9,7 +9,6 @@ import pytest
 from hydro.core.diagnosis.aliases import aliases
 from hydro.core.diagnosis.model import Model
 from hydro.core.identification.parameters import free
-from hydro.core.identification.suspects import suspects
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
@@ -28,7 +27,7 @@ def found(known: Vehicle, *effects: dict) -> dict[str, tuple[str, ...]]:
     vehicle = msgspec.structs.replace(known, effect=(*known.effect, *effects))
     names = ["linear_damping", *(effect["name"] for effect in effects)]
     unknown = free(vehicle, names)
-    return aliases(Model(unknown, unknown.starts[0], None, None), suspects(vehicle, without=names))
+    return aliases(Model(unknown, 1.1 * unknown.starts[0], None, None), names)
 
 
 def test_a_payload_is_buoyancy_and_its_place(known):
@@ -48,4 +47,4 @@ def test_parts_of_it_are_no_alias(known, effects):
 
 def test_no_alias_without_free_effects(known):
     held = free(known, ["linear_damping"]).holding(np.ones(6), np.ones(6, bool))
-    assert aliases(Model(held, np.zeros(0), None, None), suspects(known)) == {}
+    assert aliases(Model(held, np.zeros(0), None, None), []) == {}
