@@ -290,7 +290,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
         vehicle: the vehicle that was diagnosed or fitted.
         diagnosis: diagnosis table, or what `hydro.fit` returns.
         effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
-            missing or with other values.
+            missing or with other values. What it only suspects is added by name alone.
 
     Returns:
         The vehicle with them.

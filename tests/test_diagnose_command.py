@@ -55,6 +55,16 @@ def test_added_effects_stand_in_the_file_with_its_comments(diagnosis: Path, tmp_
     assert known.effects("body_lift") == ()
 
 
+def test_suspects_are_left_out_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suspect = Finding("suspect", "body_lift", ("body_lift",), 0.2, confidence=0.5, parameters={"a_Y": 1.0})
+    made = Diagnosis((*FOUND[:2], suspect), vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
+    table.write(table.make("diagnosis", made, stage="diagnose"), tmp_path / "d.parquet")
+    target = tmp_path / "vehicle2.toml"
+    assert cli.main(["add", str(VEHICLE), str(tmp_path / "d.parquet"), "-o", str(target)]) == 0
+    assert vehicles.read(target)[0].effects("body_lift") == ()
+    assert "only suspected: body_lift (confidence 50%)" in capsys.readouterr().err
+
+
 def test_only_what_is_named_is_added(diagnosis: Path, tmp_path: Path) -> None:
     target = tmp_path / "vehicle2.toml"
     line = ["add", str(VEHICLE), str(diagnosis), "--effect", "ocean_current", "-o", str(target)]

@@ -55,6 +55,12 @@ def test_a_right_answer():
     assert one.answer == "ocean_current"
 
 
+def test_a_suspect_counts_as_named_and_far_from_noise_as_unknown():
+    suspect = ("suspect", "ocean_current", ("ocean_current",), 0.6)
+    assert scoring.score(row(found=[suspect])).exact
+    assert scoring.score(row(found=[("far_from_noise", "", (), None)])).unknown
+
+
 def test_a_tie_set_that_holds_the_truth_is_no_right_answer():
     one = scoring.score(row(found=[missing("tether", "ocean_current")]))
     assert not one.top

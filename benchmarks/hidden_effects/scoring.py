@@ -1,7 +1,8 @@
 """What an answer is worth: a row of results held against its own truth.
 
-A diagnosis names an effect by `missing`, `cannot_tell_apart` or `retune`; a `retune` of what the file has
-wrong by design is neither right nor wrong, and does not count.
+A diagnosis names an effect by `missing`, `suspect`, `cannot_tell_apart` or `retune`; a `retune` of what
+the file has wrong by design is neither right nor wrong, and does not count.  `far_from_noise` says as much as
+`none_of_the_known`: that something is left which no effect explains.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import Any
 
 from scipy.stats import beta
 
-NAMING = ("missing", "cannot_tell_apart", "retune")
+NAMING = ("missing", "suspect", "cannot_tell_apart", "retune")
+LEFT = frozenset({"none_of_the_known", "far_from_noise"})
 NOTHING, UNKNOWN = "nothing", "none of the known"
 STRATA = ((0.02, "below 2 %"), (0.1, "2 to 10 %"), (0.5, "10 to 50 %"), (1.01, "above 50 %"))
 SLACK = 1.1
@@ -118,7 +120,7 @@ def score(row: Mapping[str, Any]) -> Score:
         for verdict, effect, members, confidence in told
         if verdict in NAMING and not (verdict == "retune" and effect in excused)
     )
-    return Score(row, truth, named, "none_of_the_known" in row["verdicts"])
+    return Score(row, truth, named, not LEFT.isdisjoint(row["verdicts"]))
 
 
 def interval(hits: int, count: int) -> tuple[float, float]:

@@ -85,7 +85,8 @@ def add(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="A finding to add; by default all missing or to be re-estimated. Repeat for several.",
+            help="A finding to add; by default all missing or to be re-estimated, no suspects. "
+            "Repeat for several.",
         ),
     ] = None,
     output: Output = STREAM,
@@ -94,15 +95,18 @@ def add(
 
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
-    and the hash of the recording they came from.
+    and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
+    added only by its name.
     """
-    from hydro.core.diagnosis.findings import tables
+    from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles
 
     _, text = vehicles.read(vehicle)
     source = read(diagnosis, "diagnosis")
     with about(diagnosis):
         found = tables(source.frame, effect)
+    if not effect and (left := suspects(source.frame)):
+        typer.echo(f"hydro: not added, {by_name(left)}", err=True)
     origin = {"data": _recording(source.provenance), "method": "diagnose"}
     for table in found:
         text = vehicles.set_effect(text, table | {"fit": origin})

@@ -18,8 +18,10 @@ MOST_VALUES = 12
 """Values of one effect that are drawn; of more, those that stand out from zero, the clearest first."""
 CLEAR_RATIO = 2.0
 """Standard errors by which a value stands out."""
-ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known")
+ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known", "far_from_noise")
 """Verdicts that ask for another recording."""
+NAMES = ("missing", "suspect", "cannot_tell_apart")
+"""Verdicts that name what the model may lack."""
 
 
 def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
@@ -36,7 +38,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
         others = shown.head(0)
         if taken:
             mine = pl.col("effect").is_in(taken) & (pl.col("effect") != "")
-            others = shown.filter(~mine, pl.col("verdict").is_in(["missing", "cannot_tell_apart"]))
+            others = shown.filter(~mine, pl.col("verdict").is_in(NAMES))
             shown = shown.filter(mine)
         groups.append(
             {
@@ -55,7 +57,7 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
     for one in sources.diagnoses[: (chosen_step(sources) or 0) + 1]:
         for row in one.frame.sort("rank").iter_rows(named=True):
             effect, members = row["effect"], row["members"]
-            if row["verdict"] not in ("missing", "cannot_tell_apart") or not effect:
+            if row["verdict"] not in NAMES or not effect:
                 continue
             tied = [name for name in members if name != effect]
             usual = CATALOGUE[effect].lookalikes if effect in CATALOGUE else ()

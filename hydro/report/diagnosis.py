@@ -10,10 +10,13 @@ import polars as pl
 EXPLAINS = {
     "log_fault": "fault in the log: {columns}",
     "missing": "missing: {effect}, {share} of the unexplained error",
+    "suspect": "suspected: {effect}, {share} of the unexplained error",
     "retune": "other values: {effect}, {share} of the error of the file as given",
     "cannot_tell_apart": "one of {members}: {share} of the unexplained error",
+    "not_separable": "told by no recording: {effect}",
     "not_excited": "not shown by this recording: {effect}",
     "none_of_the_known": "none of the known effects: {share} of the unexplained error remains",
+    "far_from_noise": "far from the noise, and no effect earns it: {share} of the unexplained error remains",
     "nothing_missing": "nothing is missing",
 }
 

@@ -20,13 +20,19 @@ from hydro.core.identification.parameters import unit_at
 VERDICTS = {
     "log_fault": ("Fault in the log", "What the log says of {columns} is impossible."),
     "missing": ("Missing", "The model lacks {effect}."),
+    "suspect": ("Suspected", "The model may lack {effect}; the recording is not sure."),
     "retune": ("Other values", "The model has {effect}, but the recording yields other values."),
     "cannot_tell_apart": (
         "Cannot tell apart",
         "The model lacks one of {members}; this recording cannot tell.",
     ),
+    "not_separable": ("Not separable", "No recording can tell {effect} from what the model has."),
     "not_excited": ("Not excited", "This recording does not show whether {effect} is there."),
     "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
+    "far_from_noise": (
+        "Far from noise",
+        "The fit leaves many times the noise, and no effect of the catalogue earns it.",
+    ),
     "nothing_missing": ("Nothing missing", "Noise explains the error that is left."),
 }
 """A verdict's label, and its sentence."""

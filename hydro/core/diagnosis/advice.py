@@ -8,7 +8,13 @@ from typing import Any
 
 from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
+from hydro.core.identification.prior import Change
 
+ADD = "add it with `hydro add`"
+TOLD = 1.0
+"""Standard deviations of what is known of a value from which the size of its change is told,"""
+ABSURD = 4.0
+"""and beyond which it is not believed."""
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -52,12 +58,43 @@ def adding(effect: str, parameters: Mapping[str, Any], dt: float) -> str:
     words = saying(parameters, dt) if saying is not None else None
     if words is not None:
         return words
-    return f"add it with `hydro add`; {CATALOGUE[effect].definition}"
+    return f"{ADD}; {CATALOGUE[effect].definition}"
 
 
-def retuning(effect: str) -> str:
-    """What to do with an effect of the file that has other values."""
-    return f"the recording asks for other values of {effect}; `hydro add` replaces them"
+def suspecting(effect: str, words: str) -> str:
+    """The advice `words` for a missing effect, where the recording is not sure enough of its name."""
+    by_name = f"add it by its name alone (`hydro add --effect {effect}`), if the vehicle bears it out"
+    return words.replace(ADD, by_name) if ADD in words else f"{words}; {by_name}"
+
+
+def retuning(effect: str, change: Change | None = None) -> str:
+    """What to do with an effect of the file that has other values.
+
+    Args:
+        effect: Its name.
+        change: The one of its entries that goes farthest from what is known of it.
+    """
+    words = f"the recording asks for other values of {effect}"
+    if change is None or change.deviations <= TOLD:
+        return f"{words}; `hydro add` replaces them"
+    told = (
+        f"{words}: {change.entry.name} goes from {change.given:.3g} to {change.value:.3g}, "
+        f"{change.deviations:.2g} standard deviations of what is known of it"
+    )
+    if change.deviations <= ABSURD:
+        return f"{told}; `hydro add` replaces them"
+    return (
+        f"{told}. That is beyond belief: it may stand for something that the file lacks; "
+        "do not add it unless you know that the file's value is wrong"
+    )
+
+
+def being_alias(effect: str, others: Sequence[str]) -> str:
+    """That an effect does what others do together."""
+    return (
+        f"{effect} is an alias of {' + '.join(others)}, in the file or found: no recording can tell; "
+        "choose by what you know of the vehicle"
+    )
 
 
 def exciting(effect: str, entries: Sequence[str], flight: Flight | None = None) -> str:

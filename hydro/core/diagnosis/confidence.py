@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.advice import suspecting
+from hydro.core.diagnosis.findings import SURE, Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
@@ -239,3 +240,10 @@ def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
     )
     sure = finding.confidence * finding.share / (finding.share + rest)
     return replace(finding, confidence=sure, advice=finding.advice + warning)
+
+
+def stated(finding: Finding) -> Finding:
+    """The finding as a suspect, where its name is less sure than a statement has to be."""
+    if finding.verdict != "missing" or finding.confidence >= SURE:
+        return finding
+    return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))

@@ -12,41 +12,62 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis import advice
+from hydro.core.diagnosis.aliases import aliases
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
     explained_share,
     selection_frequency,
     shared,
+    stated,
     unconfirmed,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.manoeuvres import best, plain, showing
-from hydro.core.diagnosis.model import fit_model, own_effects
+from hydro.core.diagnosis.model import (
+    SLOW,
+    Diverges,
+    Model,
+    Wanted,
+    as_it_is,
+    fit_model,
+    fitted_or_kept,
+    own_effects,
+    repeated_effects,
+)
 from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import unexplained
+from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import UNDETERMINED, Fit, OutputError, with_uncertainty
+from hydro.core.identification.fit import fit as equation_error
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import in_file, shrunk_to_prior
+from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.vehicle.description import Vehicle
 
-SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25))
+SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
 """Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
+DIVERGED_FILE = (
+    "the motion that the file predicts diverges within a quarter of a second: all began from linear damping "
+    "that equation error finds"
+)
+DIVERGED_REFIT = "the refit of the file's own effects diverged: they stand as they began"
+DIVERGED_TOGETHER = "the last fit of all together diverged: values are of the one before"
 STABLE = 0.95
 """Part of the shots that must not diverge."""
 LEAST_SHOTS = 16
@@ -74,9 +95,9 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     """The same of a recording that has been preprocessed: from its shots to the findings."""
     progress = progress or (lambda words, share: None)
     progress("shots", 0.0)
-    problem = stable_shots(vehicle, log)
+    start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
-    baseline = refit(vehicle, log, problem)
+    baseline = refit(vehicle, log, problem, start)
     search = Search(baseline)
     outcome = search.grow(progress)
     progress("looking back", 0.8)
@@ -90,11 +111,37 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found))
 
 
+def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
+    """The vehicle that fits begin from, and shots on which its predictions stay finite and near.
+
+    It is the file's own, or, where its predictions diverge over the shortest shots too, the file with other
+    damping: the linear one that equation error finds, which integrates nothing, in the place of the file's
+    linear damping, or of all of its damping.
+
+    Raises:
+        DataError: The recording is too short, or the predictions of every start diverge.
+    """
+    try:
+        return vehicle, stable_shots(vehicle, log)
+    except Diverges as refusal:
+        every = {name for name, effect in CATALOGUE.items() if effect.family == LINEAR_DAMPING.family}
+        for removed in ({LINEAR_DAMPING.name}, every):
+            kept = tuple(effect for effect in vehicle.effect if effect["name"] not in removed)
+            bare = msgspec.structs.replace(vehicle, effect=kept)
+            try:
+                damped = equation_error(bare, log.raw, [LINEAR_DAMPING.name], method="equation").vehicle
+                return damped, stable_shots(damped, log)
+            except DataError:
+                continue
+        raise refusal
+
+
 def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     """Shots as long as the vehicle's predictions stay finite and near, those that do not left out.
 
     Raises:
-        DataError: The recording is too short, or the predictions of every length diverge.
+        DataError: The recording is too short.
+        Diverges: The predictions of every length do.
     """
     record = log.record
     for seconds in SHOT_LENGTHS:
@@ -113,33 +160,63 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
         )
         if stable.mean() >= STABLE:
             return OutputError(multiple_shooting.select(problem.shots, stable))
-    raise DataError(
+    raise Diverges(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
         f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
     )
 
 
-def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError) -> Baseline:
-    """The file's own effects fitted anew, each channel weighed by its noise, white or not."""
-    effects = own_effects(vehicle)
-    refitted = fit_model(vehicle, effects, problem, log.positions, ITERATIONS)
-    sigma = coloured(log.noise, refitted.normal, log.record, log.sensors)
+def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
+    """The file's own effects fitted anew from a start, each channel weighed by its noise, white or not."""
+    effects, warnings = own_effects(start), []
+    refitted, problem, reached = weighed_fit(start, effects, problem, log)
+    if start is not vehicle:
+        warnings.append(DIVERGED_FILE)
+    if not reached:
+        warnings.append(DIVERGED_REFIT)
+    given = as_it_is(vehicle, problem)
+    return Baseline(
+        vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
+    )
+
+
+def weighed_fit(
+    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = SLOW
+) -> tuple[Model, OutputError, bool]:
+    """Effects fitted with each channel weighed by its noise, white or not.
+
+    Returns:
+        The model, or the vehicle as it is where the fit diverges; the shots so weighed; and whether the fit
+        did not diverge.
+    """
+    model, reached = fitted_or_kept(vehicle, effects, problem, log.positions, share)
+    sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem = problem.weighed(sigma)
-        refitted = fit_model(refitted.vehicle, effects, problem, log.positions, ITERATIONS)
-    given = fit_model(vehicle, [], problem, log.positions, 0)
-    return Baseline(vehicle, effects, log, problem, given, refitted, log.sensors)
+        names = [one if isinstance(one, str) else str(one["name"]) for one in effects]
+        model, reached = fitted_or_kept(model.vehicle, names, problem, log.positions, share)
+    return model, problem, reached
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """All that was found and the file's own effects fitted together to the end, shrunk to the prior."""
-    effects, model = [*baseline.effects, *outcome.effects], outcome.model
-    model = fit_model(model.vehicle, effects, model.problem, baseline.log.positions, ITERATIONS, share=0.0)
-    values = shrunk_to_prior(model.unknown, model.values, model.normal, baseline.vehicle)
-    model, fit = replace(model, values=values), None
-    if effects:
-        fit = with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output")
-    return replace(outcome, model=model, fit=fit)
+    effects, model, warnings = [*baseline.effects, *outcome.effects], outcome.model, baseline.warnings
+    try:
+        reach = baseline.log.positions
+        model = fit_model(model.vehicle, effects, model.problem, reach, ITERATIONS, share=0.0)
+    except Diverges:
+        warnings = (*warnings, DIVERGED_TOGETHER)
+    model, fit = settled(model, baseline.vehicle)
+    return replace(outcome, model=model, fit=fit, warnings=warnings)
+
+
+def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
+    """A joint fit shrunk to what the file says, and its values with the standard errors that are printed."""
+    if not model.unknown.entries:
+        return model, None
+    values = shrunk_to_prior(model.unknown, model.values, model.normal, file)
+    fit = with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output")
+    return replace(model, values=values), fit
 
 
 def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
@@ -148,11 +225,15 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     remaining = unexplained(baseline, outcome)
     together = float(np.clip((first.normal.cost - model.normal.cost) / max(first.excess, 1e-9), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
-    findings = [doubted(finding, remaining) for finding in named] + remaining
+    findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:
         findings.append(_nothing(baseline, outcome))
+    findings += _started(baseline, outcome)
     findings += sorted(_retuned(baseline, outcome), key=lambda finding: -finding.share)
+    if outcome.warnings:
+        words = "; ".join(outcome.warnings)
+        findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
     members = {name for finding in findings for name in finding.members}
     return findings + [finding for finding in _unseen(baseline, outcome) if finding.effect not in members]
 
@@ -168,9 +249,13 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     several, known = len(tied) > 1, bool(baseline.vehicle.effects(effect))
     if several:
         rivals = [found.rivals[name].vehicle for name in tied]
-        words = advice.separating(list(tied), best(rivals, log.noise, start=log.middle))
+        try:
+            flight = best(rivals, log.noise, start=log.middle)
+        except DataError:  # no manoeuvre stays finite with such values: the general advice stands
+            flight = None
+        words = advice.separating(list(tied), flight)
     elif known:
-        words = advice.retuning(effect)
+        words = advice.retuning(effect, _change(effect, baseline, model))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     shots = baseline.problem.shots
@@ -188,6 +273,12 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         errors,
         advice=words,
     )
+
+
+def _change(effect: str, baseline: Baseline, model: Model) -> Change:
+    """The entry of an effect of the file that a model takes farthest from what is known of it."""
+    own = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == effect]
+    return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
 def _tables(fit: Fit | None, effect: str) -> tuple[dict[str, object], dict[str, object]]:
@@ -209,28 +300,41 @@ def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:
     )
 
 
+def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+    """Damping that the file has not, and without which its predictions diverge too soon."""
+    for name in baseline.effects:
+        if not baseline.vehicle.effects(name):
+            values, errors = _tables(outcome.fit, name)
+            words = advice.suspecting(name, "without it the predicted motion diverges")
+            yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+
+
 def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Effects of the file whose values as given would cost much, and that the recording tells from these.
 
     Much is measured by the squared error of the model found: so what a share of a poor file's error would
-    pass over does not spoil what is added to it.
+    pass over does not spoil what is added to it.  Values beyond belief are told whatever they cost: a free
+    refit may have taken up with them what is missing.
     """
     model = outcome.model
     spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
     matrix = model.normal.matrix.sum(axis=0)
     blocks = len(model.normal.gram) // block_length(model.normal.score)
-    for name in baseline.effects:
+    for name in filter(baseline.vehicle.effects, baseline.effects):
         entries = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
         before = in_file(baseline.vehicle, [model.unknown.entries[i] for i in entries])
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
-        if cost < MATERIAL * model.normal.cost:
+        farthest = _change(name, baseline, model)
+        absurd = farthest.deviations > advice.ABSURD
+        if cost < MATERIAL * model.normal.cost and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
         p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))
-        if p <= ALPHA:
+        if p <= ALPHA or absurd:
             values, errors = _tables(outcome.fit, name)
-            share = float(np.clip(cost / max(baseline.given.excess, 1e-9), 0.0, 1.0))
+            there = baseline.given.excess
+            share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding(
                 "retune",
                 name,
@@ -239,15 +343,21 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 p_value=p,
                 parameters=values,
                 standard_errors=errors,
-                advice=advice.retuning(name),
+                advice=advice.retuning(name, farthest),
             )
 
 
 def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects, or entries of them, that the recording could not have shown."""
+    """Effects, or entries of them, that no recording or not this one could have shown."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
+    known = [*baseline.effects, *outcome.effects, *repeated_effects(model.vehicle)]
+    same = aliases(model, known, log.positions)
+    for name, others in same.items():
+        yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
     for name, (_, columns) in last.ranked.items():
+        if name in same:
+            continue
         spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
         if (np.diag(spread) > UNDETERMINED**2).all():
             hidden[name] = ()
@@ -257,7 +367,10 @@ def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     if not hidden:
         return
     vehicles = {name: plain(model.vehicle, name) for name in hidden}
-    flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
+    try:
+        flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
+    except DataError:  # likewise
+        flights = {}
     for name, entries_open in hidden.items():
         words = advice.exciting(name, entries_open, flights.get(name))
         yield Finding("not_excited", name, (name,), excited=False, advice=words)

@@ -15,17 +15,14 @@ from typing import Any
 import polars as pl
 
 from hydro.core.columns import Progress
-from hydro.core.diagnosis.diagnose import diagnose_log, stable_shots
-from hydro.core.diagnosis.findings import extended, tables
+from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_start, weighed_fit
+from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
-from hydro.core.diagnosis.model import Wanted, fit_model, own_effects
+from hydro.core.diagnosis.model import Wanted, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
-from hydro.core.identification.fit import with_uncertainty
-from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import shrunk_to_prior
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
@@ -40,6 +37,8 @@ RISE = 1.02
 """Held-out error over that of the step before from which a step counts as a step too far."""
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
+UNEXPLAINED = ("none_of_the_known", "far_from_noise")
+"""Verdicts that something is left which no effect explains."""
 DATASETS = ("fit", "holdout")
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
 
@@ -151,8 +150,10 @@ def ending(steps: Sequence[Step]) -> str:
             f"which is the one to use"
         )
     if not _finding(last):
-        known = "none_of_the_known" not in last.diagnosis["verdict"].to_list()
-        return "nothing more is found" if known else "what is left no effect of the catalogue explains"
+        known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
+        words = "nothing more is found" if known else "what is left no effect of the catalogue explains"
+        suspected = ", ".join(suspects(last.diagnosis))
+        return f"{words}; only suspected, and not added: {suspected}" if suspected else words
     return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
 
 
@@ -221,10 +222,14 @@ def _fit_together(
     What the recording does not show stays as it stands in the file of step 0.
     """
     unknown = free(vehicle, wanted, reach=log.positions)
-    problem = stable_shots(unknown.at(unknown.starts[0]), log)
-    model = fit_model(vehicle, wanted, problem, log.positions, ITERATIONS, share=0.0)
-    values = shrunk_to_prior(model.unknown, model.values, model.normal, file)
-    return with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output").tables()
+    begun = unknown.at(unknown.starts[0])
+    start, problem = stable_start(begun, log)
+    if start is not begun:
+        names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
+        vehicle, wanted = start, [name for name in names if start.effects(name)]
+    model, _, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
+    _, fit = settled(model, file)
+    return fit.tables() if fit is not None else ()
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

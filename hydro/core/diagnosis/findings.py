@@ -19,14 +19,33 @@ from hydro.core.vehicle.description import Vehicle
 Verdict = Literal[
     "log_fault",
     "missing",
+    "suspect",
     "retune",
     "cannot_tell_apart",
+    "not_separable",
     "not_excited",
     "none_of_the_known",
+    "far_from_noise",
     "nothing_missing",
 ]
+"""What is the matter.
 
-WITH_VALUES = ("missing", "retune", "cannot_tell_apart")
+Of an effect: `missing` is stated with a confidence of SURE or more, `suspect` with less; `retune` is one that
+the file has with other values; `cannot_tell_apart` one of several that another manoeuvre would part,
+`not_separable` one that no recording parts from what the file has, `not_excited` one that this recording
+could not show.
+
+Of the whole, one at most of three, by the mean squared residual at the end in units of the noise (FIT):
+`nothing_missing` where it is a fit and nothing is structured in what is left; `none_of_the_known` where
+something is, near the noise, or beside findings that explain their part; `far_from_noise` where the fit
+leaves many times the noise and no effect earns any of it, so that no word on what is missing can be had.
+"""
+
+SURE = 0.9
+"""Confidence from which a name is stated."""
+FIT = 3.0
+"""Mean squared residual in units of the noise up to which a fit is one."""
+WITH_VALUES = ("missing", "suspect", "retune", "cannot_tell_apart")
 """Verdicts that come with values."""
 
 
@@ -120,23 +139,41 @@ def tables(diagnosis: pl.DataFrame, effects: Sequence[str] | None = None) -> lis
 
     Args:
         diagnosis: Diagnosis table.
-        effects: Names of the findings that are wanted; all by default.
+        effects: Names of the findings that are wanted; by default all but suspects.
 
     Returns:
         Tables with values and `standard_error`.
 
     Raises:
-        DataError: The diagnosis has nothing to add, or not what is wanted.
+        DataError: The diagnosis has nothing to add, or nothing but suspects, or not what is wanted.
     """
     rows = diagnosis.sort("rank").filter(pl.col("verdict").is_in(WITH_VALUES) & (pl.col("parameters") != ""))
     found = {row["effect"]: row for row in rows.iter_rows(named=True)}
     if not found:
         raise DataError("the diagnosis found nothing to add; see its advice with `hydro show`")
-    wanted = list(effects or found)
+    suspected = suspects(diagnosis)
+    wanted = list(effects or (name for name in found if name not in suspected))
+    if not wanted:
+        raise DataError(by_name(suspected))
     for name in wanted:
         if name not in found:
             raise DataError(_refusal(name, rows, list(found)))
     return [_table(found[name]) for name in dict.fromkeys(wanted)]
+
+
+def suspects(diagnosis: pl.DataFrame) -> dict[str, float]:
+    """Confidence in each effect that a diagnosis only suspects, by its name; NaN where none was stated."""
+    rows = diagnosis.sort("rank").filter(verdict="suspect")
+    pairs = rows.select("effect", pl.col("confidence").fill_null(math.nan)).rows()
+    return dict(pairs)
+
+
+def by_name(suspected: Mapping[str, float]) -> str:
+    """That suspects are not added unasked, and how one is, in a line."""
+    named = [
+        name if math.isnan(sure) else f"{name} (confidence {sure:.0%})" for name, sure in suspected.items()
+    ]
+    return f"only suspected: {', '.join(named)}; to add one all the same, name it with `--effect NAME`"
 
 
 def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:

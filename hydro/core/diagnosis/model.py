@@ -12,7 +12,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
-from hydro.core.identification.levenberg_marquardt import Problem, descend
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, descend
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
 from hydro.core.vehicle.description import Vehicle
@@ -22,6 +22,10 @@ Wanted = Sequence[str | Mapping[str, Any]]
 
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
 SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
+
+
+class Diverges(DataError):
+    """The motion that a vehicle's file predicts leaves all bounds."""
 
 
 @dataclass(frozen=True)
@@ -86,20 +90,43 @@ def fit_model(
         share: Of what is left: a step that would take less ends the fit.
 
     Raises:
-        DataError: The predicted motion diverges.
+        Diverges: The predicted motion does.
     """
-    if effects:
-        unknown = free(vehicle, effects, reach=reach)
-        values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
+    if not effects:
+        model = as_it_is(vehicle, problem)
     else:
-        unknown, values = Free(vehicle, (), (np.zeros(0),), frozenset()), np.zeros(0)
-        normal = problem.linearise(vehicle, [], [])
-    if not np.isfinite(normal.cost):
-        raise DataError(
+        unknown = free(vehicle, effects, reach=reach)
+        try:
+            values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
+        except np.linalg.LinAlgError as error:
+            raise Diverges(f"no step leads on from the values of {', '.join(map(str, effects))}") from error
+        model = Model(unknown, values, problem, normal)
+    if not np.isfinite(model.normal.cost):
+        raise Diverges(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
             f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
-    return Model(unknown, values, problem, normal)
+    return model
+
+
+def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
+    """The vehicle with no free entries; its cost is infinite where its predictions diverge."""
+    unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
+    return Model(unfree, np.zeros(0), problem, problem.linearise(vehicle, [], []))
+
+
+def fitted_or_kept(
+    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, share: float = SLOW
+) -> tuple[Model, bool]:
+    """The fit to the end, or the vehicle with the values that it has, where that diverges; and which it is.
+
+    Raises:
+        Diverges: So does the vehicle with the values that it has.
+    """
+    try:
+        return fit_model(vehicle, effects, problem, reach, ITERATIONS, share), True
+    except Diverges:
+        return fit_model(vehicle, effects, problem, reach, 0), False
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:

@@ -18,10 +18,9 @@ import numpy as np
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Model, Wanted, fit_model, repeated_effects
+from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
 from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
 from hydro.core.diagnosis.sensor_tests import KinematicTest, shown, vetoed
-from hydro.core.errors import DataError
 from hydro.core.identification.fit import Fit, OutputError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step, moved
 from hydro.core.identification.normal_equations import Normal
@@ -57,6 +56,9 @@ class Baseline:
         given: The vehicle with the values of its file.
         refitted: With its own effects fitted anew.
         sensors: What kinematics alone says of the velocity log's errors, by effect.
+        start: The vehicle that the fits begin from; another one than the file's where its predictions
+            diverge.
+        warnings: What went wrong on the way, a sentence each.
     """
 
     vehicle: Vehicle
@@ -66,6 +68,8 @@ class Baseline:
     given: Model
     refitted: Model
     sensors: Mapping[str, KinematicTest]
+    start: Vehicle | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,7 @@ class Outcome:
         last: The suspects of the last round, in which nothing joined.
         without: The model without each effect that was found, all others fitted anew.
         fit: Values and standard errors of all effects fitted together; None of none, and before they are.
+        warnings: What went wrong on the way, a sentence each.
     """
 
     model: Model
@@ -130,6 +135,7 @@ class Outcome:
     last: Screening
     without: Mapping[str, Model] = field(default_factory=dict)
     fit: Fit | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def effects(self) -> list[str]:
@@ -244,7 +250,10 @@ class Search:
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             fine = shapes(model.vehicle, name, reach=self.baseline.log.positions)
-            fit = self.joined(model, chosen, self.linearise(model, fine) if fine else screening, name)
+            try:
+                fit = self.joined(model, chosen, self.linearise(model, fine) if fine else screening, name)
+            except Diverges:  # wherever it begins: no contender
+                continue
             if not self.refuted(name, fit.vehicle):
                 fits[name] = fit
         return fits
@@ -253,13 +262,17 @@ class Search:
         """The model fitted to the end: a name rests on the difference of two fits.
 
         Begun again where the recording saw the vehicle: what a poor model has made of the initial states may
-        hold a good one back.
+        hold a good one back.  Where both diverge it stays as it is.
         """
         at_sight = self.baseline.problem.at_measured_states(model.vehicle)
-        again = self._fit(model.vehicle, chosen, at_sight, ITERATIONS)
-        if again.normal.cost <= model.normal.cost:
-            return again
-        return self._fit(model.vehicle, chosen, model.problem, ITERATIONS)
+        for problem, enough in ((at_sight, model.normal.cost), (model.problem, np.inf)):
+            try:
+                again = self._fit(model.vehicle, chosen, problem, ITERATIONS)
+            except Diverges:
+                continue
+            if again.normal.cost <= enough:
+                return again
+        return model
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
@@ -279,7 +292,7 @@ class Search:
             vehicle, along = model.vehicle, model.problem
         try:
             return self._fit(vehicle, [*chosen, table], along, QUICK)
-        except DataError:  # and too far even so: it begins as the vehicle has it
+        except Diverges:  # and too far even so: it begins as the vehicle has it
             return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
     def grow(self, progress: Progress) -> Outcome:
@@ -329,11 +342,14 @@ class Search:
         return Outcome(model, tuple(kept), outcome.last, without)
 
     def without(self, model: Model, effect: str, others: Sequence[str]) -> Model:
-        """The model without one of its findings, all others fitted anew."""
+        """The model without one of its findings, all others fitted anew; the first where that diverges."""
         in_file = [table for table in self.baseline.refitted.vehicle.effect if table["name"] == effect]
         rest = model.vehicle.without(effect).effect
         vehicle = msgspec.structs.replace(model.vehicle, effect=(*rest, *in_file))
-        return self._fit(vehicle, others, model.problem, QUICK)
+        try:
+            return self._fit(vehicle, others, model.problem, QUICK)
+        except Diverges:
+            return self.baseline.refitted
 
     def _fit(self, vehicle: Vehicle, chosen: Wanted, problem: Problem, iterations: int) -> Model:
         """A vehicle's own effects and those chosen, fitted together."""

@@ -9,6 +9,7 @@ wrong are still mended.  Where the recording tells more than that, nothing chang
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,51 @@ from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
+
+KNOWN = 0.2
+"""Part of itself, or of its natural scale where that is larger, to which a file's number is known."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a fit changes the value of a file's entry.
+
+    Attributes:
+        entry: The entry.
+        given: Its value in the file.
+        value: As fitted.
+        deviations: Their distance, in standard deviations of what is known of the file's.
+    """
+
+    entry: Entry
+    given: float
+    value: float
+    deviations: float
+
+
+def deviations(file: Vehicle, entries: Sequence[Entry]) -> Array:
+    """Standard deviation of what is known of entries in the tables of a file, (P,), in their units.
+
+    The `standard_error` beside a value is it; where there is none, KNOWN.
+    """
+    given = np.abs(in_file(file, entries))
+    scales = np.array([entry.scale for entry in entries])
+    found: Array = KNOWN * np.maximum(given, scales)
+    for i, entry in enumerate(entries):
+        table = next(iter(file.effects(entry.effect)), {})
+        error = np.asarray(table.get("standard_error", {}).get(entry.parameter, 0.0), float)
+        stated = float(error[entry.index] if error.ndim else error)
+        if stated > 0.0:
+            found[i] = stated
+    return found
+
+
+def greatest_change(file: Vehicle, entries: Sequence[Entry], values: Array) -> Change:
+    """The entry (of one at least) that fitted values (P,) take farthest from what is known of it."""
+    given = in_file(file, entries)
+    away = np.abs(values - given) / deviations(file, entries)
+    most = int(away.argmax())
+    return Change(entries[most], float(given[most]), float(values[most]), float(away[most]))
 
 
 def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle) -> Array:

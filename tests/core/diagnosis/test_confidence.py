@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hydro.core.diagnosis import confidence
-from hydro.core.diagnosis.confidence import Fitted, doubted, folds, left_out_costs, scores, shared
+from hydro.core.diagnosis.confidence import Fitted, doubted, folds, left_out_costs, scores, shared, stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.identification.normal_equations import Normal
@@ -171,3 +171,18 @@ def test_effects_that_stand_for_themselves_keep_their_shares():
     both = [Finding("missing", "payload", share=0.5), Finding("missing", "tether", share=0.45)]
     assert shared(both, 1.0) == both
     assert shared([], 0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("verdict", "sure", "told"),
+    [
+        ("missing", 0.89, "suspect"),
+        ("missing", 0.9, "missing"),
+        ("cannot_tell_apart", 0.6, "cannot_tell_apart"),
+    ],
+)
+def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, told):
+    words = "add it with `hydro add`; a lift"
+    found = stated(Finding(verdict, "body_lift", ("body_lift",), 0.5, confidence=sure, advice=words))
+    assert found.verdict == told
+    assert ("--effect body_lift" in found.advice) == (told == "suspect")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -11,13 +12,16 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import advice
-from hydro.core.diagnosis.diagnose import diagnose, stable_shots
+from hydro.core.diagnosis.diagnose import _retuned, diagnose, refine, refit, stable_shots, stable_start
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.model import fit_model
-from hydro.core.diagnosis.search import Baseline, Search
+from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.search import Baseline, Outcome, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.identification.fit import with_uncertainty
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.parameters import free
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -140,6 +144,53 @@ def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
     assert joined.normal.cost <= first.normal.cost
 
 
+def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
+    search = searching(known, recorded(hiding(known, {"name": "net_buoyancy", "dB": 8.0}), rows=1000), {})
+    first, true = search.baseline.refitted, Search.joined
+    screening = search.screen(first, [])
+
+    def joined(self, model, chosen, screening, name):
+        if name == "net_buoyancy":
+            raise Diverges("it does")
+        return true(self, model, chosen, screening, name)
+
+    monkeypatch.setattr(Search, "joined", joined)
+    fits = search.contend(first, [], screening)
+    assert fits
+    assert "net_buoyancy" not in fits
+
+
+def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch):
+    def diverging(*given, **how):
+        raise Diverges("it does")
+
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.fit_model", diverging)
+    unknown = free(known, ["linear_damping"])
+    gram = np.tile(np.eye(7), (100, 1, 1))
+    normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
+    model = Model(unknown, unknown.starts[0], None, normal)
+    log = SimpleNamespace(positions=None)
+    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), log=log, warnings=())
+    outcome = refine(baseline, Outcome(model, (), None))
+    assert outcome.model.vehicle == model.vehicle
+    assert [outcome.fit.chi2, len(outcome.warnings)] == [1.0, 1]
+
+
+def test_a_file_that_diverges_begins_from_damping_of_its_hull(known):
+    """Damping in the wrong unit, so stiff that no step of the integration holds it."""
+    stiff = {"name": "linear_damping", "diagonal": [1e6] * 6}
+    others = tuple(effect for effect in known.effect if effect["name"] != "linear_damping")
+    wrong = msgspec.structs.replace(known, effect=(*others, stiff))
+    log = preprocess(wrong, recorded(known, rows=1000))
+    with pytest.raises(Diverges):
+        stable_shots(wrong, log)
+    start, problem = stable_start(wrong, log)
+    baseline = refit(wrong, log, problem, start)
+    assert baseline.vehicle == wrong
+    assert baseline.refitted.normal.chi2 < 1.2
+    assert "diverges" in baseline.warnings[0]
+
+
 def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
@@ -152,6 +203,25 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     fits = search.contend(first, [], screening)
     assert "net_buoyancy" in fits
     assert "sensor_bias" not in fits
+
+
+@pytest.mark.parametrize("times", [1.2, 80.0])
+def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
+    """Damping refitted to eighty times its value, for a thousandth of what is left."""
+    unknown = free(known, ["linear_damping"])
+    values = unknown.starts[0] * [times, 1.0, 1.0, 1.0, 1.0, 1.0]
+    change = (values - unknown.starts[0]) / unknown.scales
+    gram = np.zeros((100, 7, 7))
+    gram[:, :6, :6], gram[:, 6, 6] = np.eye(6) / (change @ change), 1000.0
+    normal = Normal(gram, 1000, np.ones((100, 12)), np.zeros((100, 0, 7)))
+    fit = with_uncertainty(unknown, values, normal, 1.0, "output")
+    given = SimpleNamespace(excess=1e6)
+    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), given=given)
+    told = list(_retuned(baseline, SimpleNamespace(model=Model(unknown, values, None, normal), fit=fit)))
+    assert [one.verdict for one in told] == ["retune"] * (times == 80.0)
+    for one in told:
+        assert "linear_damping.diagonal[0] goes from 15 to 1.2e+03" in one.advice
+        assert "standard deviations" in one.advice
 
 
 def test_heave_alone_shows_little(known):
@@ -177,9 +247,9 @@ def test_an_effect_that_no_catalogue_has(known):
         for i, (n, e) in enumerate([(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3)])
     ]
     first = diagnose(known, pl.concat(parts)).findings[0]
-    assert first.verdict == "none_of_the_known"
+    assert first.verdict == "far_from_noise"
     assert first.share > 0.5
-    assert "structured error remains" in first.advice
+    assert "no effect of the catalogue earns it" in first.advice
 
 
 @pytest.mark.parametrize(

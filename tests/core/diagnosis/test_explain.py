@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
+from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
+from hydro.core.diagnosis.diagnose import refine, refit, stable_shots
 from hydro.core.diagnosis.explain import Step, best, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.search import Outcome
 from hydro.core.errors import DataError
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -94,6 +97,23 @@ def test_nothing_hidden_ends_at_the_file_as_given(known):
     assert steps[0].error("holdout") is None
 
 
+def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
+    """One value, one standard error: noise of the velocities lasts half a second, and both weigh it so."""
+    raw, rng = flown(known, 6, 60.0), np.random.default_rng(7)
+    slow = lfilter([0.28], [1.0, -0.96], rng.standard_normal((raw.height, 6)), axis=0)
+    size = np.repeat([0.02, 0.01], 3)
+    noisy = raw.select(VELOCITY).to_numpy() + size * slow
+    log = preprocess(known, raw.with_columns(pl.DataFrame(noisy, schema=list(VELOCITY))))
+    baseline = refit(known, log, stable_shots(known, log), known)
+    assert not np.array_equal(baseline.problem.shots.sigma, log.noise)
+    told = refine(baseline, Outcome(baseline.refitted, (), None)).fit
+    tables = module._fit_together(known, log, baseline.effects, known)
+    for table, other in zip(tables, told.tables(), strict=True):
+        np.testing.assert_allclose(
+            table["standard_error"]["diagonal"], other["standard_error"]["diagonal"], rtol=0.05
+        )
+
+
 # What follows replaces the three computations by tables, to see the loop alone.
 
 
@@ -169,6 +189,14 @@ def test_steps_have_an_end(staged, monkeypatch):
 def test_what_no_effect_explains_is_told(staged):
     steps, _ = staged([[finding("none_of_the_known")]], [1.0])
     assert ending(steps) == "what is left no effect of the catalogue explains"
+
+
+def test_suspects_are_told_and_not_added(staged):
+    steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
+    assert [step.added for step in steps] == [()]
+    assert ending(steps) == (
+        "what is left no effect of the catalogue explains; only suspected, and not added: ocean_current"
+    )
 
 
 def test_it_goes_on_from_steps_that_are_done(staged):

@@ -41,6 +41,19 @@ def test_what_it_cannot_add(wanted, words):
         tables(tied().frame(), [wanted])
 
 
+def test_a_suspect_is_added_by_its_name_alone():
+    values = {"v_N": 0.2}
+    sure = Finding("missing", "body_lift", ("body_lift",), 0.5, confidence=0.95, parameters=values)
+    unsure = Finding("suspect", "ocean_current", ("ocean_current",), 0.8, confidence=0.62, parameters=values)
+    both, alone = (
+        Diagnosis(found, Vehicle, (9.0, 5.0, 1.0)).frame() for found in ((unsure, sure), (unsure,))
+    )
+    assert [one["name"] for one in tables(both)] == ["body_lift"]
+    assert [one["name"] for one in tables(both, ["ocean_current"])] == ["ocean_current"]
+    with pytest.raises(DataError, match=r"only suspected: ocean_current \(confidence 62%\).*--effect"):
+        tables(alone)
+
+
 def test_tables_take_the_place_of_their_name(datasets):
     known = files.read(datasets / "vehicles" / "auv151.toml")[0]
     matrix = np.eye(6).tolist()

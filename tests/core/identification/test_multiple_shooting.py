@@ -214,3 +214,10 @@ def test_covariance_is_the_scatter_of_estimates(correlated):
         scores.append(estimate / np.sqrt(np.diag(covariance(normal, np.full(2, 1e-9)))))
     assert (block_length(normal.score) > 5) == correlated
     assert 0.6 < np.mean(np.square(scores)) < 1.35
+
+
+def test_one_shift_moves_all_beginnings():
+    rng = np.random.default_rng(0)
+    first, shift = rng.standard_normal((400, 13)), rng.standard_normal((1, 12))
+    each = np.vstack([multiple_shooting.displaced(one[None], shift) for one in first])
+    np.testing.assert_array_equal(multiple_shooting.displaced(first, shift), each)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import in_file, shrunk_to_prior
+from hydro.core.identification.prior import deviations, greatest_change, in_file, shrunk_to_prior
 
 FILE = msgspec.structs.replace(
     synthetic.vehicle(),
@@ -66,3 +66,16 @@ def test_new_effects_have_nothing_in_the_file():
     found = shrunk_to_prior(UNKNOWN, VALUES, estimated(np.full(7, 2.0)), FILE)
     assert found[6] == VALUES[6]
     np.testing.assert_array_equal(in_file(FILE, UNKNOWN.entries), [100, 200, 300, 10, 20, 30, 0])
+
+
+def test_a_value_is_known_to_a_fifth_of_itself_or_of_its_scale_or_as_its_file_says():
+    entries = UNKNOWN.entries[:6]
+    given = np.array([100.0, 200.0, 300.0, 10.0, 20.0, 30.0])
+    fifth = 0.2 * np.maximum(given, UNKNOWN.scales[:6])
+    np.testing.assert_allclose(deviations(FILE, entries), fifth)
+    stated = {"diagonal": [1.0, 0.0, 3.0, 4.0, 5.0, 6.0]}
+    *others, damping = FILE.effect
+    sure = msgspec.structs.replace(FILE, effect=(*others, damping | {"standard_error": stated}))
+    np.testing.assert_allclose(deviations(sure, entries), [1.0, fifth[1], 3.0, 4.0, 5.0, 6.0])
+    change = greatest_change(sure, entries, np.add(given, [0.0, 0.0, 27.0, 0.0, -40.0, 0.0]))
+    assert (change.entry.name, change.deviations) == ("quadratic_damping.diagonal[2]", pytest.approx(9.0))
