@@ -17,7 +17,7 @@ import polars as pl
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.diagnose import diagnose_log, stable_shots
 from hydro.core.diagnosis.findings import extended, tables
-from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
+from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted, fit_model, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
@@ -27,7 +27,6 @@ from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import shrunk_to_prior
 from hydro.core.recording.arrays import recording
-from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
 Table = Mapping[str, Any]
@@ -91,7 +90,7 @@ class Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
         log = preprocess(vehicle, raw)
         if holdout is not None:
-            holdout = in_order(without_faults(vehicle, holdout).raw, log.wiring)
+            holdout = in_order(sound(vehicle, holdout).raw, log.wiring)
         return cls(log, holdout)
 
 

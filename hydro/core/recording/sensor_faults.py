@@ -129,18 +129,36 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
+    return without_bias(vehicle, without_bad_readings(vehicle, raw))
+
+
+def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
+    """The recording without readings that no motion makes; gyros keep their bias.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle.
+    """
     record = recording(vehicle, raw)
     found = faults(record)
-    kinds = list(described(raw, record, found))
+    kinds = tuple(described(raw, record, found))
     if kinds:
         raw = mended(raw, record, found)
         record = recording(vehicle, raw)
-    bias = {name: float(value) for name, value in zip(RATES, rate_bias(record), strict=True) if value}
-    if bias:
-        kinds.append(_biased(bias))
-        raw = raw.with_columns(pl.col(name) - value for name, value in bias.items())
-        record = recording(vehicle, raw)
-    return Corrected(raw, record, tuple(kinds))
+    return Corrected(raw, record, kinds)
+
+
+def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
+    """The recording without what its gyros read too much all the time."""
+    rates = rate_bias(log.record)
+    bias = {name: float(value) for name, value in zip(RATES, rates, strict=True) if value}
+    if not bias:
+        return log
+    raw = log.raw.with_columns(pl.col(name) - value for name, value in bias.items())
+    return Corrected(raw, recording(vehicle, raw), (*log.faults, _biased(bias)))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
