@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from scipy.interpolate import CubicSpline
 
-from hydro.core.columns import POSE, VELOCITY, Array, Mask
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import Recording, channels
 
 LEAST, MOST = 20, 0.5
@@ -50,7 +50,7 @@ def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.
     bridged, left_out = np.empty((record.rows, len(POSE + VELOCITY))), np.zeros(record.rows, bool)
     for i, parts in enumerate(channels(record)):
         for (start, stop), part in zip(record.segments, parts, strict=True):
-            fresh = np.flatnonzero(~repeated[start:stop])
+            fresh: Rows = np.flatnonzero(~repeated[start:stop]).astype(np.int64)
             left_out[start + fresh[-1] + 1 : stop] = True
             bridged[start:stop, i] = _through(fresh, part)
     bridged[:, 3:6] = np.angle(np.exp(1j * bridged[:, 3:6]))
@@ -66,7 +66,7 @@ def _alive(fresh: Array) -> bool:
     return any(len(np.unique(values)) >= ALIVE * len(values) for values in fresh.T)
 
 
-def _through(rows: Array, part: Array) -> Array:
+def _through(rows: Rows, part: Array) -> Array:
     """A cubic spline through some rows of a part, at all of its rows."""
     if len(rows) < 4:
         return part
