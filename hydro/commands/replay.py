@@ -175,7 +175,11 @@ def _flown(given: _Given, file: Path | None) -> _Flown:
     trained = [read(name, "model") for name in given.models]
     for name, artefact in zip(given.models, trained, strict=True):
         _require_same_effects(name, artefact, known)
-    flown = sim.variants([models.from_artefact(artefact) for artefact in trained], given.variants or None)
+    flown = sim.variants(
+        [models.from_artefact(artefact) for artefact in trained],
+        given.variants or None,
+        [_labelled(artefact) for artefact in trained],
+    )
     physics = Physics(timestep=given.timestep, integrator=given.integrator)
     setup = sim.Setup(conditioning=preset(given.conditioning, known), lead=given.lead, physics=physics)
     with progress("replay") as update, about(given.raw):
@@ -217,14 +221,21 @@ def _require_same_effects(name: str, model: Artefact, known: Vehicle) -> None:
     """Refuse a model that learnt what other effects leave than those that would fly with it."""
     from hydro.io import vehicle
 
-    labelled = model.provenance.vehicle
+    labelled = _labelled(model)
     if labelled is None or (model.provenance.model or {}).get("subtract") != "effects":
         return
-    if vehicle.vehicle_hash(vehicle.parse(labelled)) != vehicle.vehicle_hash(known):
+    if vehicle.vehicle_hash(labelled) != vehicle.vehicle_hash(known):
         raise DataError(
             f"{name}: its labels left out the effects of another vehicle file: add --vehicle with the file "
             "that the labels were made with"
         )
+
+
+def _labelled(model: Artefact) -> Vehicle | None:
+    """The vehicle that a model's labels were made with, where its footer has it."""
+    from hydro.io import vehicle
+
+    return None if model.provenance.vehicle is None else vehicle.parse(model.provenance.vehicle)
 
 
 COMMANDS = {

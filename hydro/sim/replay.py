@@ -21,6 +21,7 @@ from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, dry, residual, wet
+from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import OFF, Conditioning
 from hydro.sim.residual.control import Control
 from hydro.sim.residual.lowering import TrainedModel
@@ -45,6 +46,7 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
+        labelled: The vehicle that its labels were made with, where it is known.
         water: Without a residual model: `none` of the water's effects, its `inertia` in the mass matrix,
             MuJoCo's own `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
@@ -52,6 +54,7 @@ class Variant:
     name: str
     model: str = "none"
     network: TrainedModel | None = None
+    labelled: Vehicle | None = None
     water: Literal["none", "inertia", "ellipsoid", "effects"] = "none"
 
 
@@ -69,7 +72,11 @@ EFFECTS = Variant("effects", water="effects")
 """The vehicle file with all its effects, without a residual model."""
 
 
-def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
+def variants(
+    models: Sequence[TrainedModel] = (),
+    names: Sequence[str] | None = None,
+    labelled: Sequence[Vehicle | None] | None = None,
+) -> list[Variant]:
     """The baselines, one variant per model under the paper's name where it has one, and `effects`.
 
     A model whose labels left out all effects flies with them, as `effects+` and its name.
@@ -78,11 +85,13 @@ def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = 
         models: Trained models.
         names: Which variants, in this order; by default all, but `effects` only beside a model that flies
             with them.
+        labelled: Of each model the vehicle that its labels were made with; None where it is not known.
 
     Raises:
         UsageError: Two models would have one name, or a name has no variant.
     """
-    flying = [Variant(_name(model), model.name, model) for model in models]
+    made_with = labelled or [None] * len(models)
+    flying = [Variant(_name(m), m.name, m, with_) for m, with_ in zip(models, made_with, strict=True)]
     known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
     if len(known) < len(BASELINES) + len(flying) + 1:
         raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
@@ -174,7 +183,7 @@ def replay(
         time in the first segment that did, where one did).
 
     Raises:
-        DataError: The table does not fit the vehicle.
+        DataError: The table does not fit the vehicle, or a model cannot be flown with its effects.
         UsageError: The log's sample time is no multiple of the physics step.
     """
     setup, record = setup or Setup(), _Recorded.of(raw, vehicle)
@@ -262,8 +271,9 @@ def _before(log: Array, t: Array, bounds: Rows) -> NDArray[np.bool_]:
 def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], Control]) -> Water:
     """What of the water a variant feels; `controlled` says how a network is run."""
     if variant.network is not None:
-        network = controlled(Network.of(variant.network))
-        return residual(vehicle, network, effects=_needs_effects(variant.network))
+        network, whole = controlled(Network.of(variant.network)), _needs_effects(variant.network)
+        added = () if whole else beside(vehicle, variant.labelled)
+        return residual(vehicle, network, effects=whole, beside=added)
     if variant.water == "effects":
         return wet(vehicle)
     return dry(vehicle, added_mass=variant.water == "inertia", ellipsoid=variant.water == "ellipsoid")

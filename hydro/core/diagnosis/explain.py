@@ -17,14 +17,13 @@ import polars as pl
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_start, weighed_fit
 from hydro.core.diagnosis.findings import extended, suspects, tables
-from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess
+from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.identification.parameters import free
 from hydro.core.recording.arrays import recording
-from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
 Table = Mapping[str, Any]
@@ -90,7 +89,7 @@ class Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
         log = preprocess(vehicle, raw)
         if holdout is not None:
-            holdout = in_order(without_faults(vehicle, holdout).raw, log.wiring)
+            holdout = in_order(sound(vehicle, holdout).raw, log.wiring)
         return cls(log, holdout)
 
 

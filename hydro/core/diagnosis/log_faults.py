@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,8 +14,14 @@ from hydro.core.diagnosis.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.logs.axis_faults import axis_faults
 from hydro.core.recording.arrays import Recording, noise, recording
-from hydro.core.recording.sensor_faults import without_faults
+from hydro.core.recording.sensor_faults import (
+    Corrected,
+    without_bad_readings,
+    without_bias,
+    without_faults,
+)
 from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 600
@@ -87,13 +93,32 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    log = without_faults(vehicle, raw)
+    log = sound(vehicle, raw)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
     found = rewired(vehicle, log.record)
     if found is None:
         return Preprocessed(log.raw, log.record, faults)
     raw = in_order(log.raw, found.wiring)
     return Preprocessed(raw, recording(vehicle, raw), (*faults, _exchanged(found)), found.wiring)
+
+
+def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
+    """The recording with columns that mean what they are called, without readings that no motion makes.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or columns contradict each other and it does not
+            show which is wrong.
+    """
+    readings = without_bad_readings(vehicle, raw)
+    found = axis_faults(readings.raw, readings.record)
+    if found is None:
+        return without_bias(vehicle, readings)
+    log = without_faults(vehicle, found.put_right(raw))
+    return replace(log, faults=(*found.faults, *log.faults))
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:

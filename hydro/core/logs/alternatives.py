@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import msgspec
@@ -24,34 +25,42 @@ BLOCKS = ("position", "attitude", "velocity", "rates")
 WORLDS = ("NED", "ENU", "NWU")
 BODIES = ("FRD", "FLU")
 FLIP_COST = 1.5  # of reversing one column, in settings: to exchange frames is the more usual mistake
+EXCHANGE_COST = 2.0  # of exchanging two columns of a block
 RARE = 0.1  # more for NWU than for ENU, where both fit: they differ by a turn of world and heading alike
 
 
 @dataclass(frozen=True)
 class Change:
-    """Another reading of one block: some settings replaced, or one column reversed.
+    """Another reading of one block: settings replaced, one column reversed, or two exchanged.
 
     Attributes:
         block: Name of the block.
         settings: New values by the name of the setting.
         flip: Number of the column to reverse, or None.
+        exchange: Numbers of the columns to exchange, or None.
     """
 
     block: str
     settings: tuple[tuple[str, str], ...] = ()
     flip: int | None = None
+    exchange: tuple[int, int] | None = None
 
     @property
     def cost(self) -> float:
         """How far it is from what was declared, in settings; between equals the usual one is nearer."""
-        rare = sum(value == "NWU" for _, value in self.settings)
-        return len(self.settings) + RARE * rare if self.flip is None else FLIP_COST
+        if self.flip is not None:
+            return FLIP_COST
+        if self.exchange is not None:
+            return EXCHANGE_COST
+        return len(self.settings) + RARE * sum(value == "NWU" for _, value in self.settings)
 
     def apply(self, given: LogMap) -> LogMap:
         """The map with this change."""
         block = getattr(given, self.block)
         if self.flip is not None:
             block = _flipped(block, self.flip)
+        if self.exchange is not None:
+            block = _exchanged(block, *self.exchange)
         return msgspec.structs.replace(
             given, **{self.block: msgspec.structs.replace(block, **dict(self.settings))}
         )
@@ -61,12 +70,17 @@ class Change:
         block = getattr(declared, self.block)
         if self.flip is not None:
             return f"{self.block}: column {measured(block)[self.flip].column} looks reversed"
+        if self.exchange is not None:
+            return f"{self.block}: columns {' and '.join(self.columns(declared))} look exchanged"
         now = " and ".join(value for _, value in self.settings)
         then = " and ".join(getattr(block, key) for key, _ in self.settings)
         return f"{self.block} looks {now}, not {then} as declared"
 
     def advice(self, declared: LogMap) -> str:
         """What to write into the map."""
+        if self.exchange is not None:
+            first, second = self.columns(declared)
+            return f"write {second} in the place of {first} and {first} in that of {second} in {self.block}"
         if self.flip is None:
             return "set " + " and ".join(f'{self.block}.{key} = "{value}"' for key, value in self.settings)
         column = measured(getattr(declared, self.block))[self.flip]
@@ -74,6 +88,12 @@ class Change:
         return f"write it as {written} in {self.block}" + (
             f" with offset = {-column.offset:g}" if column.offset else ""
         )
+
+    def columns(self, declared: LogMap) -> tuple[str, ...]:
+        """Columns of the log that it reads in another way."""
+        taken = measured(getattr(declared, self.block))
+        chosen = range(len(taken)) if self.flip is None else (self.flip,)
+        return tuple(taken[i].column for i in self.exchange or chosen)
 
 
 def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
@@ -107,6 +127,15 @@ def flips(declared: LogMap) -> list[Change]:
     return found
 
 
+def exchanges(declared: LogMap) -> list[Change]:
+    """Each two columns of a block exchanged, but a quaternion's, whose layout says their order."""
+    return [
+        Change(name, exchange=pair)
+        for name in BLOCKS
+        for pair in combinations(range(len(getattr(declared, name).columns or ())), 2)
+    ]
+
+
 def _choices(block: Block) -> dict[str, tuple[str, ...]]:
     """What could have been meant by each setting of a block."""
     if isinstance(block, Position):
@@ -131,13 +160,20 @@ def _flipped(block: Any, number: int) -> Any:
     return msgspec.structs.replace(block, **{key: _negated(getattr(block, key))})
 
 
+def _exchanged(block: Any, first: int, second: int) -> Any:
+    """The block with two of its columns in each other's place."""
+    columns = list(block.columns)
+    columns[first], columns[second] = columns[second], columns[first]
+    return msgspec.structs.replace(block, columns=tuple(columns))
+
+
 def _negated(source: Number) -> Column:
     column = named(source)
     return Column(column.column, -column.scale, -column.offset)
 
 
 def difference(declared: LogMap, found: LogMap) -> list[Change]:
-    """What leads from one map to another: per block its settings in one change, and every reversed column."""
+    """What leads from one map to another: per block its settings in one change, reversals, exchanges."""
     changes = []
     for name in BLOCKS:
         was, now = getattr(declared, name), getattr(found, name)
@@ -146,9 +182,22 @@ def difference(declared: LogMap, found: LogMap) -> list[Change]:
         ]
         if settings:
             changes.append(Change(name, tuple(settings)))
-        pairs = enumerate(zip(measured(was), measured(now), strict=True))
-        changes += [Change(name, flip=i) for i, (before, after) in pairs if before.scale != after.scale]
+        scales = {column.column: column.scale for column in measured(now)}
+        before = enumerate(measured(was))
+        changes += [Change(name, flip=i) for i, one in before if one.scale != scales[one.column]]
+        changes += [Change(name, exchange=pair) for pair in _exchanges_to(was, now)]
     return changes
+
+
+def _exchanges_to(was: Block, now: Block) -> list[tuple[int, int]]:
+    """Exchanges, one after another, by which the columns of a block stand as those of another."""
+    columns = [named(source).column for source in was.columns or ()]
+    pairs = []
+    for i, wanted in enumerate(named(source).column for source in now.columns or ()):
+        if (k := columns.index(wanted, i)) != i:
+            columns[i], columns[k] = columns[k], columns[i]
+            pairs.append((i, k))
+    return pairs
 
 
 def cost(declared: LogMap, found: LogMap) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, windows
-from hydro.core.logs.alternatives import Change, cost, difference, flips, frame_changes
+from hydro.core.logs.alternatives import Change, cost, difference, exchanges, flips, frame_changes
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import LogMap, measured
 
@@ -70,7 +70,7 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
     evidence = Evidence(logs, taken)
     found = _best(evidence, declared)
     changes = difference(declared, found)
-    lines = [_contradiction(evidence, declared, found, change) for change in changes]
+    lines = [contradiction(evidence, declared, found, change) for change in changes]
     notes = [*_oddities(evidence, found), *_void(evidence, found)]
     translation, rotation = (float(error) for error in evidence.errors(declared))
     return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
@@ -114,14 +114,20 @@ def _readings(given: LogMap, changes: Sequence[Change]) -> list[LogMap]:
 
 
 def _with_signs(evidence: Evidence, start: LogMap) -> LogMap:
-    """The map with the columns reversed that lower its misfit, one after another."""
+    """The map with the columns reversed or exchanged that lower its misfit, one after another."""
     given, misfit = start, evidence.misfit(start)
     while True:
-        options = [change.apply(given) for change in flips(given)]
-        best = min(options, key=evidence.misfit)
+        options = [change.apply(given) for change in [*flips(given), *exchanges(given)]]
+        best = min([*options, *_reversed_together(given)], key=evidence.misfit)
         if evidence.misfit(best) > misfit - TIE:
             return given
         given, misfit = best, evidence.misfit(best)
+
+
+def _reversed_together(given: LogMap) -> list[LogMap]:
+    """The map with any two columns reversed: of z and w, both positive up, neither alone makes it better."""
+    pairs = combinations(flips(given), 2)
+    return [second.apply(first.apply(given)) for first, second in pairs]
 
 
 def _least_change(evidence: Evidence, declared: LogMap, options: Iterable[LogMap]) -> LogMap:
@@ -141,20 +147,24 @@ def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
     """The map with every single change that the data demand, the surest first."""
     for _ in range(len(flips(declared))):
         singles = [change for changes in frame_changes(given).values() for change in changes]
-        options = [change.apply(given) for change in [*singles, *flips(given)]]
-        if evidence.upright(given.attitude):
-            options = [option for option in options if evidence.upright(option.attitude)]
-        demanded = {
-            option: sureness
-            for option in options
-            if (sureness := _speaks_for(evidence, given, option)) is not None
-        }
+        options = [change.apply(given) for change in [*singles, *flips(given), *exchanges(given)]]
+        demanded = _demanded(evidence, given, options)
+        if not demanded:
+            demanded = _demanded(evidence, given, _reversed_together(given))
         if not demanded:
             return given
         surest = max(demanded.values())
         near = [option for option, sureness in demanded.items() if sureness > (1.0 - TIE) * surest]
         given = min(near, key=lambda option: (cost(declared, option), -demanded[option]))
     return given
+
+
+def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> dict[LogMap, float]:
+    """Of these readings those that the data demand, with how surely; none on its back if the given is not."""
+    if evidence.upright(given.attitude):
+        options = [option for option in options if evidence.upright(option.attitude)]
+    judged = {option: _speaks_for(evidence, given, option) for option in options}
+    return {option: sureness for option, sureness in judged.items() if sureness is not None}
 
 
 def _pruned(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
@@ -204,7 +214,34 @@ def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float,
     return float(total[0] / total[1]), float(max(error, 1e-9))
 
 
-def _contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
+def rivals(evidence: Evidence, declared: LogMap, found: LogMap) -> list[LogMap]:
+    """Changes of other blocks that the data demand as well and do not part from the one found.
+
+    Of a vehicle that keeps level, w reversed is z reversed.
+
+    Args:
+        evidence: The windows.
+        declared: What the columns are said to mean.
+        found: The same with one change.
+
+    Returns:
+        The least change of each block, if any.
+    """
+    (own,) = difference(declared, found)
+    changes = [change for several in frame_changes(declared).values() for change in several]
+    changes = sorted([*changes, *flips(declared), *exchanges(declared)], key=lambda change: change.cost)
+    least: dict[str, LogMap] = {}
+    for change in changes:
+        option = change.apply(declared)
+        if change.block in (own.block, *least) or not _demanded(evidence, declared, [option]):
+            continue
+        c, error = _contrast(evidence, found, option)
+        if c + SURE * error > 0.5:
+            least[change.block] = option
+    return list(least.values())
+
+
+def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: Change) -> str:
     """One setting that the data contradict: what agrees instead, by how much, and what to write."""
     best, left = evidence.errors(found), evidence.errors(_without(declared, found, change))
     which = int(np.argmax(left / np.hypot(best, RESOLUTION)))

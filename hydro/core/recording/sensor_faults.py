@@ -18,6 +18,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, channels, recording
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
+from hydro.core.recording.repeated_rows import repeated_rows, without_repeats
 from hydro.core.vehicle.description import Vehicle
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
@@ -129,18 +130,41 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    record = recording(vehicle, raw)
+    return without_bias(vehicle, without_bad_readings(vehicle, raw))
+
+
+def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
+    """The recording without readings that no motion makes; gyros keep their bias.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle.
+    """
+    record, kinds = recording(vehicle, raw), list[Fault]()
+    repeated = repeated_rows(record)
+    if repeated.any():
+        words = "repeat the row before, all at once, as a logger writes that got nothing new"
+        kinds.append(_fault(raw, record, np.tile(repeated[:, None], len(CHANNELS)), words))
+        raw = without_repeats(raw, record, repeated)
+        record = recording(vehicle, raw)
     found = faults(record)
-    kinds = list(described(raw, record, found))
-    if kinds:
+    if others := list(described(raw, record, found)):
         raw = mended(raw, record, found)
         record = recording(vehicle, raw)
-    bias = {name: float(value) for name, value in zip(RATES, rate_bias(record), strict=True) if value}
-    if bias:
-        kinds.append(_biased(bias))
-        raw = raw.with_columns(pl.col(name) - value for name, value in bias.items())
-        record = recording(vehicle, raw)
-    return Corrected(raw, record, tuple(kinds))
+    return Corrected(raw, record, (*kinds, *others))
+
+
+def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
+    """The recording without what its gyros read too much all the time."""
+    rates = rate_bias(log.record)
+    bias = {name: float(value) for name, value in zip(RATES, rates, strict=True) if value}
+    if not bias:
+        return log
+    raw = log.raw.with_columns(pl.col(name) - value for name, value in bias.items())
+    return Corrected(raw, recording(vehicle, raw), (*log.faults, _biased(bias)))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
@@ -180,18 +204,22 @@ def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[F
         (found.stills, "stand still, row after row, though the sensor has noise or the vehicle moves"),
     )
     for bad, words in kinds:
-        rows = np.flatnonzero(bad.any(axis=1))
-        if not rows.size:
-            continue
-        columns = tuple(CHANNELS[i] for i in np.flatnonzero(bad.any(axis=0)))
-        stretches = 1 + int(np.count_nonzero(np.diff(rows) > 1))
-        session, t = raw["session"][int(rows[0])], float(record.t[rows[0]])
-        yield Fault(
-            columns,
-            f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
-            f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
-            f"{t:.2f} s; they are left out here, clean the log of them",
-        )
+        if bad.any():
+            yield _fault(raw, record, bad, words)
+
+
+def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault:
+    """What so many readings (N, 12) do, how many, and where the first is."""
+    rows = np.flatnonzero(bad.any(axis=1))
+    columns = tuple(CHANNELS[i] for i in np.flatnonzero(bad.any(axis=0)))
+    stretches = 1 + int(np.count_nonzero(np.diff(rows) > 1))
+    session, t = raw["session"][int(rows[0])], float(record.t[rows[0]])
+    return Fault(
+        columns,
+        f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
+        f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
+        f"{t:.2f} s; they are left out here, clean the log of them",
+    )
 
 
 def _biased(bias: Mapping[str, float]) -> Fault:

@@ -9,7 +9,9 @@ writes it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -112,18 +114,28 @@ def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) 
     return Water(assemble(_thrusters_only(vehicle)), inertia=inertia, ellipsoid=ellipsoid)
 
 
-def residual(vehicle: Vehicle, control: Control | None = None, *, effects: bool = False) -> Water:
+def residual(
+    vehicle: Vehicle,
+    control: Control | None = None,
+    *,
+    effects: bool = False,
+    beside: Sequence[Mapping[str, Any]] = (),
+) -> Water:
     """A residual model and what its label left out: M_A in the mass matrix and no C_RB (paper eq. 5).
 
     With `effects` the label left out all effects (`labels --subtract effects`): they act, C_A among them.
     C_RB is no effect, and so in the label and in the model either way.  Without a `control` the model runs on
-    the host, which holds its wrench in `userdata`.
+    the host, which holds its wrench in `userdata`.  Effects `beside` it were not in what it learnt from: they
+    act as well, with the Coriolis terms of what inertia they bring (`sim.residual.beside`).
     """
     inertia = _some(inertia_matrix(vehicle))
+    alone = msgspec.structs.replace(vehicle, effect=tuple(beside))
+    thrusters = _thrusters_only(vehicle)
+    acting = msgspec.structs.replace(thrusters, effect=(*thrusters.effect, *alone.effect))
     return Water(
-        assemble(vehicle if effects else _thrusters_only(vehicle)),
+        assemble(vehicle if effects else acting),
         inertia=inertia,
-        coriolis=inertia if effects else None,
+        coriolis=inertia if effects else _some(inertia_matrix(alone)),
         cancelled=mass_matrix(vehicle),
         control=control,
         held=control is None,

@@ -120,6 +120,22 @@ def test_it_names_a_reversed_column_and_how_to_write_it(number):
     assert f'{{column = "{column}", scale = -1}}' in line
 
 
+@pytest.mark.parametrize(("first", "second"), [("v1", "v2"), ("v2", "v3"), ("g1", "g3"), ("roll", "pitch")])
+def test_it_names_two_exchanged_columns_and_how_to_write_them(first, second):
+    log, spec = logs.written(logs.raw(40.0, 20.0, logs.ORDINARY), TRUE)
+    swapped = log.with_columns(pl.col(first).alias(second), pl.col(second).alias(first))
+    (line,) = verdict(swapped, spec).contradictions
+    assert f"columns {first} and {second} look exchanged" in line
+    assert f"write {second} in the place of {first}" in line
+
+
+def test_two_columns_reversed_together_are_found_where_neither_alone_makes_it_better():
+    log, spec = logs.written(logs.raw(40.0, 20.0, logs.ORDINARY), TRUE)
+    told = " ".join(verdict(log.with_columns(-pl.col("up"), -pl.col("v3")), spec).contradictions)
+    assert "column up looks reversed" in told
+    assert "column v3 looks reversed" in told
+
+
 def test_a_reversed_axis_is_found_beside_much_larger_motion_on_the_others():
     rng = np.random.default_rng(2)
     raw = logs.raw(60.0, 20.0)

@@ -1,0 +1,163 @@
+"""Columns of a raw table that are not what they are called: reversed, exchanged, in degrees, in other frames.
+
+A raw table says what its columns mean, so that it is held to the test of `logs.convention_check` as a log
+with its map is: whatever forces act, d(position)/dt = R v and dR/dt = R S(omega).  Where the kinematics leave
+one reading, the table is put right by it; where two explain the motion alike, or a velocity was never
+measured, nobody but the one who made the log can tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import POSE, VELOCITY, Array, Rows
+from hydro.core.errors import DataError
+from hydro.core.logs import conventions
+from hydro.core.logs.agreement import Evidence, windows
+from hydro.core.logs.alternatives import Change, difference
+from hydro.core.logs.convention_check import LEAST_WINDOWS, MOSTLY, check, contradiction, rivals
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import Attitude, Commands, LogMap, Position, Rates, Time, Velocity
+from hydro.core.recording.arrays import Recording, noise
+from hydro.core.recording.sensor_faults import Fault
+from hydro.core.vehicle.frames import euler_from_rotation
+
+AS_CALLED = LogMap(
+    time=Time("t"),
+    position=Position(POSE[:3]),
+    attitude=Attitude(POSE[3:]),
+    velocity=Velocity(VELOCITY[:3]),
+    rates=Rates(VELOCITY[3:]),
+    commands=Commands(()),
+)
+"""What the columns of a raw table mean: NED, FRD and SI."""
+MOVES: Array = np.full(6, 0.03)
+"""Motion along or about an axis [m/s, rad/s] that a velocity at one value throughout contradicts,"""
+ABOVE_NOISE = 5.0
+"""and times the noise of the pose that it must be."""
+
+
+@dataclass(frozen=True)
+class AxisFaults:
+    """Columns that mean something else.
+
+    Attributes:
+        follows: What the data follow.
+        faults: What is wrong, one of each kind, and how to import the log.
+    """
+
+    follows: LogMap
+    faults: tuple[Fault, ...]
+
+    def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
+        """The table as it would be, had it been written as its columns are called."""
+        return read_as(raw, self.follows)
+
+
+def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
+    """Find the columns that kinematics shows to mean something else; None where they mean what they should.
+
+    Args:
+        raw: Raw table.
+        record: The same as arrays.
+
+    Raises:
+        DataError: A velocity stands still throughout though the vehicle moves along it, or one of several
+            columns is wrong and the recording does not show which.
+    """
+    logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
+    times = [log.t for log in logs]
+    taken = windows(times, record.dt)
+    if sum(map(len, taken)) < LEAST_WINDOWS:
+        return None
+    still = np.flatnonzero(np.ptp(record.nu, axis=0) == 0.0)
+    if still.size:
+        _require_measured(still, Evidence(logs, taken), record)
+    follows = check(logs, times, record.dt, AS_CALLED).follows
+    if follows == AS_CALLED:
+        return None
+    evidence = Evidence(logs, taken)
+    changes = difference(AS_CALLED, follows)
+    if len(changes) == 1:  # of several the others tell
+        follows = _only(evidence, follows)
+        changes = difference(AS_CALLED, follows)
+    return AxisFaults(follows, tuple(_fault(evidence, follows, change) for change in changes))
+
+
+def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
+    """A raw table whose columns mean what a map says, in NED, FRD and SI; other blocks stay as they are."""
+    changed = {change.block for change in difference(AS_CALLED, given)}
+    parts = []
+    for part in raw.partition_by("session", maintain_order=True):
+        log = _session(part)
+        R = conventions.attitude(log, given.attitude, log.t)
+        read = {
+            "position": (POSE[:3], conventions.position(log, given.position, log.t)),
+            "attitude": (POSE[3:], euler_from_rotation(R)),
+            "velocity": (VELOCITY[:3], conventions.velocity(log, given.velocity, log.t, R)),
+            "rates": (VELOCITY[3:], conventions.rates(log, given.rates, log.t)),
+        }
+        columns = [
+            pl.Series(name, values)
+            for block in sorted(changed)
+            for name, values in zip(read[block][0], read[block][1].T, strict=True)
+        ]
+        parts.append(part.with_columns(columns))
+    return pl.concat(parts)
+
+
+def _session(part: pl.DataFrame) -> SessionLog:
+    """The rows of one session as a log."""
+    columns = {name: part[name].cast(pl.Float64).to_numpy() for name in (*POSE, *VELOCITY)}
+    return SessionLog(str(part["session"][0]), part["t"].cast(pl.Float64).to_numpy(), columns)
+
+
+def _require_measured(still: Rows, evidence: Evidence, record: Recording) -> None:
+    """Refuse velocities of one value throughout where the pose tells of motion along or about their axes."""
+    middle = evidence.attitude(AS_CALLED.attitude)[:, evidence.t.shape[1] // 2]
+    along = np.einsum("wij,wi->wj", middle, evidence.travel(AS_CALLED.position))
+    moves = np.std(np.hstack([along, evidence.turning(AS_CALLED.attitude)]), axis=0)
+    pose = noise(record)[:6]
+    least = np.repeat([pose[:3].max(), pose[3:].max()], 3) * np.sqrt(2.0) / evidence.length
+    for axis in still:
+        if moves[axis] > max(MOVES[axis], ABOVE_NOISE * least[axis]):
+            name, unit = VELOCITY[axis], "m/s" if axis < 3 else "rad/s"
+            raise DataError(
+                f"{name} is {record.nu[0, axis]:g} {unit} in every row, while the pose changes along that "
+                f"axis by {moves[axis]:.2g} {unit}: it was not measured, or another column was taken for it; "
+                f"import the log with the column of {name}"
+            )
+
+
+def _only(evidence: Evidence, found: LogMap) -> LogMap:
+    """The one reading that explains the motion.
+
+    Of two that do, such as z or w reversed where the vehicle keeps level, the one under water.
+
+    Raises:
+        DataError: There are others, and depth does not part them.
+    """
+    options = [found, *rivals(evidence, AS_CALLED, found)]
+    dry = [evidence.above_water(option.position) > MOSTLY for option in options]
+    wet = [option for option, above in zip(options, dry, strict=True) if not above]
+    if (len(wet) == 1 and len(wet) < len(options)) or len(options) == 1:
+        return (wet or options)[0]
+    changes = [difference(AS_CALLED, option)[0] for option in options]
+    claims = ", or ".join(change.claim(AS_CALLED) for change in changes)
+    advice = ", or ".join(change.advice(AS_CALLED) for change in changes)
+    raise DataError(
+        f"the velocities contradict the pose: {claims}; the recording does not show which: import it with "
+        f"the right one ({advice})"
+    )
+
+
+def _fault(evidence: Evidence, follows: LogMap, change: Change) -> Fault:
+    """What one column or block means, by how much the motion says so, and what was done about it."""
+    message = (
+        f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log; all else here is "
+        "reported as if it were so"
+    )
+    return Fault(change.columns(AS_CALLED), message)

@@ -1,0 +1,74 @@
+"""Rows that repeat the last one in every channel: the logger got nothing new, and wrote what it had.
+
+A sensor slower than the log, or all of them, repeats too, but at a rate: how many fall into a stretch hardly
+varies.  Rows that are lost at chance vary as chance does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+from scipy.interpolate import CubicSpline
+
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
+from hydro.core.recording.arrays import Recording, channels
+
+LEAST, MOST = 20, 0.5
+"""Number of such rows, and part of the log up to which, to be lost ones."""
+AT_CHANCE = 0.4
+"""Variance of their number in a stretch, over that of rows lost at chance."""
+STRETCH = 3  # of them, in the mean
+LONGEST = 10  # rows; what stands still for longer is a frozen sensor or a vehicle at rest
+ALIVE = 0.9
+"""Part of the other rows in which one channel at least must take a value of its own."""
+
+
+def repeated_rows(record: Recording) -> Mask:
+    """Rows that repeat the last one for want of anything new, (N,)."""
+    motion, none = np.hstack([record.eta, record.nu]), np.zeros(record.rows, bool)
+    same, repeated = (np.diff(motion, axis=0) == 0.0).all(axis=1), none.copy()
+    for start, stop in record.segments:
+        edges = np.flatnonzero(np.diff(same[start : stop - 1], prepend=False, append=False))
+        for begin, end in edges.reshape(-1, 2):
+            repeated[start + 1 + begin : start + 1 + end] = end - begin < LONGEST
+    share = float(np.mean(repeated))
+    if repeated.sum() < LEAST or share > MOST or not _alive(motion[~repeated]):
+        return none
+    stretch = round(STRETCH / share)
+    counts = repeated[: len(repeated) // stretch * stretch].reshape(-1, stretch).sum(axis=1)
+    return repeated if np.var(counts) > AT_CHANCE * stretch * share * (1.0 - share) else none
+
+
+def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
+    """The table with a cubic spline through the other rows in the place of repeated ones.
+
+    Args:
+        raw: Raw table.
+        record: The same as arrays.
+        repeated: Rows that repeat the last one, (N,); at the end of a segment they are left out.
+    """
+    bridged, left_out = np.empty((record.rows, len(POSE + VELOCITY))), np.zeros(record.rows, bool)
+    for i, parts in enumerate(channels(record)):
+        for (start, stop), part in zip(record.segments, parts, strict=True):
+            fresh: Rows = np.flatnonzero(~repeated[start:stop]).astype(np.int64)
+            left_out[start + fresh[-1] + 1 : stop] = True
+            bridged[start:stop, i] = _through(fresh, part)
+    bridged[:, 3:6] = np.angle(np.exp(1j * bridged[:, 3:6]))
+    columns = [
+        pl.Series(name, np.where(repeated, values, raw[name].to_numpy()))
+        for name, values in zip((*POSE, *VELOCITY), bridged.T, strict=True)
+    ]
+    return raw.with_columns(columns).filter(pl.Series(~left_out))
+
+
+def _alive(fresh: Array) -> bool:
+    """Whether a channel has a value of its own in nearly every row; coarse steps repeat anyway."""
+    return any(len(np.unique(values)) >= ALIVE * len(values) for values in fresh.T)
+
+
+def _through(rows: Rows, part: Array) -> Array:
+    """A cubic spline through some rows of a part, at all of its rows."""
+    if len(rows) < 4:
+        return part
+    through: Array = CubicSpline(rows, part[rows])(np.arange(len(part)))
+    return through
