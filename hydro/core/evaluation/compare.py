@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Progress, Rows
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Progress, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
@@ -25,7 +25,7 @@ from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import recording
+from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
@@ -65,8 +65,9 @@ def compare(
         The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
         95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
         the places that hold most of it; `at_horizon` is the error at the end of the predictions, `weight`
-        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names.  With
-        `against` also `before`, the earlier rmse.
+        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those of
+        the level `recording` the noise of each channel and the sample time of each session.  With `against`
+        also `before`, the earlier rmse.
 
     Raises:
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
@@ -77,7 +78,7 @@ def compare(
     record, model = recording(vehicle, raw), candidate(vehicle)
     report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
-    yardstick = yardstick or Yardstick.fitted(vehicle, record, motion)
+    yardstick = yardstick or Yardstick.fitted(vehicle, record)
     weights = yardstick.weights if against is None else Weights.read(against)
     names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]
     found = families(record, vehicle, pieces, motion.eta, motion.nu, motion.nu_dot, names)
@@ -96,6 +97,7 @@ def compare(
                     lines += [line | {"by": name, "share": 0.0} for line in _Lines(simple, seed).of([])]
     report("places", 0.9)
     lines += _ranked(_Lines(forces, seed), found, against)
+    lines += _recorded(record, motion, names)
     table = pl.DataFrame(lines, infer_schema_length=None)
     table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon", "weight").fill_nan(None))
     report("done", 1.0)
@@ -217,6 +219,30 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
         if (met := masks.get(words)) is not None:
             share = float(np.clip(lines.unexplained[met, axis].sum(), 0.0, 1.0))
             yield lines.place(failure_regimes.Place(words, axis, met, share), None)
+
+
+def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterator[Line]:
+    """What the recording is: the noise of its channels, and the rows and sample time of its sessions."""
+
+    def line(axis: str, by: str, place: str, rows: int, size: float, unit: str) -> Line:
+        key = {
+            "level": "recording",
+            "horizon": math.nan,
+            "axis": axis,
+            "by": by,
+            "place": place,
+            "rows": rows,
+        }
+        nothing = dict.fromkeys(("low", "high", "at_horizon", "weight"), math.nan)
+        return key | nothing | {"rmse": size, "noise_floor": size, "share": 0.0, "rank": None, "unit": unit}
+
+    units = (*POSE_UNITS, *VELOCITY_UNITS)
+    for axis, unit, sigma in zip((*POSE, *VELOCITY), units, motion.sigma.tolist(), strict=True):
+        yield line(axis, "all", "all", record.rows, sigma, unit)
+    lengths = np.diff(record.segments)[:, 0]
+    for name in dict.fromkeys(names):
+        rows = sum(int(length) for length, one in zip(lengths, names, strict=True) if one == name)
+        yield line("t", "session", name, rows, record.dt, "s")
 
 
 def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:

@@ -30,6 +30,8 @@ LEVEL = "yardstick"
 """What the rows of the predictors are called in a comparison."""
 DELAYS = np.linspace(0.0, 1.0, 11)
 """Delays of the thrust that are tried [s]."""
+WINDOW = 1.0
+"""Time over which changes of velocity are fitted [s]."""
 LOST = 1.02
 """Error over that of a simple predictor from which a model has lost to it: less is a draw."""
 JUDGED = 5.0
@@ -79,14 +81,13 @@ class Yardstick:
         Raises:
             DataError: They do not fit each other.
         """
-        record = recording(vehicle, raw)
-        return cls.fitted(vehicle, record, Motion.of(record))
+        return cls.fitted(vehicle, recording(vehicle, raw))
 
     @classmethod
-    def fitted(cls, vehicle: Vehicle, record: Recording, motion: Motion) -> Yardstick:
-        """The same of a recording that has been smoothed."""
+    def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
+        """The same of a recording that has been read."""
         tau = _wrench(vehicle, record)
-        damped = tuple(_least_squares(record, motion, tau, axis) for axis in range(6))
+        damped = tuple(_least_squares(record, tau, axis) for axis in range(6))
         return cls(vehicle, Weights.of(candidate(vehicle)), damped)
 
     def misfits(
@@ -122,6 +123,11 @@ class Yardstick:
             end = np.sqrt(np.mean(error[:, -1] ** 2, axis=0))
             found.append((name, replace(velocity, level=LEVEL, squares=pieces.total(squares), end=end)))
         return found
+
+
+def column(predictor: str) -> str:
+    """Column of a ladder that holds the errors of a simple predictor."""
+    return predictor.replace(" ", "_")
 
 
 def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Array:
@@ -177,19 +183,35 @@ def _delayed(values: Array, record: Recording, delay: float) -> Array:
     return out
 
 
-def _least_squares(record: Recording, motion: Motion, tau: Array, axis: int) -> Damped:
-    """The damping, thrust and delay of one axis that leave the least of its smoothed acceleration."""
-    nu, ahead = motion.nu[:, axis], motion.nu_dot[:, axis]
-    steady = np.ones(len(nu))
+def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
+    """The damping, thrust and delay of one axis that leave the least of its changes of velocity over WINDOW.
+
+    Integrals need no derivative of what is noisy.
+    """
+    nu, steady = record.nu[:, axis], np.ones(record.rows)
     found: list[tuple[float, Damped]] = []
     for delay in DELAYS:
-        columns = np.stack(
-            [-nu, -np.abs(nu) * nu, _delayed(tau[:, axis], record, delay), steady, -steady], axis=1
-        )
-        size = np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-12)
-        basis, triangle = np.linalg.qr(columns / size)
-        inside = basis.T @ ahead
+        thrust = _delayed(tau[:, axis], record, delay)
+        rates = np.stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, nu], axis=1)
+        *columns, change = _over_windows(rates, record).T
+        size = np.maximum(np.linalg.norm(columns, axis=1), 1e-12)
+        basis, triangle = np.linalg.qr(np.transpose(columns) / size)
+        inside = basis.T @ change
         scaled, left = nnls(triangle, inside)
         a, b, c, up, down = scaled / size
         found.append((left**2 - inside @ inside, Damped(-a, -b, c, up - down, float(delay))))
     return min(found, key=lambda one: one[0])[1]
+
+
+def _over_windows(rates: Array, record: Recording) -> Array:
+    """Integrals of series (N, K) over windows of every segment, but of the last one its change, (W, K)."""
+    longest = int(np.diff(record.segments).max())
+    rows = max(min(round(WINDOW / record.dt), longest - 1), 1)
+    parts = []
+    for start, stop in record.segments:
+        within = rates[start:stop]
+        sums = np.zeros_like(within)
+        sums[1:] = np.cumsum(0.5 * record.dt * (within[1:] + within[:-1]), axis=0)
+        sums[:, -1] = within[:, -1]
+        parts.append(sums[rows:] - sums[:-rows])
+    return np.concatenate(parts)
