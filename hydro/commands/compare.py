@@ -98,7 +98,9 @@ def _print(frame: pl.DataFrame) -> None:
     print_table(comparison.predictions(frame), title, console)
     simple = yardsticks.of_comparison(frame)
     if not simple.is_empty():
-        title = f"The model beside simple predictors: errors {yardsticks.ahead(simple)}; least squares fitted to the data"
+        title = (
+            f"The model beside simple predictors, {yardsticks.ahead(simple)}: least squares of the same data"
+        )
         print_table(yardsticks.table(simple), title, console)
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():

@@ -126,6 +126,7 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
             name=now,
             orientation="h",
             marker={"color": GIVEN},
+            error_x=_interval(rows, "before", "before_"),
             hovertemplate="%{y}<br><b>%{x:.3g}</b> " + unit + ", as given<extra></extra>",
         )
         now = "with what was found"
@@ -238,11 +239,12 @@ def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
     return _plain(drawn, height=260)
 
 
-def _interval(rows: pl.DataFrame, of: str) -> dict[str, object] | None:
+def _interval(rows: pl.DataFrame, of: str, prefix: str = "") -> dict[str, object] | None:
     """Error bars from the columns `low` and `high`; None where there are none."""
-    if "low" not in rows.columns or rows["low"].null_count() == rows.height:
+    low = f"{prefix}low"
+    if low not in rows.columns or rows[low].null_count() == rows.height:
         return None
-    down, up = (side.to_list() for side in error_bars(rows, of))
+    down, up = (side.to_list() for side in error_bars(rows, of, prefix))
     return {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1.5, "width": 3}
 
 

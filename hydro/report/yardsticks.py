@@ -1,4 +1,4 @@
-"""A model beside the simple predictors: their errors on the same predictions, and to which of them it loses."""
+"""A model beside the simple predictors: errors of the same predictions, and to which of them it loses."""
 
 from __future__ import annotations
 

@@ -65,9 +65,9 @@ def compare(
         The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
         95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
         the places that hold most of it; `at_horizon` is the error at the end of the predictions, `weight`
-        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those of
-        the level `recording` the noise of each channel and the sample time of each session.  With `against`
-        also `before`, the earlier rmse.
+        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those
+        of the level `recording` the noise of each channel and the sample time of each session.  With
+        `against` also `before`, the earlier rmse.
 
     Raises:
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
