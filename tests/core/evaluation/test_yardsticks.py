@@ -188,3 +188,14 @@ def test_the_noise_floor_does_not_depend_on_chance(datasets):
     spread = np.std(floors, axis=0, ddof=1) / np.mean(floors, axis=0)
     assert np.median(spread) < 0.1
     assert spread.max() < 0.2
+
+
+def test_a_comparison_says_what_was_recorded():
+    raw = flown(600)
+    noisy = raw.with_columns(u=pl.col("u") + pl.Series(np.random.default_rng(0).normal(0.0, 0.05, 600)))
+    rows = compare(heavier(1.0), noisy).filter(level="recording")
+    (session,) = rows.filter(by="session").select("place", "rows", "rmse").rows()
+    assert session == ("a", 600, pytest.approx(DT))
+    noise = dict(rows.filter(by="all").select("axis", "rmse").iter_rows())
+    assert noise["u"] == pytest.approx(0.05, rel=0.15)
+    assert list(noise) == [*POSE, *VELOCITY]
