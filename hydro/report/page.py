@@ -23,6 +23,7 @@ from hydro.report import cards, errors, plots, recorded, standing, words, yardst
 from hydro.report.charts import Charts
 from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
+from hydro.report.glossary import GLOSSARY
 from hydro.report.sources import Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import DATASETS
@@ -69,6 +70,7 @@ def render(sources: Sources) -> str:
         "metrics": [errors.section(one, number, charts) for number, one in enumerate(sources.metrics)],
         "confusions": cards.confusions(sources),
         "next": cards.to_fly(sources),
+        "glossary": GLOSSARY,
         "provenance": _provenance(sources),
     }
     environment = Environment(
@@ -259,6 +261,8 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
+    charts.add(f"path-{number}", *(plots.path(one.frame, session) for session in shown))
+    charts.add(f"depth-{number}", *(plots.depth(one.frame, session) for session in shown))
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
     return {
         "number": number,

@@ -114,3 +114,16 @@ def test_bars_of_both_series_have_intervals():
     before, now = plots.conditions(both).data
     assert before.error_x.arrayminus == pytest.approx(rows["rmse"].to_list())
     assert now.error_x.array == pytest.approx((rows["high"] - rows["rmse"]).to_list())
+
+
+def test_a_path_is_drawn_as_on_a_chart_and_depth_downwards():
+    """North 0 to 10 m, east 0 to 5 m, sinking to 3 m."""
+    t = [0.0, 1.0, 2.0]
+    track = {"x": [0.0, 5.0, 10.0], "y": [0.0, 2.5, 5.0], "z": [0.0, 1.0, 3.0]}
+    replay = pl.DataFrame({"session": ["a"] * 3, "variant": ["measured"] * 3, "t": t, **track})
+    (line,) = plots.path(replay, "a").data
+    assert list(line.x) == track["y"]
+    assert list(line.y) == track["x"]
+    drawn = plots.depth(replay, "a")
+    assert list(drawn.data[0].y) == track["z"]
+    assert drawn.layout.yaxis.autorange == "reversed"

@@ -252,8 +252,8 @@ def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataF
     )
     for name in PREDICTORS:
         simple = comparison.filter(level=LEVEL, by=name).select(*key, pl.col("rmse").alias(column(name)))
-        rungs = rungs.join(simple, on=key, how="left", maintain_order="left")
-    return rungs
+        rungs = rungs.join(simple, on=key, how="left", nulls_equal=True, maintain_order="left")
+    return rungs.select(pl.exclude("unit"), "unit")
 
 
 def _part(progress: Progress, begin: float, end: float) -> Progress:
