@@ -49,11 +49,11 @@ def counted(tmp_path, monkeypatch) -> list[str]:
     calls: list[str] = []
     true = module.compare
 
-    def compare(vehicle, raw, progress):
+    def compare(vehicle, raw, yardstick, progress):
         calls.append("compare")
         key = repr((vehicle, raw["session"][0]))
         if key not in COMPARED:
-            COMPARED[key] = true(vehicle, raw)
+            COMPARED[key] = true(vehicle, raw, yardstick=yardstick)
         return COMPARED[key]
 
     def diagnose(vehicle, log, progress):

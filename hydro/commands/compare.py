@@ -88,7 +88,7 @@ def _earlier(against: str, source: Artefact) -> Artefact:
 
 def _print(frame: pl.DataFrame) -> None:
     """The comparison for a person."""
-    from hydro.report import comparison
+    from hydro.report import comparison, yardsticks
 
     console = person()
     title = "Force that the model leaves out: root mean square, 95 % interval"
@@ -96,12 +96,20 @@ def _print(frame: pl.DataFrame) -> None:
     beside = "" if "before" in frame.columns else " (noise alone)"
     title = f"Errors of its predictions: root mean square{beside}"
     print_table(comparison.predictions(frame), title, console)
+    simple = yardsticks.of_comparison(frame)
+    if not simple.is_empty():
+        title = (
+            f"The model beside simple predictors, {yardsticks.ahead(simple)}: least squares of the same data"
+        )
+        print_table(yardsticks.table(simple), title, console)
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():
         print_table(ranked, "Where it fails: share of the unexplained error and of the time", console)
     if not former.is_empty():
         print_table(former, "Where it failed before", console)
     console.print(f"\n{comparison.headline(frame)}")
+    if told := yardsticks.sentence(simple):
+        console.print(told)
 
 
 COMMANDS = {

@@ -110,7 +110,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     import polars as pl
 
     from hydro.core.diagnosis.explain import DATASETS, HORIZON
-    from hydro.report import ladder
+    from hydro.report import ladder, yardsticks
     from hydro.report.diagnosis import lines
 
     console = person()
@@ -118,6 +118,9 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     for dataset in DATASETS:
         if not every.filter(dataset=dataset).is_empty():
             print_table(ladder.errors(every, dataset), ladder.TITLES[dataset].format(HORIZON), console)
+    simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
+    if told := yardsticks.sentence(simple):
+        console.print(told)
     for step in steps[1:]:
         console.print(f"\nStep {step.number}", style="bold")
         for table in step.tables:

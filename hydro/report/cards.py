@@ -18,6 +18,8 @@ MOST_VALUES = 12
 """Values of one effect that are drawn; of more, those that stand out from zero, the clearest first."""
 CLEAR_RATIO = 2.0
 """Standard errors by which a value stands out."""
+ADDED = ("missing", "suspect", "retune")
+"""Verdicts whose advice is to add what was found."""
 ASKS = ("cannot_tell_apart", "not_excited", "none_of_the_known", "far_from_noise")
 """Verdicts that ask for another recording."""
 NAMES = ("missing", "suspect", "cannot_tell_apart")
@@ -43,7 +45,10 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
         groups.append(
             {
                 "title": _group_title(step, last, taken),
-                "cards": [_card(row, f"{step}-{row['rank']}", charts) for row in shown.iter_rows(named=True)],
+                "cards": [
+                    _card(row, f"{step}-{row['rank']}", charts, added=bool(taken))
+                    for row in shown.iter_rows(named=True)
+                ],
                 "others": [words.in_short(row) for row in others.iter_rows(named=True)],
                 "unseen": _unseen(rows) if step == last else "",
             }
@@ -107,8 +112,8 @@ def _unseen(rows: pl.DataFrame) -> str:
     return words.listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
-def _card(row: dict[str, Any], name: str, charts: Charts) -> dict[str, Any]:
-    """One finding."""
+def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool) -> dict[str, Any]:
+    """One finding; of one that was added already, without the advice to add it."""
     label, sentence = words.verdict(row)
     values = words.values(row["effect"], row["parameters"], row["standard_errors"])
     drawn = [
@@ -130,7 +135,7 @@ def _card(row: dict[str, Any], name: str, charts: Charts) -> dict[str, Any]:
         "values": [(one.name, words.with_error(one), one.unit) for one in values],
         "long": len(values) > MOST_VALUES,
         "charts": drawn,
-        "advice": row["advice"],
+        "advice": "" if added and row["verdict"] in ADDED else row["advice"],
     }
 
 

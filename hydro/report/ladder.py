@@ -11,6 +11,7 @@ import polars as pl
 from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
+from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.report import words
 
 TITLES = {
@@ -24,7 +25,7 @@ PLAIN_ERRORS = 3.0
 
 
 def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.DataFrame:
-    """One row per step, one column per axis, and a last row of what noise alone would leave.
+    """One row per step, one column per axis, and last what simple predictors do and noise alone would leave.
 
     Args:
         ladder: Ladder table.
@@ -39,10 +40,16 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
     rows = rows.filter(pl.col("axis").is_in([*VELOCITY, "all"])).with_columns(
         name=pl.format("{} {}", "step", pl.col("effect").replace("", AS_GIVEN))
     )
-    noise = rows.filter(pl.col("step") == pl.col("step").max()).with_columns(
-        name=pl.lit("noise alone"), rmse="noise_floor"
+    last = rows.filter(pl.col("step") == pl.col("step").max())
+    simple = [
+        last.with_columns(name=pl.lit(name), rmse=column(name))
+        for name in PREDICTORS
+        if column(name) in rows.columns
+    ]
+    noise = last.with_columns(name=pl.lit("noise alone"), rmse="noise_floor")
+    wide = pl.concat([rows, *simple, noise]).pivot(
+        on="axis", index="name", values="rmse", maintain_order=True
     )
-    wide = pl.concat([rows, noise]).pivot(on="axis", index="name", values="rmse", maintain_order=True)
     return wide.select(pl.col("name").alias("step"), *VELOCITY, "all")
 
 

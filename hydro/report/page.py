@@ -19,10 +19,11 @@ from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
-from hydro.report import cards, errors, plots, standing, words
+from hydro.report import cards, errors, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
 from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
+from hydro.report.glossary import GLOSSARY
 from hydro.report.sources import Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import DATASETS
@@ -61,6 +62,7 @@ def render(sources: Sources) -> str:
         "headline": standing.headline(sources),
         "noise": standing.noise_line(sources),
         "model": _model(sources),
+        "recorded": recorded.section(sources),
         "places": _places(sources, charts),
         "findings": cards.findings(sources, charts),
         "ladder": _ladder(sources, charts),
@@ -68,6 +70,7 @@ def render(sources: Sources) -> str:
         "metrics": [errors.section(one, number, charts) for number, one in enumerate(sources.metrics)],
         "confusions": cards.confusions(sources),
         "next": cards.to_fly(sources),
+        "glossary": GLOSSARY,
         "provenance": _provenance(sources),
     }
     environment = Environment(
@@ -100,7 +103,33 @@ def _model(sources: Sources) -> Section:
     if not found:
         return None
     held_out = any(one.dataset == "holdout" for one in found)
-    return {"standings": found, "rows": list(standing.horizons(sources)), "held_out": held_out}
+    return {
+        "standings": found,
+        "rows": list(standing.horizons(sources)),
+        "held_out": held_out,
+        "simple": _simple(sources),
+    }
+
+
+def _simple(sources: Sources) -> Section:
+    """The model beside simple predictors, on held-out data where there are some."""
+    dataset = "fit"
+    if sources.ladder is not None:
+        ladder = sources.ladder.frame
+        dataset = yardsticks.judged_on(ladder)
+        found = yardsticks.of_ladder(ladder, best_step(ladder), dataset)
+    else:
+        found = yardsticks.of_comparison(sources.comparisons[-1].frame)
+    if found.is_empty():
+        return None
+    return {
+        "sentence": yardsticks.sentence(found),
+        "lost": bool(yardsticks.verdict(found)),
+        "on": DATASETS[dataset],
+        "ahead": yardsticks.ahead(found),
+        "columns": yardsticks.table(found).columns,
+        "rows": yardsticks.table(found).rows(),
+    }
 
 
 # Where it fails.
@@ -117,7 +146,7 @@ def _places(sources: Sources, charts: Charts) -> Section:
         frame = sources.comparisons[step].frame
         lists.append({"title": "With what was found", "found": True, "places": list(_ranked(frame))})
         key = ["by", "place"]
-        before = rows.select(*key, before="rmse")
+        before = rows.select(*key, before="rmse", before_low="low", before_high="high")
         rows = frame.filter(level="force", axis="all").drop("before", strict=False)
         rows = rows.join(before, on=key, how="left", maintain_order="left")
     there = rows["by"].unique(maintain_order=True).to_list()
@@ -232,6 +261,8 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
+    charts.add(f"path-{number}", *(plots.path(one.frame, session) for session in shown))
+    charts.add(f"depth-{number}", *(plots.depth(one.frame, session) for session in shown))
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
     return {
         "number": number,

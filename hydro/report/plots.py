@@ -126,6 +126,7 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
             name=now,
             orientation="h",
             marker={"color": GIVEN},
+            error_x=_interval(rows, "before", "before_"),
             hovertemplate="%{y}<br><b>%{x:.3g}</b> " + unit + ", as given<extra></extra>",
         )
         now = "with what was found"
@@ -192,6 +193,45 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     return _plain(drawn, height=230)
 
 
+def path(replay: pl.DataFrame, session: str) -> go.Figure:
+    """Where a vehicle went in one session, seen from above: east to the right, north up, in equal scales."""
+    drawn = _tracks(replay, session, "y", "x")
+    drawn.update_xaxes(title="east y [m]", zeroline=False)
+    drawn.update_yaxes(title="north x [m]", scaleanchor="x", zeroline=False)
+    drawn.update_layout(title={"text": "path from above"})
+    return _plain(drawn, height=320)
+
+
+def depth(replay: pl.DataFrame, session: str) -> go.Figure:
+    """How deep a vehicle was in one session; down is down."""
+    drawn = _tracks(replay, session, "t", "z")
+    drawn.update_xaxes(title="time [s]", zeroline=False)
+    drawn.update_yaxes(title="depth z [m]", autorange="reversed", zeroline=False)
+    drawn.update_layout(title={"text": "depth"})
+    return _plain(drawn, height=320)
+
+
+def _tracks(replay: pl.DataFrame, session: str, across: str, up: str) -> go.Figure:
+    """One column over another, a line for each variant, thinned to what a screen shows."""
+    one = replay.filter(pl.col("session") == session).with_columns(pl.col("t") - pl.col("t").min())
+    variants = one["variant"].unique(maintain_order=True).to_list()
+    drawn = go.Figure()
+    for name, (label, colour) in curves(variants).items():
+        curve = one.filter(variant=name)
+        shown = curve.gather_every(max(1, -(-curve.height // POINTS_ON_SCREEN)))
+        measured = name == MEASURED
+        drawn.add_scatter(
+            x=shown[across].cast(pl.Float32).to_numpy(),
+            y=shown[up].cast(pl.Float32).to_numpy(),
+            name=label,
+            mode="lines",
+            line={"color": colour, "width": 5 if measured else 1.6},
+            opacity=0.5 if measured else 1.0,
+            hovertemplate=f"%{{x:.2f}}, %{{y:.2f}}<extra>{escape(label)}</extra>",
+        )
+    return drawn
+
+
 def _useless(simulated: pl.DataFrame, spread: float) -> list[str]:
     """Variants whose error is larger than the spread of the measured motion, if others' are not."""
     error = (pl.col("value") - pl.col("measured")).pow(2).mean().sqrt()
@@ -238,11 +278,12 @@ def bars(metrics: pl.DataFrame, group: str) -> go.Figure:
     return _plain(drawn, height=260)
 
 
-def _interval(rows: pl.DataFrame, of: str) -> dict[str, object] | None:
+def _interval(rows: pl.DataFrame, of: str, prefix: str = "") -> dict[str, object] | None:
     """Error bars from the columns `low` and `high`; None where there are none."""
-    if "low" not in rows.columns or rows["low"].null_count() == rows.height:
+    low = f"{prefix}low"
+    if low not in rows.columns or rows[low].null_count() == rows.height:
         return None
-    down, up = (side.to_list() for side in error_bars(rows, of))
+    down, up = (side.to_list() for side in error_bars(rows, of, prefix))
     return {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "thickness": 1.5, "width": 3}
 
 

@@ -3,7 +3,8 @@
 Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, refits it
 with all effects that the file has or was given, and is held against the recording and against another one
 that no fit has seen.  The errors of all steps make the ladder.  A step that raises the held-out error is the
-last.
+last.  All steps are measured by the yardstick of step 0: its weights of the axes, and the simple predictors
+that were fitted to the recording.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from hydro.core.diagnosis.model import Wanted, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
+from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, Yardstick, column
 from hydro.core.identification.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
@@ -79,10 +81,12 @@ class Recordings:
     Attributes:
         log: The recording that everything is fitted to.
         holdout: Raw table of the held-out one, without the faults of its log; None without one.
+        yardstick: What the file as given, and all steps, are measured by.
     """
 
     log: Preprocessed
     holdout: pl.DataFrame | None
+    yardstick: Yardstick
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None) -> Recordings:
@@ -90,7 +94,7 @@ class Recordings:
         log = preprocess(vehicle, raw)
         if holdout is not None:
             holdout = in_order(sound(vehicle, holdout).raw, log.wiring)
-        return cls(log, holdout)
+        return cls(log, holdout, Yardstick.of(vehicle, log.raw))
 
 
 def explain(
@@ -188,7 +192,7 @@ def _finding(step: Step) -> dict[str, Table]:
 def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
     """The step after these."""
     number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
-    vehicle, log, holdout = file, recordings.log, recordings.holdout
+    vehicle, log, holdout, yardstick = file, recordings.log, recordings.holdout, recordings.yardstick
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
@@ -196,10 +200,10 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
         progress("all together", 0.0)
         fitted = _fit_together(last.vehicle, log, _wanted(last, found), file)
         vehicle = extended(vehicle, fitted)
-    comparison = compare(vehicle, log.raw, progress=_part(progress, 0.3, 0.5))
+    comparison = compare(vehicle, log.raw, yardstick=yardstick, progress=_part(progress, 0.3, 0.5))
     compared = [comparison]
     if holdout is not None:
-        compared.append(compare(vehicle, holdout, progress=_part(progress, 0.5, 0.6)))
+        compared.append(compare(vehicle, holdout, yardstick=yardstick, progress=_part(progress, 0.5, 0.6)))
     diagnosis = diagnose_log(vehicle, log, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
@@ -244,11 +248,16 @@ def _bare(table: Table) -> dict[str, Any]:
 
 def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:
     """Rows of the ladder from one comparison: the errors of predictions over all of the recording."""
-    return comparison.filter(level="replay", by="all").select(
+    key = ["axis", "horizon"]
+    rungs = comparison.filter(level="replay", by="all").select(
         pl.lit(number, pl.Int64).alias("step"),
         pl.lit(", ".join(added)).alias("effect"),
         *(pl.lit(dataset).alias(name) if name == "dataset" else name for name in RUNG),
     )
+    for name in PREDICTORS:
+        simple = comparison.filter(level=LEVEL, by=name).select(*key, pl.col("rmse").alias(column(name)))
+        rungs = rungs.join(simple, on=key, how="left", nulls_equal=True, maintain_order="left")
+    return rungs.select(pl.exclude("unit"), "unit")
 
 
 def _part(progress: Progress, begin: float, end: float) -> Progress:

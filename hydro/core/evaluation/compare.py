@@ -2,10 +2,8 @@
 
 Two levels: the wrench that the model leaves out, and predictions of 1, 5 and 20 s begun again and again along
 the recording and of the whole run (`evaluation.misfit`).  Shares of the unexplained error are of the sum of
-squares above the noise floor.  Axes are weighed against each other by the vehicle's inertia: wrenches by
-r_i^2 / M_ii (Gauss' measure of constraint), velocities by M_ii e_i^2 (kinetic energy), poses likewise. All
-axes together, `all` or `pose`, are the force on the dry mass, or its speed or distance, that measures as
-much.
+squares above the noise floor.  All axes together, `all` or `pose`, are weighed as `evaluation.weights` says;
+beside the predictions stand those of simple predictors (`evaluation.yardsticks`).
 """
 
 from __future__ import annotations
@@ -18,14 +16,16 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Progress, Rows
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Progress, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
 from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
 from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
+from hydro.core.evaluation.weights import Weights
+from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.identification.candidate import candidate
-from hydro.core.recording.arrays import recording
+from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 NOISE_KNOWN = 0.1
@@ -36,7 +36,7 @@ SURE_PART = 0.5
 Line = dict[str, Any]
 
 KEY = ("level", "horizon", "axis", "by", "place")
-NEEDED_COLUMNS = (*KEY, "rmse", "rank")
+NEEDED_COLUMNS = (*KEY, "rmse", "rank", "weight")
 """Columns of an earlier comparison that are read."""
 
 
@@ -45,6 +45,7 @@ def compare(
     raw: pl.DataFrame,
     *,
     against: pl.DataFrame | None = None,
+    yardstick: Yardstick | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
@@ -54,14 +55,18 @@ def compare(
         vehicle: The model.
         raw: Raw table of the measured motion and commands.
         against: An earlier comparison with the same recording: its places are looked at again, and its errors
-            stand beside the new ones.
+            stand beside the new ones. It gives the weights of the axes.
+        yardstick: Weights and simple predictors of an earlier file; by default by this one, the predictors
+            fitted to this recording.
         seed: Of the noise that the noise floor is found with, and of the bootstrap.
         progress: Called with a few words and the share of the work done.
 
     Returns:
         The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
         95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
-        the places that hold most of it; `at_horizon` is the error at the end of the predictions.  With
+        the places that hold most of it; `at_horizon` is the error at the end of the predictions, `weight`
+        that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those
+        of the level `recording` the noise of each channel and the sample time of each session.  With
         `against` also `before`, the earlier rmse.
 
     Raises:
@@ -73,22 +78,28 @@ def compare(
     record, model = recording(vehicle, raw), candidate(vehicle)
     report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
+    yardstick = yardstick or Yardstick.fitted(vehicle, record)
+    weights = yardstick.weights if against is None else Weights.read(against)
     names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]
     found = families(record, vehicle, pieces, motion.eta, motion.nu, motion.nu_dot, names)
     sessions = [family for family in found if family.by == "session"]
     report("forces", 0.1)
-    forces, banded, bands = force(model, record, motion, pieces, seed)
+    forces, banded, bands = force(model, record, motion, pieces, seed, weights)
     lines = [*_Lines(forces, seed).of([*found]), *_Lines(banded, seed).of([bands], whole=False)]
     for number, horizon in enumerate((*HORIZONS, None)):
         report("whole run" if horizon is None else f"{horizon:g} s ahead", 0.3 + 0.15 * number)
-        if (both := replay(model, record, motion, pieces, horizon, seed)) is not None:
+        if (both := replay(model, record, motion, pieces, horizon, seed, weights)) is not None:
             velocity, pose = both
             lines += _Lines(velocity, seed).of(sessions if horizon is None else found)
             lines += _Lines(pose, seed).of(sessions)
+            if horizon is not None:
+                for name, simple in yardstick.misfits(record, motion, pieces, horizon, velocity):
+                    lines += [line | {"by": name, "share": 0.0} for line in _Lines(simple, seed).of([])]
     report("places", 0.9)
     lines += _ranked(_Lines(forces, seed), found, against)
+    lines += _recorded(record, motion, names)
     table = pl.DataFrame(lines, infer_schema_length=None)
-    table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon").fill_nan(None))
+    table = table.with_columns(pl.col("horizon", "low", "high", "at_horizon", "weight").fill_nan(None))
     report("done", 1.0)
     return table if against is None else _beside(table, against)
 
@@ -144,8 +155,8 @@ class _Lines:
         number = rows.sum(axis=0)
         rmse, floor = (np.sqrt(sums.sum(axis=0) / np.maximum(number, 1.0)) for sums in (squares, noise))
         share = self._shares(family)
-        axes = zip(misfit.axes, (*misfit.units, misfit.units[0]), strict=True)
-        for i, (axis, unit) in enumerate(axes):
+        axes = zip(misfit.axes, (*misfit.units, misfit.units[0]), (*misfit.weight, math.nan), strict=True)
+        for i, (axis, unit, weight) in enumerate(axes):
             for code in np.flatnonzero(number[:, 0]):
                 yield {
                     "level": misfit.level,
@@ -161,6 +172,7 @@ class _Lines:
                     "at_horizon": math.nan,
                     "share": float(share[code, i]),
                     "rank": None,
+                    "weight": float(weight),
                     "unit": unit,
                 }
 
@@ -207,6 +219,30 @@ def _ranked(lines: _Lines, found: Sequence[Family], against: pl.DataFrame | None
         if (met := masks.get(words)) is not None:
             share = float(np.clip(lines.unexplained[met, axis].sum(), 0.0, 1.0))
             yield lines.place(failure_regimes.Place(words, axis, met, share), None)
+
+
+def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterator[Line]:
+    """What the recording is: the noise of its channels, and the rows and sample time of its sessions."""
+
+    def line(axis: str, by: str, place: str, rows: int, size: float, unit: str) -> Line:
+        key = {
+            "level": "recording",
+            "horizon": math.nan,
+            "axis": axis,
+            "by": by,
+            "place": place,
+            "rows": rows,
+        }
+        nothing = dict.fromkeys(("low", "high", "at_horizon", "weight"), math.nan)
+        return key | nothing | {"rmse": size, "noise_floor": size, "share": 0.0, "rank": None, "unit": unit}
+
+    units = (*POSE_UNITS, *VELOCITY_UNITS)
+    for axis, unit, sigma in zip((*POSE, *VELOCITY), units, motion.sigma.tolist(), strict=True):
+        yield line(axis, "all", "all", record.rows, sigma, unit)
+    lengths = np.diff(record.segments)[:, 0]
+    for name in dict.fromkeys(names):
+        rows = sum(int(length) for length, one in zip(lengths, names, strict=True) if one == name)
+        yield line("t", "session", name, rows, record.dt, "s")
 
 
 def _beside(table: pl.DataFrame, against: pl.DataFrame) -> pl.DataFrame:

@@ -10,7 +10,8 @@ Replay.  Predictions of a few seconds begin again and again along the recording,
 one prediction runs from the first row of every session to its last.
 
 Noise floor.  The recording is disturbed by noise of the size that it has already, and the beginning of each
-prediction by the uncertainty of the smoothed motion: the change is what noise does to the errors.
+prediction by the uncertainty of the smoothed motion, often enough that chance does not show: the change is
+what noise does to the errors.
 """
 
 from __future__ import annotations
@@ -25,10 +26,21 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import dct, idct
 
-from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Rows
-from hydro.core.effects.layout import MASS, MASS_MATRIX
+from hydro.core.columns import (
+    POSE,
+    POSE_UNITS,
+    VELOCITY,
+    VELOCITY_UNITS,
+    WRENCH,
+    WRENCH_UNITS,
+    Array,
+    Mask,
+    Rows,
+)
+from hydro.core.effects.layout import MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.evaluation.regimes import Family, Pieces
+from hydro.core.evaluation.weights import Weights
 from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
@@ -59,7 +71,9 @@ SLOW_BAND = ("", 0.0, FASTEST)
 BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
 """Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion diverges."""
 PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
-LEAST_DRAWS = 16  # of uncertain beginnings, where there are few predictions
+DRAWS = (3, 16)  # of the uncertain beginning of a prediction, until they settle what noise does
+SETTLED = 0.2
+"""Standard error to which they do, over the squares of all predictions: a tenth of the errors."""
 IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
 
 
@@ -72,8 +86,7 @@ class Misfit:
         horizon: Of the replay [s]; None for forces and for the whole run.
         axes: Names of the A axes, and of all of them together.
         units: Their units.
-        weight: What a square on each axis counts for beside the others, (A,): by the vehicle's inertia, so
-            that the weighted sum is the square of one force, speed or distance of the dry mass.
+        weight: What a square on each axis counts for beside the others, (A,): see `evaluation.weights`.
         rows: Rows compared in each piece, (P,).
         squares: Sums of squared errors, (P, A).
         noise: The same of what noise alone does, (P, A).
@@ -145,7 +158,12 @@ class Motion:
 
 
 def force(
-    model: Candidate, record: Recording, motion: Motion, pieces: Pieces, seed: int
+    model: Candidate,
+    record: Recording,
+    motion: Motion,
+    pieces: Pieces,
+    seed: int,
+    weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit, Family]:
     """The wrench ON the vehicle that the model leaves out.
 
@@ -155,6 +173,7 @@ def force(
         motion: Its smoothed motion.
         pieces: What to sum over.
         seed: Of the noise.
+        weights: Of the axes; by default by the model's own inertia.
 
     Returns:
         Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after
@@ -168,14 +187,13 @@ def force(
     nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
     noisy = replace(record, nu=record.nu + extra[:, 6:])
     floor = _missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
-    inertia, mass = _inertia(model)
     rows = pieces.total(np.ones(record.rows))
     whole = Misfit(
         "force",
         None,
         (*WRENCH, "all"),
         WRENCH_UNITS,
-        mass / inertia,
+        (weights or Weights.of(model)).force,
         rows,
         pieces.total(next(_bands(found, record, [SLOW_BAND])) ** 2),
         pieces.total(next(_bands(floor, record, [SLOW_BAND])) ** 2),
@@ -194,7 +212,13 @@ def force(
 
 
 def replay(
-    model: Candidate, record: Recording, motion: Motion, pieces: Pieces, horizon: float | None, seed: int
+    model: Candidate,
+    record: Recording,
+    motion: Motion,
+    pieces: Pieces,
+    horizon: float | None,
+    seed: int,
+    weights: Weights | None = None,
 ) -> tuple[Misfit, Misfit] | None:
     """Errors of predictions, root mean square over the horizon: of velocity, and of position and attitude.
 
@@ -205,6 +229,7 @@ def replay(
         pieces: What to sum over.
         horizon: Length of a prediction [s]; None for whole segments.
         seed: Of the noise.
+        weights: Of the axes; by default by the model's own inertia.
 
     Returns:
         Squares of the velocity's errors, and of the errors of x, y, z in NED and of the rotation from the
@@ -213,7 +238,7 @@ def replay(
     """
     if (found := _predictions(model, record, motion, horizon, seed)) is None:
         return None
-    inertia, mass = _inertia(model)
+    weights = weights or Weights.of(model)
     rows, sums, floor = (pieces.total(part) for part in (found.compared, found.squares, found.noise))
     block = pieces.segment if horizon is None else pieces.block
 
@@ -221,10 +246,9 @@ def replay(
         parts = (rows, sums[:, of], floor[:, of], block, found.end[of])
         return Misfit("replay", horizon, axes, units, weight, *parts)
 
-    level = np.concatenate([np.full(3, inertia[:3].mean()), inertia[3:]])
     return (
-        misfit((*VELOCITY, "all"), VELOCITY_UNITS, inertia / mass, slice(6, 12)),
-        misfit((*POSE, "pose"), POSE_UNITS, level / mass, slice(0, 6)),
+        misfit((*VELOCITY, "all"), VELOCITY_UNITS, weights.velocity, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, weights.pose, slice(0, 6)),
     )
 
 
@@ -248,7 +272,7 @@ def _predictions(
     model: Candidate, record: Recording, motion: Motion, horizon: float | None, seed: int
 ) -> _Predictions | None:
     """Predict end to end along the recording; None where no segment is as long as the horizon."""
-    starts, segment, lengths = _laid(record, horizon)
+    starts, segment, lengths = laid(record, horizon)
     if not starts.size:
         return None
     logged, calm = _states(record.eta, record.nu), _states(motion.eta, motion.nu)
@@ -258,12 +282,13 @@ def _predictions(
     every = corrected_first(every, model)
     prepared = prepare(model, every)
     compared = np.zeros(record.rows)
-    squares, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
-    draws = -(-LEAST_DRAWS // len(starts))
+    errors, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
+    sums, typical = np.zeros((len(starts), DRAWS[-1], CHANNELS)), np.zeros((len(starts), CHANNELS))
 
-    def work(part: slice) -> Array:
-        rows = starts[part, None] + np.arange(lengths[part.start])
-        shots = replace(
+    def shots_of(part: Rows) -> tuple[Prepared, Shots, Rows]:
+        """Some predictions of one length, and their rows."""
+        rows = starts[part, None] + np.arange(lengths[part[0]])
+        there = replace(
             every,
             starts=starts[part],
             segment=segment[part],
@@ -271,18 +296,52 @@ def _predictions(
             first=every.first[part],
             measured=logged[rows],
         )
-        model_there = Prepared(model, prepared.rotors[part], prepared.memory[part])
-        error = _bounded(residuals(model_there, shots))
-        rng = np.random.default_rng([seed, part.start])
-        for _ in range(draws):
-            change = _bounded(residuals(model_there, _disturbed(shots, motion, rng))) - error
-            floor[rows] += change**2 / draws
-        squares[rows], compared[rows] = error**2, 1.0
-        return error[:, -1]
+        return Prepared(model, prepared.rotors[part], prepared.memory[part]), there, rows
+
+    def predict(part: Rows) -> Array:
+        there, shots, rows = shots_of(part)
+        errors[rows], compared[rows] = _bounded(residuals(there, shots)), 1.0
+        return errors[rows[:, -1]]
+
+    def disturb(part: Rows, draws: range) -> None:
+        there, shots, rows = shots_of(part)
+        rng = np.random.default_rng([seed, draws.start, part[0]])
+        for draw in draws:
+            change = (_bounded(residuals(there, _begun_elsewhere(shots, motion, rng))) - errors[rows]) ** 2
+            floor[rows] += change
+            sums[part, draw] = change.sum(axis=1)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        ends = list(pool.map(work, _batches(lengths)))
-    return _Predictions(compared, squares, floor, np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0)))
+        ends = list(pool.map(predict, _batches(lengths)))
+        open_, done = np.ones(len(starts), bool), 0
+        for most in DRAWS:
+            parts = [part[open_[part]] for part in _batches(lengths) if open_[part].any()]
+            list(pool.map(disturb, parts, itertools.repeat(range(done, most))))
+            open_, done = _settle(sums[:, :most], motion.sigma**2 * lengths.sum(), open_, typical), most
+    scale = typical / np.maximum(sums.sum(axis=1), 1e-300)
+    floor[compared > 0.0] *= np.repeat(scale, lengths, axis=0)
+    floor[compared > 0.0] += motion.sigma**2
+    return _Predictions(compared, errors**2, floor, np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0)))
+
+
+def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
+    """Write what noise does to the predictions that are open, (S,), and say which remain so.
+
+    It is the mean of the draws where they settle it, and the median where they do not: a few draws in which a
+    prediction diverges do not say what noise does to a recording.
+
+    Args:
+        sums: Squares by uncertain beginnings, of each prediction in each draw, (S, D, C).
+        known: What else noise adds to the squares of all predictions, (C,).
+        open_: Which predictions the draws are of.
+        typical: Written: what noise does to each, (S, C).
+    """
+    mean = np.where(open_[:, None], sums.mean(axis=1), typical)
+    error = np.std(sums, axis=1, ddof=1) / np.sqrt(sums.shape[1])
+    settled = error <= SETTLED * (mean.sum(axis=0) + known) / np.sqrt(len(sums))
+    typical[open_] = np.where(settled, mean, np.median(sums, axis=1))[open_]
+    still: Mask = open_ & ~settled.all(axis=1)
+    return still
 
 
 def _states(eta: Array, nu: Array) -> Array:
@@ -317,7 +376,7 @@ def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, f
         yield out
 
 
-def _laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
+def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
     """First row, segment and rows of predictions: end to end over all segments, or one for each of them."""
     if horizon is None:
         begin, end = record.segments.T
@@ -328,27 +387,21 @@ def _laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
     return np.concatenate(starts), segment, np.full(len(segment), length)
 
 
-def _batches(lengths: Rows) -> list[slice]:
+def _batches(lengths: Rows) -> list[Rows]:
     """Runs of at most PREDICTIONS_TOGETHER predictions of one length."""
     edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
     return [
-        slice(at, min(at + PREDICTIONS_TOGETHER, end))
+        np.arange(at, min(at + PREDICTIONS_TOGETHER, end))
         for begin, end in itertools.pairwise(edges)
         for at in range(begin, end, PREDICTIONS_TOGETHER)
     ]
 
 
-def _disturbed(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
-    """The shots with noise added once more, and beginnings as uncertain as the smoothed motion is."""
+def _begun_elsewhere(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
+    """The shots with beginnings as uncertain as the smoothed motion is."""
     at_edge = shots.starts == shots.record.segments[shots.segment, 0]
     shift = rng.standard_normal((len(shots.starts), CHANNELS)) * motion.uncertainty[np.where(at_edge, 0, 1)]
-    logged = shots.measured.reshape(-1, BODY)
-    extra = rng.standard_normal((len(logged), CHANNELS)) * motion.sigma
-    return replace(
-        shots,
-        first=displaced(shots.first, shift),
-        measured=displaced(logged, extra).reshape(shots.measured.shape),
-    )
+    return replace(shots, first=displaced(shots.first, shift))
 
 
 def _bounded(error: Array) -> Array:
@@ -358,12 +411,6 @@ def _bounded(error: Array) -> Array:
     out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)
     bounded: Array = np.clip(out, -BEYOND, BEYOND)
     return bounded
-
-
-def _inertia(model: Candidate) -> tuple[Array, float]:
-    """Diagonal of M, (6,), and the dry mass [kg]."""
-    c = constants_of(model.program.flat)
-    return np.diag(c[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)).copy(), float(c[MASS])
 
 
 def _weights(design: smoothing.Design) -> Array:
