@@ -14,15 +14,15 @@ import numpy as np
 import polars as pl
 import pytest
 import synthetic
-from test_import import EXAMPLE, MAP, run
 
 import hydro
-from hydro import _moved
+from hydro import _moved, cli
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import table
 
 ROOT = Path(__file__).resolve().parents[1]
+EXAMPLE, MAP = (str(ROOT / "datasets" / "logs" / name) for name in ("example.csv", "map.toml"))
 DATA = ("raw", "commands")
 
 
@@ -99,7 +99,8 @@ def test_a_fit_goes_into_a_vehicle_with_its_standard_errors(tmp_path: Path) -> N
 
 def test_a_log_is_imported_as_the_command_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "raw.parquet"
-    code, said = run(capsys, EXAMPLE, "--map", MAP, "-o", path)
+    code = cli.main(["import", EXAMPLE, "--map", MAP, "-o", str(path)])
+    said = capsys.readouterr().err
     frame, report = hydro.import_log(EXAMPLE, MAP)
     assert code == 0
     assert frame.equals(table.read(path, "raw").frame)
