@@ -18,7 +18,7 @@ from hydro import cli
 from hydro.io import table
 
 CHARTS = 1 + 1 + 7 + 6 + 2
-"""Of the study: by condition, values of one effect, the ladder, all axes and each, overlays, path and depth."""
+"""Of the study: by condition, values of an effect, the ladder of all axes and each, overlays, path, depth."""
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,6 @@ from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis import advice
-from hydro.core.diagnosis.aliases import aliases
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
@@ -30,7 +29,7 @@ from hydro.core.diagnosis.confidence import (
     unconfirmed,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
-from hydro.core.diagnosis.identifiability import undetermined
+from hydro.core.diagnosis.identifiability import aliases, undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.manoeuvres import best, plain, showing
 from hydro.core.diagnosis.model import (

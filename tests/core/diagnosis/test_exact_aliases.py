@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.aliases import aliases
+from hydro.core.diagnosis.identifiability import aliases
 from hydro.core.diagnosis.model import Model
 from hydro.core.identification.parameters import free
 from hydro.core.vehicle.description import Vehicle
