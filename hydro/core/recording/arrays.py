@@ -21,7 +21,13 @@ CUBIC_REACH = 0.24
 LEAST_NOISE = 1e-4
 STRAIGHT = 0.02
 """Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
-DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated
+DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated,
+LEAST_CORNERS = 12  # if its lines meet so often at least,
+CORNER_ROWS = 2  # in so few rows,
+UNSTEADY = 0.25  # and at a pace steady to this share, or without any bend between,
+MOST = 0.8  # at this share of corners, or of rows between them
+ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
+"""Bend of a straight line, over the channel's greatest value, that rounding of the table explains."""
 
 
 @dataclass(frozen=True)
@@ -148,12 +154,24 @@ def channels(record: Recording) -> Iterator[list[Array]]:
 
 
 def _apart(parts: Sequence[Array]) -> int:
-    """Rows from one sample of a channel to the next; 1 where every row is one."""
+    """Rows from one sample of a channel to the next; 1 where every row is one.
+
+    Lines between samples bend at these alone, a row or two long, and either at a steady pace or not at all
+    between.  Smooth motion bends for many rows on end; and where thrusts without lag jump, which bend a
+    velocity for one row, it goes on along a curve, at no steady pace.
+    """
     bends = np.concatenate([np.diff(part, 2) for part in parts])
     bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
     corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
-    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN_ROWS
-    return round(len(bent) / corners) if slower else 1
+    if corners < LEAST_CORNERS or float(np.mean(bent)) > 1.0 - DRAWN_ROWS:
+        return 1
+    begin, end = np.flatnonzero(np.diff(bent, prepend=False, append=False)).reshape(-1, 2).T
+    short = float(np.mean(end - begin <= CORNER_ROWS))
+    steps = np.diff(begin)
+    steady = float(np.mean(np.abs(steps - np.median(steps)) <= np.maximum(1.0, UNSTEADY * np.median(steps))))
+    size = ROUNDING * max(float(np.abs(part).max()) for part in parts if part.size)
+    exact = float(np.mean(np.abs(bends[~bent]) <= size))
+    return round(len(bent) / corners) if short >= MOST and max(steady, exact) >= MOST else 1
 
 
 def _noise(parts: Sequence[Array]) -> float:
