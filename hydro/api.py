@@ -141,6 +141,7 @@ def import_log(
     *,
     rate: float | None = None,
     strict: bool = False,
+    fill: bool = False,
 ) -> tuple[pl.DataFrame, ImportReport]:
     """Turn a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
@@ -148,8 +149,11 @@ def import_log(
         log: CSV or Parquet file, or a binary stream.
         map: what the columns mean: a map file (`hydro import --write-map` begins one) or a `LogMap`; by
             default guessed from the columns' names.
-        rate: rows per second; by default the median of the channels' own rates.
+        rate: rows per second; by default the median of the channels' own rates, or the fastest of them
+            where it is plainly faster.
         strict: refuse a log whose motion contradicts the map.
+        fill: values in every row, on lines between the samples of a sensor slower than the rows; by default
+            such a column is null between its samples.
 
     Returns:
         The raw table, and a report: `report.verdict.contradictions` are the frames, units and signs that the
@@ -166,7 +170,8 @@ def import_log(
 
     source = logs.read(log)
     name = Path(log).stem if isinstance(log, str | Path) else "log"
-    report = log_import.import_log(source, log_import.declared(source, map, name), rate=rate, strict=strict)
+    meaning = log_import.declared(source, map, name)
+    report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     return report.imported.frame, report
 
 

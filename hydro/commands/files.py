@@ -36,7 +36,7 @@ def check(files: Files) -> None:
 
     Silent, with exit code 0, when every file conforms to its schema: columns, types, finite values, bounds,
     order in time, and a content that matches the hash in its footer. Otherwise one line for each file that
-    does not.
+    does not. Of a recording with nulls, a line says how many samples each such column has.
     """
     unsound = 0
     for file in files:
@@ -64,6 +64,16 @@ def _check(file: str) -> None:
     artefact = read(file)
     if artefact.kind == "raw":
         segments.segments(artefact.frame)
+        if rare := _rare(artefact):
+            typer.echo(f"{file}: {rare}", err=True)
+
+
+def _rare(artefact: Artefact) -> str:
+    """In how many rows each column that is not always there has a sample; empty where all always are."""
+    frame = artefact.frame
+    counts = {name: frame.height - frame[name].null_count() for name in frame.columns}
+    rare = [f"{name} {count:,}" for name, count in counts.items() if count < frame.height]
+    return f"samples in {frame.height:,} rows: {', '.join(rare)}" if rare else ""
 
 
 def show(file: File = STREAM) -> None:
@@ -83,7 +93,7 @@ def show(file: File = STREAM) -> None:
 
 
 def columns(artefact: Artefact) -> pl.DataFrame:
-    """One row per column of an artefact: storage type, unit, frame, smallest and largest value, meaning."""
+    """One row per column of an artefact: type, unit, frame, samples, smallest and largest value, meaning."""
     import polars as pl
 
     from hydro.io import schema
@@ -98,6 +108,7 @@ def columns(artefact: Artefact) -> pl.DataFrame:
             "type": [schema.storage_type(artefact.frame.schema[name]) for name in fields],
             "unit": [field.unit for field in fields.values()],
             "frame": [field.frame for field in fields.values()],
+            "samples": [artefact.frame.height - artefact.frame[name].null_count() for name in fields],
             "min": [low.get(name) for name in fields],
             "max": [high.get(name) for name in fields],
             "description": [field.description for field in fields.values()],
@@ -127,6 +138,8 @@ def _summary(artefact: Artefact) -> Iterator[str]:
     sessions = frame["session"].n_unique() if "session" in frame.columns else 0
     counted = f" in {sessions} session{'s' if sessions > 1 else ''}" if sessions else ""
     yield f"{artefact.kind}: {frame.height:,} rows{counted}, {frame.width} columns"
+    if artefact.kind == "raw" and (rare := _rare(artefact)):
+        yield rare
     if record.seed is not None:
         yield f"seed {record.seed}"
     if record.vehicle is not None:

@@ -39,9 +39,14 @@ def import_(
             min=0.1,
             max=10_000.0,
             show_default=False,
-            help="Rows per second; by default the median of the channels' own rates.",
+            help="Rows per second; by default the median of the channels' own rates, or the fastest of them "
+            "where it is plainly faster.",
         ),
     ] = None,
+    fill: Annotated[
+        bool,
+        typer.Option("--fill", help="Values in every row: lines between the samples of a slow sensor."),
+    ] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a log whose motion contradicts the map.")
     ] = False,
@@ -54,6 +59,9 @@ def import_(
     """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
     Each channel is interpolated from its own samples, commands are held, and no row is made within a gap.
+    A sensor slower than the rows has a value in those nearest to its samples alone: fits count each sample
+    once. labels and replay need values in every row: give --fill.
+
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
@@ -72,7 +80,7 @@ def import_(
     if map_ is None:
         typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
     text = _vehicle_text(vehicle, len(meaning.commands.columns))
-    report = log_import.import_log(source, meaning, rate=rate, strict=strict)
+    report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         typer.echo(line, err=True)
     write(_artefact(source, report, text), output)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
 from hydro.core.logs.aliases import guess
 from hydro.core.logs.convention_check import Verdict, check
@@ -66,15 +67,16 @@ def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap
 
 
 def import_log(
-    source: Log, meaning: LogMap, *, rate: float | None = None, strict: bool = False
+    source: Log, meaning: LogMap, *, rate: float | None = None, strict: bool = False, fill: bool = False
 ) -> ImportReport:
     """Resample a log on one clock in the raw table's frames, and check its conventions by kinematics.
 
     Args:
         source: The log.
         meaning: What its columns mean.
-        rate: Rows per second; by default the median of the channels' own rates.
+        rate: Rows per second; by default as `raw_table` has it.
         strict: Refuse a log whose motion contradicts the map.
+        fill: Draw lines between the samples of a slow sensor instead of leaving rows empty.
 
     Raises:
         DataError: a column is missing or not numbers, time goes backwards, or, with `strict`, the motion
@@ -82,7 +84,7 @@ def import_log(
     """
     logs = sessions(source, meaning)
     try:
-        imported = raw_table(logs, meaning, rate)
+        imported = raw_table(logs, meaning, rate, fill=fill)
     except DataError as error:
         raise DataError(f"{source.name}: {error}") from error
     verdict = check(imported.logs, imported.times, imported.dt, meaning)
@@ -118,6 +120,11 @@ def _account(imported: Imported) -> Iterator[str]:
     yield (
         f"{imported.frame.height:,} rows at {rate:g} Hz in {sessions} session{'s' if sessions > 1 else ''}"
     )
+    frame = imported.frame
+    rare = {name: frame.height - frame[name].null_count() for name in MOTION if frame[name].null_count()}
+    if rare:
+        counts = ", ".join(f"{name} {count:,}" for name, count in rare.items())
+        yield f"slower sensors, null between their samples (--fill draws lines): {counts}"
     if imported.gaps:
         longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
         total = sum(gap.stop - gap.start for gap in imported.gaps)

@@ -9,7 +9,7 @@ Of a field:
   them are in the digest that footers carry, so that a source keeps its name when code moves;
 * `repeat`: a field named `cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields
   that repeat by the same letter come equally often;
-* `optional`: the column may be absent.
+* `optional`: the column may be absent.  A field that is not `required` may have nulls.
 
 Of a table:
 
@@ -58,6 +58,13 @@ KINDS = (
     "policy",
 )
 """The kinds of table that hydro reads and writes."""
+
+VERSIONS = {"raw": 2}
+"""How many versions of a kind's schema there are, where it is more than one.
+
+A later one, in a file such as `raw-2.json`, admits what an earlier one refuses; every table is held to, and
+written as, the first that admits it, so that a table's bytes do not change when a version is added.
+"""
 
 Rows = npt.NDArray[np.intp]
 
@@ -289,7 +296,7 @@ class Schema:
 
 
 @cache
-def load(kind: str) -> Schema:
+def load(kind: str, version: int = 1) -> Schema:
     """The schema of a kind of table, read from its file.
 
     Raises:
@@ -297,7 +304,8 @@ def load(kind: str) -> Schema:
     """
     if kind not in KINDS:
         raise DataError(f"{kind}: no such kind of table: the kinds are {', '.join(KINDS)}")
-    file = msgspec.json.decode((FOLDER / f"{kind}.json").read_bytes(), type=_File)
+    name = kind if version == 1 else f"{kind}-{version}"
+    file = msgspec.json.decode((FOLDER / f"{name}.json").read_bytes(), type=_File)
     parent = load(file.extends) if file.extends else None
     return Schema(
         kind=kind,
@@ -307,6 +315,21 @@ def load(kind: str) -> Schema:
         primary_key=file.primary_key or (parent.primary_key if parent else ()),
         series=file.series or (parent.series if parent else None),
     )
+
+
+def suited(kind: str, frame: pl.DataFrame) -> Schema:
+    """The first version of a kind's schema that admits the nulls of a table; the first where none does.
+
+    Raises:
+        DataError: there is no such kind.
+    """
+    empty = {name for name in frame.columns if frame[name].null_count()}
+    for version in range(1, VERSIONS.get(kind, 1) + 1):
+        rules = load(kind, version)
+        columns = rules.columns(frame.columns)
+        if not any(columns[name].constraints.required for name in empty & columns.keys()):
+            return rules
+    return load(kind)
 
 
 def storage_type(dtype: pl.DataType) -> str:

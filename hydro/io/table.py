@@ -59,7 +59,7 @@ def make(
     Raises:
         DataError: the table breaks the schema of its kind.
     """
-    rules = schema.load(kind)
+    rules = schema.suited(kind, frame)
     frame = rules.check(rules.conform(frame), kind)
     lineage = [artefact.provenance.as_input() for artefact in inputs]
     if vehicle_text is None:
@@ -87,7 +87,7 @@ def conform(kind: str, frame: pl.DataFrame) -> pl.DataFrame:
     Raises:
         DataError: there is no such kind.
     """
-    return schema.load(kind).conform(frame)
+    return schema.suited(kind, frame).conform(frame)
 
 
 def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
@@ -115,9 +115,10 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     kind = record.kind if record is not None else _fitting(wanted, columns)
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
-    rules = schema.load(kind)
-    rules.check_columns(columns, name)
-    frame = rules.check(_decode(file, name), name)
+    schema.load(kind).check_columns(columns, name)
+    frame = _decode(file, name)
+    rules = schema.suited(kind, frame)
+    frame = rules.check(frame, name)
     content = provenance.content_hash(frame)
     if record is None:
         return Artefact(kind, frame, Provenance(kind, rules.digest, content))
@@ -136,7 +137,7 @@ def write(artefact: Artefact, destination: Source) -> None:
         UsageError: the stream is a terminal.
         BrokenPipeError: the reader of the stream is gone.
     """
-    schema.load(artefact.kind).check(artefact.frame, name_of(destination, "stdout"))
+    schema.suited(artefact.kind, artefact.frame).check(artefact.frame, name_of(destination, "stdout"))
     write_bytes(_encode(artefact), destination)
 
 

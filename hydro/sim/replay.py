@@ -17,7 +17,7 @@ from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Rows, checked_comm
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import UsageError
 from hydro.core.evaluation.metrics import Subject, consecutive, measure, rows_of
-from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, dry, residual, wet
@@ -228,6 +228,7 @@ class _Recorded:
     @classmethod
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
         """The recording in a raw table."""
+        require_samples(raw, (*POSE, *VELOCITY))
         commands, bounds = _commands(vehicle, raw), segments(raw)
         measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
         log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()

@@ -68,6 +68,18 @@ def test_names_are_unique_and_keys_exist(kind: str) -> None:
         assert {*rules.series.key, rules.series.time} <= set(names)
 
 
+def test_versions_of_a_schema_differ_in_what_may_be_null_alone() -> None:
+    first, second = (json.loads((schema.FOLDER / f"{name}.json").read_text()) for name in ("raw", "raw-2"))
+    free = []
+    for old, new in zip(first["fields"], second["fields"], strict=True):
+        if old.get("constraints") != new.get("constraints"):
+            free.append(old["name"])
+            new.setdefault("constraints", {})["required"] = True
+        assert old == new
+    assert free == [*"xyz", "phi", "theta", "psi", *BODY]
+    assert first["name"] == second["name"] == "raw"
+
+
 def test_columns_are_those_of_the_stages() -> None:
     assert list(load("raw").columns(["cmd_1", "cmd_2"])) == RAW
     assert list(load("labels").columns(["cmd_1", "cmd_2"])) == LABELS

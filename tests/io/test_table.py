@@ -208,6 +208,34 @@ def test_a_table_changed_behind_its_footer_is_found_out() -> None:
     assert "its rows are not those that its footer was written for: make the file again" in refused(content)
 
 
+# Recordings with nulls
+
+
+def test_a_recording_with_nulls_is_of_the_second_version_and_read_back() -> None:
+    sparse = raw().with_columns(
+        pl.when(pl.int_range(pl.len()) % 10 == 0).then("u").alias("u"), x=pl.lit(None), y=pl.lit(None)
+    )
+    made = table.make("raw", sparse, stage="import")
+    back = table.read(io.BytesIO(bytes_of(made)), "raw")
+    assert back.frame.equals(made.frame)
+    assert back.provenance == made.provenance
+    assert made.frame.schema["x"] == pl.Float64
+    assert made.frame["u"].null_count() == 36
+    assert table.read(io.BytesIO(parquet(made.frame)), "raw").kind == "raw"
+
+
+def test_a_recording_without_nulls_stays_of_the_first_version() -> None:
+    first, second = schema.load("raw"), schema.load("raw", 2)
+    assert table.make("raw", raw(), stage="import").provenance.schema == first.digest
+    assert table.make("raw", raw().with_columns(z=pl.lit(None)), stage="x").provenance.schema == second.digest
+
+
+@pytest.mark.parametrize("name", ["session", "t", "cmd_1"])
+def test_what_a_recording_never_lacks(name: str) -> None:
+    with pytest.raises(DataError, match="must be present: 40 of 40 rows are not"):
+        table.make("raw", raw().with_columns(pl.lit(None).alias(name), x=pl.lit(None)), stage="x")
+
+
 # Wrong tables
 
 
@@ -238,7 +266,7 @@ COLUMNS: dict[str, tuple[str, pa.Array, str]] = {
     "half precision": ("u", pa.array(np.zeros(40, np.float16)), "but is float16"),
     "texts": ("u", pa.array(["1.0"] * 40), "but is string"),
     "nothing at all": ("u", pa.nulls(40), "but is null"),
-    "a missing value": ("u", pa.array([None, *[0.0] * 39]), "u [m/s] must be present: 1 of 40 rows is not"),
+    "a missing value": ("t", pa.array([None, *[0.0] * 39]), "t [s] must be present: 1 of 40 rows is not"),
     "a map": ("u", pa.array([[("a", 1)]] * 40, pa.map_(pa.string(), pa.int32())), "but is map<string, int32"),
     "moments": ("t", pa.array(range(40)).cast(pa.timestamp("us")), "t [s] must be float32 or float64"),
     "bytes for names": ("session", pa.array([b"a"] * 40), "session must be string, but is binary"),

@@ -45,7 +45,7 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
         (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
         velocities that weigh little leave little.  `sigma` itself where only white noise shows.
     """
-    left = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / len(sigma)))[POSE_CHANNELS:]
+    left = normal.rms[POSE_CHANNELS:]
     white = noise(record)
     grown = velocity_noise(record, tests) / white[POSE_CHANNELS:]
     known = [(white[of] > LEAST_NOISE).all() for of in (slice(3), slice(3, POSE_CHANNELS))]

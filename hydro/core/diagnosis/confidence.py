@@ -165,7 +165,7 @@ def scores(first: Fitted, rivals: Mapping[str, Fitted], session: ArrayLike) -> d
     for name, rival in rivals.items():
         after = left_out_costs(rival, fold)
         both = np.isfinite(before) & np.isfinite(after)
-        gain, excess = (before - after)[both], before[both] - first.normal.freedom
+        gain, excess = (before - after)[both], (before - first.normal.freedoms)[both]
         found[name] = Score(
             *explained_share(gain, excess, block_length(rival.normal.score[both])),
             _by_fold(gain, excess, fold[both], int(fold.max()) + 1),

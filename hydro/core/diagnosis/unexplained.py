@@ -158,8 +158,9 @@ def steady_disturbance(normal: Normal) -> float:
     unit = matrix / size[:, :, None] / size[:, None, :] + 1e-9 * np.eye(WRENCH)
     scaled: Array = score / size
     gain = np.einsum("si,si->s", scaled, np.linalg.solve(unit, scaled[..., None])[..., 0])
-    noise = float((cost - gain).sum()) / (len(cost) * (normal.freedom - WRENCH))
-    return float(gain.sum() / noise - WRENCH * len(cost)) / (normal.freedom * len(cost))
+    freedom = float(normal.freedoms[kept].sum())
+    noise = float((cost - gain).sum()) / (freedom - WRENCH * len(cost))
+    return float(gain.sum() / noise - WRENCH * len(cost)) / freedom
 
 
 @dataclass(frozen=True)

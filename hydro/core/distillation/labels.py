@@ -33,7 +33,7 @@ from hydro.core.compiled import jit
 from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
 from hydro.core.errors import DataError
-from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design, estimate, gains, smooth
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
@@ -76,6 +76,7 @@ def labels(
             the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue.
     """
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
+    require_samples(raw, (*POSE, *VELOCITY))
     bounds = segments(raw)
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)

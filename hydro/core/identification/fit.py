@@ -36,6 +36,7 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.recording.filling import unseen
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
@@ -182,7 +183,8 @@ def fit(
     progress("done", 1.0)
     found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    warnings = (*(fault.message for fault in log.faults), *reduced, *found.warnings)
+    blind = unseen(record.seen)
+    warnings = (*blind, *(fault.message for fault in log.faults), *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
 
 
@@ -213,7 +215,8 @@ class OutputError:
         Where a shot ends far from what that problem expects, less of the way is tried, and none.
         """
         shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
-        shift = np.clip(shift, -FARTHEST * multiple_shooting.TRUST, FARTHEST * multiple_shooting.TRUST)
+        farthest = FARTHEST * self.shots.trust
+        shift = np.clip(shift, -farthest, farthest)
         first = multiple_shooting.displaced(self.shots.first, shift)
         prepared, reached = (
             multiple_shooting.prepare(candidate(vehicle), self.shots),
@@ -233,8 +236,7 @@ class OutputError:
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
         """Noise of each channel as what is left in it: what the model does not explain weighs less."""
-        rms = np.sqrt(normal.channels.sum(axis=0) / (normal.residuals / multiple_shooting.CHANNELS))
-        sigma = np.maximum(self.shots.sigma * rms, LEAST_SIGMA)
+        sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
         if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
             return self, False
         return self.weighed(sigma), True

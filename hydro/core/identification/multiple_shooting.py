@@ -35,6 +35,7 @@ SHOT_SECONDS = 2.0
 CHANNELS = 12  # position, attitude, velocity, rates: three each
 NUDGE = np.full(CHANNELS, 1e-3)  # of the initial state, for its derivatives [m, rad, m/s, rad/s]
 TRUST = np.repeat([0.1, 0.1, 0.3, 0.3], 3)  # of the initial state at sight [m, rad, m/s, rad/s]
+UNSEEN_TRUST = 5.0  # times that, of what no sample of the shot shows
 UNKNOWN = 0.5  # s, after a gap, in which thrusters still obey commands that it swallowed
 LONGEST_STEP = 0.02  # s; the classical Runge-Kutta method is good to 1e-6 there on a vehicle's time scales
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
@@ -110,6 +111,7 @@ class Shots:
         eta: Smoothed pose and
         nu: velocity of the whole recording, (N, 6) each.
         share: Of all shots that the recording has room for.
+        seen: Which of the measured values are samples, (S, length, 12); None where all are.
     """
 
     record: Recording
@@ -123,11 +125,23 @@ class Shots:
     eta: Array
     nu: Array
     share: float = 1.0
+    seen: NDArray[np.bool_] | None = None
 
     @property
     def residuals(self) -> int:
-        """Numbers compared in one shot."""
+        """Numbers compared in one shot where all channels have a sample in every row."""
         return (self.length - self.lead) * CHANNELS
+
+    @property
+    def trust(self) -> Array:
+        """How well the initial state is known at sight, (12,) or (S, 12): less of what is not seen."""
+        if self.seen is None:
+            return TRUST
+        return np.asarray(TRUST * np.where(self.seen.any(axis=1), 1.0, UNSEEN_TRUST))
+
+    def weights(self, part: slice) -> NDArray[np.bool_] | None:
+        """Which numbers of some shots count, (s, length - lead, 12); None where all do."""
+        return None if self.seen is None else self.seen[part, self.lead :]
 
     def places(self, part: slice) -> Places:
         """Where some of the shots lie."""
@@ -196,6 +210,7 @@ def make_shots(
         eta=eta,
         nu=nu,
         share=len(kept) / room,
+        seen=None if record.seen is None else record.seen[rows],
     )
 
 
@@ -223,7 +238,7 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 def select(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
     """The shots that a mask (S,) keeps."""
-    parts = ("starts", "segment", "first", "measured")
+    parts = ("starts", "segment", "first", "measured", *(() if shots.seen is None else ("seen",)))
     return replace(shots, **{name: getattr(shots, name)[kept] for name in parts})
 
 
@@ -301,10 +316,13 @@ def residuals(
     """Measured less predicted in standard deviations of the noise, (s, length - lead, 12).
 
     The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
+    Where nothing was measured it is 0.
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
     deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
+    if (counted := shots.weights(part)) is not None:
+        out[~counted] = 0.0
     return out
 
 

@@ -29,16 +29,18 @@ class Normal:
     Attributes:
         gram: [X, e]^T [X, e] of each piece, (S, P + 1, P + 1); infinite in the corner where a prediction has
             left all bounds.
-        freedom: Independent residuals in one piece.
+        freedom: Independent residuals in one piece, or in each, (S,).
         channels: Sum of squares of each measured channel's residual, (S, C).
         follow: What the eliminated unknowns of a piece take of each column and of the residual,
             (S, Q, P + 1); Q may be 0.
+        compared: Samples of each channel in all pieces, (C,); None where all have as many.
     """
 
     gram: Array
-    freedom: int
+    freedom: int | Array
     channels: Array
     follow: Array
+    compared: Array | None = None
 
     @property
     def matrix(self) -> Array:
@@ -68,9 +70,23 @@ class Normal:
         return left
 
     @property
-    def residuals(self) -> int:
+    def residuals(self) -> float:
         """Independent residuals in all."""
-        return self.freedom * len(self.gram)
+        return float(self.freedoms.sum())
+
+    @property
+    def freedoms(self) -> Array:
+        """Independent residuals in each piece, (S,)."""
+        return np.broadcast_to(np.asarray(self.freedom, float), len(self.gram))
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square residual of each channel, (C,); 1 of one without a sample."""
+        squares, count = self.channels.sum(axis=0), self.channels.shape[1]
+        if self.compared is None:
+            return np.asarray(np.sqrt(squares / (self.residuals / count)))
+        each = self.compared * (self.residuals / self.compared.sum())
+        return np.sqrt(np.where(each > 0.0, squares, 1.0) / np.where(each > 0.0, each, 1.0))
 
     @property
     def lost(self) -> NDArray[np.bool_]:
@@ -81,7 +97,7 @@ class Normal:
     def chi2(self) -> float:
         """Mean square of the residuals within bounds: 1 where the model is true and the noise is known."""
         within = self.gram[~self.lost, -1, -1]
-        return float(within.mean()) / self.freedom if within.size else 1.0
+        return float(within.mean()) / float(self.freedoms[~self.lost].mean()) if within.size else 1.0
 
 
 def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
@@ -90,17 +106,33 @@ def eliminate(gram: Array, first: int, known: Array) -> tuple[Array, Array]:
     Args:
         gram: (S, first + P + 1, first + P + 1).
         first: Number of unknowns Z that each piece has of its own.
-        known: Information that these have from elsewhere, (first,): it keeps those that a piece says
-            nothing of where they are.
+        known: Information that these have from elsewhere, (first,) or (S, first): it keeps those that a
+            piece says nothing of where they are.
 
     Returns:
         What is left, (S, P + 1, P + 1), and what the unknowns take of [X, e], (S, first, P + 1).
     """
-    own, mixed = gram[:, :first, :first] + np.diag(known), gram[:, :first, first:]
+    own, mixed = gram[:, :first, :first] + known[..., None] * np.eye(first), gram[:, :first, first:]
     size = np.sqrt(np.einsum("sii->si", own))
     unit = own / (size[:, :, None] * size[:, None, :])
     follow = np.linalg.solve(unit, mixed / size[:, :, None]) / size[:, :, None]
     return gram[:, first:, first:] - mixed.transpose(0, 2, 1) @ follow, follow
+
+
+def taken(gram: Array, first: int, known: Array) -> Array:
+    """How many independent residuals the first unknowns take of each piece, (S,): `first` if it shows all.
+
+    Args:
+        gram: As for `eliminate`.
+        first: Number of unknowns.
+        known: Information that these have from elsewhere, (S, first).
+    """
+    own = gram[:, :first, :first]
+    size = 1.0 / np.sqrt(np.einsum("sii->si", own) + known)
+    unit = own * size[:, :, None] * size[:, None, :]
+    whole = unit + (known * size**2)[..., None] * np.eye(first)
+    count: Array = np.einsum("sii->s", np.linalg.solve(whole, unit))
+    return count
 
 
 def bounded_step(matrix: Array, score: Array, low: Array, high: Array) -> Array:

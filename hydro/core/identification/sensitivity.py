@@ -24,12 +24,11 @@ from hydro.core.identification.multiple_shooting import (
     CHANNELS,
     ENDLESS,
     SHOTS_TOGETHER,
-    TRUST,
     Answers,
     Prepared,
     Shots,
 )
-from hydro.core.identification.normal_equations import Normal, eliminate
+from hydro.core.identification.normal_equations import Normal, eliminate, taken
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
 from hydro.core.vehicle.thrusters import same_states
@@ -90,6 +89,8 @@ def linearise(
     gram = np.empty((pieces, count + 1, count + 1))
     follow = np.empty((pieces, CHANNELS, count + 1))
     channels = np.zeros((pieces, CHANNELS))
+    known = np.broadcast_to(shots.trust**-2, (pieces, CHANNELS))
+    used = np.full(pieces, float(CHANNELS))
     logged = [i for i, other in enumerate(moved) if _same_motion(base, other)]
     varied = _varied(near, logged)
     rest = [i for i in range(count) if i not in logged and i not in varied.of]
@@ -111,20 +112,28 @@ def linearise(
                 columns[..., -1],
             )
             _again(near, rest, shots, part, columns[..., done + len(logged) :])
+        if (counted := shots.weights(part)) is not None:
+            columns[~counted] = 0.0
         flat = columns.reshape(len(states), shots.residuals, CHANNELS + count + 1)
         tame = np.abs(flat) < ENDLESS
         lost = ~tame[..., -1].all(axis=1)
         flat[~tame.all(axis=(1, 2)), :, :-1] = 0.0  # at the brink: no derivative to be had
         flat[lost] = 0.0
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]
-        gram[part], follow[part] = eliminate(whole, CHANNELS, TRUST**-2)
+        gram[part], follow[part] = eliminate(whole, CHANNELS, known[part])
+        if counted is not None:
+            used[part] = taken(whole, CHANNELS, known[part])
         gram[part][lost, -1, -1] = np.inf
         left = flat[..., -1] - np.einsum("srz,sz->sr", flat[..., :CHANNELS], follow[part][..., -1])
         channels[part] = (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(work, range(0, pieces, SHOTS_TOGETHER)))
-    return Normal(gram, shots.residuals - CHANNELS, channels, follow)
+    if shots.seen is None:
+        return Normal(gram, shots.residuals - CHANNELS, channels, follow)
+    compared = shots.seen[:, shots.lead :].sum(axis=1)
+    freedom = np.maximum(compared.sum(axis=1) - used, 1.0)
+    return Normal(gram, freedom, channels, follow, compared.sum(axis=0))
 
 
 def _same_motion(base: Prepared, other: Prepared) -> bool:

@@ -9,11 +9,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import MOTION, Array, command_column, command_columns
+from hydro.core.columns import MOTION, Array, Mask, command_column, command_columns
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, command, measured
+from hydro.core.logs.logmap import Attitude, LogMap, Position, Rates, Velocity, command, measured
 from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
@@ -51,16 +51,27 @@ class Imported:
     clipped: dict[str, int]
 
 
-def raw_table(logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None) -> Imported:
+ROUNDED = 1e-6  # of a sample time
+SLOWER = 1.5
+"""A channel whose samples come so many rows apart, or more, has nothing in the rows between."""
+
+
+def raw_table(
+    logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = None, *, fill: bool = False
+) -> Imported:
     """Resample a log and turn it into the frames and units of a raw table.
 
     Pose and velocity are interpolated along straight lines, each channel between its own samples; commands
-    are held.  No row stands where a channel is silent for longer than its longest step.
+    are held.  No row stands where a channel is silent for longer than its longest step.  Of a sensor that is
+    slower than the rows only those nearest to its samples have a value, moved there along its line: the
+    others are null.
 
     Args:
         logs: The sessions of the log.
         meaning: What its columns mean.
-        rate: Rows per second [Hz]; by default the median of the channels' own rates.
+        rate: Rows per second [Hz]; by default the median of the channels' own rates, or the fastest of them
+            where it is plainly faster; with `fill` the median in any case.
+        fill: Values in every row, on the lines between samples.
 
     Raises:
         DataError: A column has no numbers, no session has all channels at one time, or a command is no share
@@ -68,7 +79,11 @@ def raw_table(logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = 
     """
     channels = [_channels(log, meaning) for log in logs]
     _check_filled(channels, meaning)
-    dt = 1.0 / rate if rate is not None else sample_time([each for given in channels for each in given])
+    every = [each for given in channels for each in given]
+    dt = 1.0 / rate if rate is not None else sample_time(every)
+    fastest = min(every, key=lambda each: each.step)
+    if rate is None and not fill and fastest.step * SLOWER <= dt:
+        dt = sample_time([fastest])
     shared = [_shared(log, given, meaning) for log, given in zip(logs, channels, strict=True)]
     times = [rows(stretches, dt) for stretches in shared]
     full = [(log, t) for log, t in zip(logs, times, strict=True) if len(t)]
@@ -77,7 +92,7 @@ def raw_table(logs: Sequence[SessionLog], meaning: LogMap, rate: float | None = 
             "in no session do all columns have values at the same time; compare the times at which each "
             "column begins and ends, or raise time.longest_step"
         )
-    parts = [_part(log, t, meaning, dt) for log, t in full]
+    parts = [_part(log, t, meaning, dt, fill) for log, t in full]
     clipped = np.sum([beyond for _, beyond in parts], axis=0)
     return Imported(
         frame=pl.concat([part for part, _ in parts]),
@@ -114,7 +129,9 @@ def _shared(log: SessionLog, channels: Sequence[Channel], meaning: LogMap) -> Ar
     return common(stretches)
 
 
-def _part(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> tuple[pl.DataFrame, NDArray[np.int64]]:
+def _part(
+    log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool
+) -> tuple[pl.DataFrame, NDArray[np.int64]]:
     """The rows of one session, and how many commands of each thruster were clipped."""
     R = conventions.attitude(log, meaning.attitude, t)
     numbers = np.hstack(
@@ -128,8 +145,37 @@ def _part(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> tuple[pl.Dat
     drive, beyond = conventions.commands(log, meaning.commands, t, dt)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
     drives = pl.DataFrame(drive, schema=command_columns(drive.shape[1]))
-    wide = [pl.DataFrame(numbers, schema=[*MOTION]), drives]
+    motion = pl.DataFrame(numbers, schema=[*MOTION])
+    if not fill:
+        seen = zip(MOTION, _sampled(log, t, meaning, dt).T, strict=True)
+        motion = motion.with_columns(
+            pl.when(pl.Series(there)).then(name).alias(name) for name, there in seen if not there.all()
+        )
+    wide = [motion, drives]
     return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
+
+
+def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
+    """In which rows the sensors behind each column of pose and velocity gave a sample, (N, 12)."""
+
+    def of(block: Position | Attitude | Velocity | Rates) -> list[Mask]:
+        return [_nearest(log.channel(source), t, dt) for source in measured(block)]
+
+    place, whole = of(meaning.position), [of(meaning.attitude), of(meaning.velocity), of(meaning.rates)]
+    level, down = place[0] & place[1], place[2]
+    parts = [np.logical_and.reduce(each) for each in whole]
+    return np.stack([level, level, down, *(part for part in parts for _ in range(3))], axis=1)
+
+
+def _nearest(each: Channel, t: Array, dt: float) -> Mask:
+    """The rows at times t (N,) that are nearest to a sample; all, of a channel as fast as they."""
+    if not each.step >= SLOWER * dt:
+        return np.ones(len(t), bool)
+    row = np.clip(np.searchsorted(t, each.t - 0.5 * dt), 0, len(t) - 1)
+    near = np.abs(t[row] - each.t) <= (0.5 + ROUNDED) * dt
+    out = np.zeros(len(t), bool)
+    out[row[near]] = True
+    return out
 
 
 def _gaps(session: str, t: Array, dt: float) -> list[Gap]:

@@ -10,8 +10,9 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from hydro.core.columns import POSE, VELOCITY, Array, Rows, checked_commands
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows, checked_commands
 from hydro.core.errors import DataError
+from hydro.core.recording.filling import filled, steady
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
@@ -19,14 +20,25 @@ from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_eul
 CUBIC_REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
 LEAST_NOISE = 1e-4
+LEAST_SAMPLES = 5
+UNSEEN = np.repeat([0.1, 0.1, 0.3, 0.3], 3)
+"""What counts as noise of a channel without samples [m, rad, m/s, rad/s]; no likelihood has a term of it."""
 STRAIGHT = 0.02
 """Bend of a row, over the root mean square of all, below which three rows lie on a straight line."""
-DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated
+DRAWN_ROWS = 0.4  # share of such rows from which a channel is one that was interpolated,
+LEAST_CORNERS = 12  # if its lines meet so often at least,
+CORNER_ROWS = 2  # in so few rows,
+UNSTEADY = 0.25  # and at a pace steady to this share, or without any bend between,
+MOST = 0.8  # at this share of corners, or of rows between them
+ROUNDING = 4.0 * float(np.finfo(np.float32).eps)
+"""Bend of a straight line, over the channel's greatest value, that rounding of the table explains."""
 
 
 @dataclass(frozen=True)
 class Recording:
     """A raw table in float64.
+
+    Where a sensor gave nothing, eta and nu are filled: to begin from, not to compare with.
 
     Attributes:
         t: Times as logged [s], (N,); they rise within a segment only.
@@ -37,6 +49,7 @@ class Recording:
         after_gap: Which segments go on with a session after a gap, (S,).
         session: Number of each segment's session, (S,).
         dt: Sample time [s].
+        seen: Which values of pose and velocity are samples, (N, 12); None where all are.
     """
 
     t: Array
@@ -47,6 +60,7 @@ class Recording:
     after_gap: NDArray[np.bool_]
     session: Rows
     dt: float
+    seen: Mask | None = None
 
     @property
     def rows(self) -> int:
@@ -67,10 +81,16 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
     if missing:
         raise DataError(f"the log has no column {missing[0]}; a raw table needs {', '.join(needed)}")
     numbers = np.ascontiguousarray(raw.select(needed[1:]).to_numpy().astype(np.float64))
-    if not np.isfinite(numbers).all():
-        row, column = np.argwhere(~np.isfinite(numbers))[0]
+    seen = _samples(raw)
+    wrong = ~np.isfinite(numbers)
+    if seen is not None:
+        wrong[:, 1:13] &= seen
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
         raise DataError(f"{needed[1 + column]} is not finite in row {row}; see `hydro check`")
     bounds = segments(raw)
+    if seen is not None:
+        numbers[:, 1:13] = filled(numbers[:, 1:13], bounds, sample_time(raw))
     after_gap = resumes(raw, bounds)
     return Recording(
         t=np.ascontiguousarray(numbers[:, 0]),
@@ -81,7 +101,16 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
         after_gap=after_gap,
         session=np.cumsum(~after_gap, dtype=np.int64) - 1,
         dt=sample_time(raw),
+        seen=seen,
     )
+
+
+def _samples(raw: pl.DataFrame) -> Mask | None:
+    """Which values of pose and velocity are there, (N, 12); None where all are."""
+    motion = raw.select(*POSE, *VELOCITY)
+    if not sum(motion.null_count().row(0)):
+        return None
+    return np.ascontiguousarray(motion.select(pl.all().is_not_null()).to_numpy())
 
 
 def smoothed(record: Recording) -> tuple[Array, Array]:
@@ -98,20 +127,12 @@ def smoothed(record: Recording) -> tuple[Array, Array]:
     for start, stop in record.segments:
         width = min(widest, (stop - start - 1) // 2 * 2 + 1)
         if width >= 5:
-            quaternion = _steady(quaternion_from_euler(*eta[start:stop, 3:].T))
+            quaternion = steady(quaternion_from_euler(*eta[start:stop, 3:].T))
             calm = savgol_filter(np.hstack([eta[start:stop, :3], quaternion]), width, 3, axis=0)
             eta[start:stop, :3] = calm[:, :3]
             eta[start:stop, 3:] = euler_from_quaternion(calm[:, 3:])
             nu[start:stop] = savgol_filter(nu[start:stop], width, 3, axis=0)
     return eta, nu
-
-
-def _steady(quaternion: Array) -> Array:
-    """The same rotations (N, 4) without the sign of the quaternion jumping from row to row."""
-    turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
-    steady = quaternion.copy()
-    steady[1:][np.cumsum(turned) % 2 == 1] *= -1.0
-    return steady
 
 
 def noise(record: Recording) -> Array:
@@ -120,12 +141,18 @@ def noise(record: Recording) -> Array:
     From fourth differences, in which motion all but cancels and white noise of variance s^2 has 70 s^2; by
     their median size, so that a few jumps of a log do not count.  A channel that was drawn in straight lines
     between the samples of a slower sensor is judged by rows as far apart as those.  Never below 1e-4 (m, rad,
-    m/s, rad/s), where a simulated log carries no noise at all.
+    m/s, rad/s), where a simulated log carries no noise at all.  Of a channel with nulls its samples alone are
+    looked at; one with fewer than five in every segment counts as UNSEEN.
 
     Raises:
         DataError: No segment has five rows.
     """
-    found = np.array([_noise(parts) for parts in channels(record)])
+    if record.seen is None:
+        found = np.array([_noise(parts) for parts in channels(record)])
+    else:
+        enough = (max(map(len, parts)) >= LEAST_SAMPLES for parts in samples(record))
+        each = zip(samples(record), enough, UNSEEN, strict=True)
+        found = np.array([_noise(parts) if known else size for parts, known, size in each])
     sigma: Array = np.maximum(found, LEAST_NOISE)
     return sigma
 
@@ -133,8 +160,11 @@ def noise(record: Recording) -> Array:
 def drawn(record: Recording, of: slice = slice(None)) -> bool:
     """Whether any of these channels was drawn in straight lines between the samples of a slower sensor.
 
-    Its noise is not white from row to row, however well its size is known.
+    Its noise is not white from row to row, however well its size is known; nor is it where rows without a
+    sample were filled.
     """
+    if record.seen is not None and not record.seen[:, of].all():
+        return True
     return any(_apart(parts) > 1 for parts in list(channels(record))[of])
 
 
@@ -147,13 +177,35 @@ def channels(record: Recording) -> Iterator[list[Array]]:
         yield [column[start:stop] for start, stop in record.segments]
 
 
+def samples(record: Recording) -> Iterator[list[Array]]:
+    """Each channel's samples segment by segment, without what was filled."""
+    for i, parts in enumerate(channels(record)):
+        if record.seen is None:
+            yield parts
+        else:
+            bounds = zip(parts, record.segments, strict=True)
+            yield [part[record.seen[start:stop, i]] for part, (start, stop) in bounds]
+
+
 def _apart(parts: Sequence[Array]) -> int:
-    """Rows from one sample of a channel to the next; 1 where every row is one."""
+    """Rows from one sample of a channel to the next; 1 where every row is one.
+
+    Lines between samples bend at these alone, a row or two long, and either at a steady pace or not at all
+    between.  Smooth motion bends for many rows on end; and where thrusts without lag jump, which bend a
+    velocity for one row, it goes on along a curve, at no steady pace.
+    """
     bends = np.concatenate([np.diff(part, 2) for part in parts])
     bent = np.abs(bends) >= STRAIGHT * np.sqrt(np.mean(bends**2)) if bends.size else np.ones(0, bool)
     corners = int(np.count_nonzero(bent[1:] & ~bent[:-1]))  # one at each sample of the slower sensor
-    slower = corners > 0 and float(np.mean(bent)) <= 1.0 - DRAWN_ROWS
-    return round(len(bent) / corners) if slower else 1
+    if corners < LEAST_CORNERS or float(np.mean(bent)) > 1.0 - DRAWN_ROWS:
+        return 1
+    begin, end = np.flatnonzero(np.diff(bent, prepend=False, append=False)).reshape(-1, 2).T
+    short = float(np.mean(end - begin <= CORNER_ROWS))
+    steps = np.diff(begin)
+    steady = float(np.mean(np.abs(steps - np.median(steps)) <= np.maximum(1.0, UNSTEADY * np.median(steps))))
+    size = ROUNDING * max(float(np.abs(part).max()) for part in parts if part.size)
+    exact = float(np.mean(np.abs(bends[~bent]) <= size))
+    return round(len(bent) / corners) if short >= MOST and max(steady, exact) >= MOST else 1
 
 
 def _noise(parts: Sequence[Array]) -> float:

@@ -6,6 +6,8 @@ time by 1 %.  Filters, lags and differences never reach across the end of a segm
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -60,6 +62,25 @@ def resumes(frame: pl.DataFrame, bounds: Rows) -> NDArray[np.bool_]:
     first, before = bounds[:, 0], np.maximum(bounds[:, 0] - 1, 0)
     same = (names.gather(first) == names.gather(before)).to_numpy()
     return np.asarray(same & (first > 0))
+
+
+def require_samples(raw: pl.DataFrame, columns: Sequence[str]) -> None:
+    """Refuse a raw table in which a sensor gave nothing in some rows.
+
+    Args:
+        raw: Raw table.
+        columns: Those of its columns that must have a sample in every row.
+
+    Raises:
+        DataError: One of them has nulls.
+    """
+    rare = [name for name in columns if name in raw.columns and raw[name].null_count()]
+    if rare:
+        counts = ", ".join(f"{name} {raw.height - raw[name].null_count():,}" for name in rare)
+        raise DataError(
+            f"this needs the whole motion in every row, but of {raw.height:,} rows samples are in: {counts}; "
+            "import the log with `hydro import --fill`, which draws lines between them"
+        )
 
 
 def gaps(frame: pl.DataFrame) -> str:

@@ -117,6 +117,8 @@ def faults(record: Recording) -> Faults:
             found.marks[start:stop, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
         found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
     found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
+    if record.seen is not None:
+        found = Faults(found.jumps & record.seen, found.marks & record.seen, found.stills & record.seen)
     return found
 
 
@@ -170,6 +172,8 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
     """The table without faulty readings: short ones on a straight line, rows under long ones left out.
 
+    Where some rows have no sample anyway, a faulty one is none either.
+
     Args:
         raw: Raw table.
         record: The same as arrays.
@@ -178,6 +182,9 @@ def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
     bad, most = found.all, max(int(BRIDGED / record.dt), 1)
     if not bad.any():
         return raw
+    if record.seen is not None:
+        sound = {name: pl.Series(~bad[:, i]) for i, name in enumerate(CHANNELS)}
+        return raw.with_columns(pl.when(kept).then(pl.col(name)).alias(name) for name, kept in sound.items())
     left_out, columns = np.zeros(record.rows, bool), {}
     parts = list(channels(record))
     for i in np.flatnonzero(bad.any(axis=0)):

@@ -17,7 +17,7 @@ from hydro.core.columns import POSE, VELOCITY, Array, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.errors import DataError
-from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat, settle
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.vehicle.description import Vehicle
@@ -55,6 +55,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
             f"commands: has {', '.join(known)} but not all of pose and velocity; give all of them or none"
         )
     bounds, dt = segments(commands), sample_time(commands)
+    require_samples(commands[bounds[:, 0]], known)
     after_gap = resumes(commands, bounds)
     if after_gap.any() and not known:
         at = int(bounds[int(after_gap.argmax()), 0])

@@ -62,8 +62,8 @@ def test_another_rate_and_jitter_cost_no_more_than_straight_lines_between_sample
     )
 
 
-def test_sensors_of_different_rates_share_a_table_with_empty_cells():
-    raw = logs.raw(20.0, 50.0)
+def of_different_rates(raw):
+    """Its log with velocity at 5, position at 25 and commands at 2 Hz, and the map."""
     log, spec = logs.written(raw, logs.Convention())
     rows = pl.int_range(pl.len())
     log = log.with_columns(
@@ -71,7 +71,60 @@ def test_sensors_of_different_rates_share_a_table_with_empty_cells():
         *(pl.when(rows % 25 == 0).then(pl.col(name)).alias(name) for name in ("s1", "s2")),
         *(pl.when(rows % 2 == 1).then(pl.col(name)).alias(name) for name in ("east", "north", "up")),
     ).with_columns(pl.col(pl.Float64).fill_null(np.nan))
+    return log, spec
+
+
+def test_rows_between_the_samples_of_a_slower_sensor_are_null():
+    raw = logs.raw(20.0, 50.0)
+    log, spec = of_different_rates(raw)
     found = raw_table([session(log)], meaning(spec))
+    assert found.frame.height > 980
+    at = np.rint(found.frame["t"].to_numpy() * 50).astype(int)
+    for names, there in (("xyz", at % 2 == 1), ("uvw", at % 10 == 3), ("pqr", at >= 0)):
+        for name in names:
+            np.testing.assert_array_equal(found.frame[name].is_not_null(), there)
+            np.testing.assert_allclose(
+                found.frame[name].to_numpy()[there], raw[name].to_numpy()[at[there]], atol=1e-9
+            )
+    filled = raw_table([session(log)], meaning(spec), fill=True).frame
+    assert not sum(filled.null_count().row(0))
+    assert filled.with_columns(
+        pl.when(found.frame[name].is_not_null()).then(name).alias(name) for name in "xyzuvw"
+    ).equals(found.frame)
+
+
+def test_rows_come_as_fast_as_the_fastest_sensor_and_a_sample_goes_to_the_nearest():
+    """Rates of turn at 50 Hz alone; position on a clock of its own."""
+    t = np.arange(0.0, 20.0, 0.004)
+    motion = pl.DataFrame(dict(zip(logs.NAMES, logs.motion(t).T, strict=True)))
+    raw = pl.concat([pl.DataFrame({"t": t}), motion], how="horizontal")
+    raw = raw.with_columns(session=pl.lit("dive"), cmd_1=0.25, cmd_2=-0.5)
+    log, spec = logs.written(raw, logs.Convention())
+    row = np.arange(len(t))
+    own = {("g1", "g2", "g3"): row % 5 == 0, ("east", "north", "up"): row % 25 == 7}
+    other = row % 50 == 0
+    rare = {name: there for names, there in own.items() for name in names}
+    log = log.with_columns(
+        pl.when(pl.Series(rare.get(name, other))).then(name).otherwise(np.nan).alias(name)
+        for name in log.columns
+        if log[name].dtype == pl.Float64 and name not in ("clock", "s1", "s2")
+    )
+    found = raw_table([session(log)], meaning(spec))
+    assert found.dt == pytest.approx(0.02)
+    assert raw_table([session(log)], meaning(spec), fill=True).dt == pytest.approx(0.1)
+    at = found.frame["t"].to_numpy()
+    seen = found.frame["x"].is_not_null().to_numpy()
+    samples = t[row % 25 == 7]
+    samples = samples[(samples > at[0] - 1e-6) & (samples < at[-1] + 1e-6)]
+    np.testing.assert_allclose(at[seen], at[0] + np.rint((samples - at[0]) / 0.02) * 0.02, atol=1e-9)
+    true = logs.motion(at[seen])[:, :3]
+    np.testing.assert_allclose(found.frame.select("x", "y", "z").to_numpy()[seen], true, atol=1e-3)
+
+
+def test_sensors_of_different_rates_share_a_table_with_empty_cells():
+    raw = logs.raw(20.0, 50.0)
+    log, spec = of_different_rates(raw)
+    found = raw_table([session(log)], meaning(spec), fill=True)
     assert found.dt == 1 / 50, "position and velocity are slower than attitude and rates: the rate of most"
     assert not found.gaps
     at = found.frame["t"].to_numpy()

@@ -1,0 +1,117 @@
+"""A whole motion where sensors gave samples of a part of it: a place to begin from, no measurement.
+
+Lines between the samples of a channel; a velocity that was never measured from the slope of the pose, and a
+position that was never measured from the sum of the velocities.  What neither shows stands still.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
+from hydro.core.errors import DataError
+from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
+
+SLOPE_SECONDS = 0.5
+"""Length of the cubic whose slope is a velocity."""
+ANGLES = slice(3, 6)
+POSES = 6
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+
+def filled(motion: Array, bounds: Rows, dt: float) -> Array:
+    """Pose and velocity without NaN, (N, 12); what was measured stays as it is.
+
+    Args:
+        motion: Pose and velocity, NaN where there is no sample, (N, 12) [m, rad, m/s, rad/s].
+        bounds: Segments [start, stop), (S, 2).
+        dt: Sample time [s].
+
+    Raises:
+        DataError: A segment has no sample of an angle.
+    """
+    out = motion.copy()
+    for start, stop in bounds:
+        part = out[start:stop]
+        seen = np.isfinite(part)
+        for i in np.flatnonzero(seen.any(axis=0)):
+            _draw_lines(part[:, i], seen[:, i], turns=bool(ANGLES.start <= i < ANGLES.stop))
+        if not seen[:, ANGLES].any(axis=0).all():
+            name = POSE[ANGLES][int(np.argmin(seen[:, ANGLES].any(axis=0)))]
+            raise DataError(
+                f"rows {start} to {stop - 1} have no sample of {name}, and forces act along the vehicle's "
+                "own axes: leave the rows out, or log its attitude too"
+            )
+        _derive(part, np.asarray(~seen.any(axis=0)), dt)
+    return out
+
+
+def unseen(seen: Mask | None) -> tuple[str, ...]:
+    """What a recording with samples `seen` (N, 12) cannot show, by axis, one line each."""
+    if seen is None:
+        return ()
+    never = np.asarray(~seen.any(axis=0))
+    lines = [
+        f"{axis} is not measured, neither as position nor as velocity: nothing that acts along it is shown"
+        for i, axis in enumerate(AXES)
+        if never[i] and never[POSES + i]
+    ]
+    names = np.array([*POSE, *VELOCITY])
+    for part, rest in ((slice(3), "velocity"), (slice(6, 9), "position"), (slice(9, 12), "attitude")):
+        if never[part].any():
+            rare = ", ".join(names[part][never[part]])
+            lines.append(f"no samples of {rare}: what would show there is known by {rest} alone")
+    return tuple(lines)
+
+
+def _draw_lines(values: Array, seen: Mask, turns: bool) -> None:
+    """Fill one channel between its samples, in place."""
+    if seen.all():
+        return
+    rows, samples = np.arange(len(values)), values[seen]
+    lines = np.interp(rows[~seen], rows[seen], np.unwrap(samples) if turns else samples)
+    values[~seen] = wrapped(lines) if turns else lines
+
+
+def _derive(part: Array, never: Mask, dt: float) -> None:
+    """Fill the channels of one segment that have no sample at all from the others, in place."""
+    R = rotation(*part[:, ANGLES].T)
+    if never[9:].any():
+        attitude = steady(quaternion_from_euler(*part[:, ANGLES].T))
+        rates = _rates(attitude, _slope(attitude, dt))
+        part[:, 9:][:, never[9:]] = rates[:, never[9:]]
+    if never[6:9].any():
+        moving = np.zeros((len(part), 3))
+        moving[:, ~never[:3]] = _slope(part[:, :3][:, ~never[:3]], dt)
+        along = np.einsum("kji,kj->ki", R, moving)
+        part[:, 6:9][:, never[6:9]] = along[:, never[6:9]]
+    if never[:3].any():
+        moving = np.einsum("kij,kj->ki", R, part[:, 6:9])
+        path = np.zeros((len(part), 3))
+        path[1:] = np.cumsum(0.5 * dt * (moving[1:] + moving[:-1]), axis=0)
+        part[:, :3][:, never[:3]] = path[:, never[:3]]
+
+
+def _slope(values: Array, dt: float) -> Array:
+    """Derivative of (n, k) along its rows, through local cubics."""
+    width = min(2 * round(0.5 * SLOPE_SECONDS / dt) + 1, (len(values) - 1) // 2 * 2 + 1)
+    if width < 5:
+        return np.zeros_like(values)
+    slope: Array = savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
+    return slope
+
+
+def _rates(quaternion: Array, turning: Array) -> Array:
+    """Rates of turn about the body's axes, twice the vector part of q^* dq/dt, (n, 3) [rad/s]."""
+    w, v, dw, dv = quaternion[:, :1], quaternion[:, 1:], turning[:, :1], turning[:, 1:]
+    rates: Array = 2.0 * (w * dv - dw * v - np.cross(v, dv))
+    return rates
+
+
+def steady(quaternion: Array) -> Array:
+    """The same rotations (N, 4) without the sign of the quaternion jumping from row to row."""
+    turned = np.einsum("ki,ki->k", quaternion[1:], quaternion[:-1]) < 0.0
+    out = quaternion.copy()
+    out[1:][np.cumsum(turned) % 2 == 1] *= -1.0
+    return out
