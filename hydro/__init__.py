@@ -20,27 +20,9 @@ from __future__ import annotations
 from typing import Any
 
 from hydro import _moved
-from hydro.api import (
-    add,
-    compare,
-    diagnose,
-    evaluate,
-    explain,
-    features,
-    fit,
-    import_log,
-    labels,
-    read,
-    read_model,
-    replay,
-    simulate,
-    split,
-    train,
-    vehicle,
-    write,
-    write_model,
-    write_vehicle,
-)
+from hydro.api.files import import_log, read, read_model, vehicle, write, write_model, write_vehicle
+from hydro.api.networks import evaluate, features, labels, replay, split, train
+from hydro.api.physics import add, compare, diagnose, explain, fit, simulate
 
 __all__ = [
     "add",

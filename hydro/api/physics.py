@@ -1,0 +1,193 @@
+"""A vehicle moved, fitted, held against a recording, and told what it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from hydro.api.order import Progress, vehicle_first
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.core.diagnosis.explain import Step
+    from hydro.core.identification.fit import Fit
+    from hydro.core.vehicle.description import Vehicle
+
+
+@vehicle_first
+def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
+    """Move a vehicle by commands, with every effect of its file.
+
+    Args:
+        vehicle: the vehicle.
+        commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
+            session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
+
+    Returns:
+        The raw table of what it would have logged, without noise.
+
+    Raises:
+        hydro.core.errors.DataError: the commands do not fit the vehicle, or the motion diverges.
+    """
+    from hydro.core.simulation.simulate import simulate as move
+    from hydro.io.table import conform
+
+    return conform("raw", move(vehicle, commands))
+
+
+@vehicle_first
+def fit(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    *,
+    method: Literal["output", "equation"] = "output",
+    noise: Sequence[float] | None = None,
+    shots: int = 1000,
+    progress: Progress | None = None,
+) -> Fit:
+    """Estimate the parameters of named effects from a recording, with standard errors.
+
+    Args:
+        vehicle: the vehicle; effects that it has start from their values, others from zero.
+        raw: raw table.
+        effects: names in the catalogue, see `hydro effects`: `linear_damping`, or `linear_damping.matrix`
+            where there are several forms; or tables with values to start from.
+        method: output error over shots of two seconds, or equation error along the smoothed motion, which is
+            quicker and biased by noise.
+        noise: standard deviation of position [m] (3), attitude [rad] (3), velocity [m/s] (3) and rates
+            [rad/s] (3); by default found from the data.
+        shots: shots, or windows, at most; they are spread evenly over a longer recording.
+        progress: called with a few words and the share of the work done.
+
+    Returns:
+        A `hydro.core.identification.fit.Fit`: `vehicle` with the estimates, `frame()` with a row per
+        parameter (value, standard error, unit, whether the data determine it), `covariance`, `chi2` and
+        `warnings`.
+        `hydro.add` writes it into a vehicle with its standard errors.
+
+    Raises:
+        hydro.core.errors.DataError: an effect or the recording is at fault, or the motion diverges.
+    """
+    import numpy as np
+
+    from hydro.core.identification.fit import fit as estimate
+
+    sigma = None if noise is None else np.asarray(noise, dtype=float)
+    return estimate(vehicle, raw, effects, method=method, noise=sigma, most=shots, progress=progress)
+
+
+@vehicle_first
+def compare(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    against: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> pl.DataFrame:
+    """Compare a vehicle with a recording: how large are its errors, and where do they lie?
+
+    Args:
+        vehicle: the vehicle.
+        raw: raw table.
+        against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
+        progress: called with a few words and the share of the work done.
+
+    Returns:
+        The comparison table: errors of force [N, N m] and of predictions [m, rad, m/s, rad/s] by axis,
+        horizon and place, each beside what noise alone would leave.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle.
+    """
+    from hydro.core.evaluation.compare import compare as measure
+    from hydro.io.table import conform
+
+    return conform("comparison", measure(vehicle, raw, against=against, progress=progress))
+
+
+@vehicle_first
+def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None = None) -> pl.DataFrame:
+    """Find which physical effects are missing in a vehicle, and how sure that is.
+
+    Args:
+        vehicle: the vehicle.
+        raw: raw table.
+        progress: called with a few words and the share of the work done.
+
+    Returns:
+        The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
+
+    Raises:
+        hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
+    """
+    from hydro.core.diagnosis.diagnose import diagnose as find
+    from hydro.io.table import conform
+
+    return conform("diagnosis", find(vehicle, raw, progress=progress).frame())
+
+
+def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
+    """Add what a diagnosis or a fit found to a vehicle, with its standard errors.
+
+    Args:
+        vehicle: the vehicle that was diagnosed or fitted.
+        diagnosis: diagnosis table, or what `hydro.fit` returns.
+        effects: names of the effects to add; by default all that were fitted, or that a diagnosis found
+            missing or with other values. What it only suspects is added by name alone.
+
+    Returns:
+        The vehicle with them.
+
+    Raises:
+        hydro.core.errors.DataError: there is nothing to add, or not what is named.
+    """
+    from hydro.core.diagnosis.findings import extended, tables
+    from hydro.core.errors import DataError
+    from hydro.core.identification.fit import Fit
+
+    if not isinstance(diagnosis, Fit):
+        return extended(vehicle, tables(diagnosis, effects))
+    fitted = {table["name"]: table for table in diagnosis.tables()}
+    wanted = list(effects or fitted)
+    if unknown := [name for name in wanted if name not in fitted]:
+        raise DataError(f"the fit has no effect {unknown[0]} to add; it has {', '.join(fitted)}")
+    return extended(vehicle, [fitted[name] for name in wanted])
+
+
+@vehicle_first
+def explain(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    holdout: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Step]:
+    """Add what a vehicle lacks, step by step, until nothing more is found.
+
+    Args:
+        vehicle: the vehicle.
+        raw: raw table.
+        holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
+        progress: called with a few words and the share of the present step that is done.
+
+    Yields:
+        Each step as it is done, the vehicle as given first: a `hydro.core.diagnosis.explain.Step` with the
+        vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
+
+    Raises:
+        hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
+    """
+    from dataclasses import replace
+
+    from hydro.core.diagnosis.explain import explain as steps
+    from hydro.io.table import conform
+
+    for step in steps(vehicle, raw, holdout=holdout, progress=progress):
+        yield replace(
+            step,
+            comparison=conform("comparison", step.comparison),
+            diagnosis=conform("diagnosis", step.diagnosis),
+            ladder=conform("ladder", step.ladder),
+        )
