@@ -346,9 +346,9 @@ def cost(prepared: Prepared, shots: Shots) -> float:
 
 
 def displaced(first: Array, shift: Array) -> Array:
-    """Initial states (S, 13) moved by (S, 12): position, small rotation about the body's axes, nu."""
+    """Initial states (S, 13) moved by (S, 12), or all by (1, 12): position, small rotation, nu."""
     out = np.empty((len(first), BODY))
-    _displace(first, shift, out)
+    _displace(first, np.broadcast_to(shift, (len(first), CHANNELS)).copy(), out)
     return out
 
 

@@ -214,3 +214,10 @@ def test_covariance_is_the_scatter_of_estimates(correlated):
         scores.append(estimate / np.sqrt(np.diag(covariance(normal, np.full(2, 1e-9)))))
     assert (block_length(normal.score) > 5) == correlated
     assert 0.6 < np.mean(np.square(scores)) < 1.35
+
+
+def test_one_shift_moves_every_beginning():
+    record = recording(damped(), moved(damped(), rows=500))
+    first, shift = multiple_shooting.make_shots(record).first, np.linspace(-0.01, 0.02, 12)
+    every = multiple_shooting.displaced(first, np.tile(shift, (len(first), 1)))
+    np.testing.assert_array_equal(multiple_shooting.displaced(first, shift[None]), every)
