@@ -12,6 +12,7 @@ from recordings import damped, moved, noisy
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.distillation.labels import labels
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
@@ -19,6 +20,7 @@ from hydro.core.identification.fit import fit
 from hydro.core.recording.arrays import noise, recording
 from hydro.core.recording.filling import filled, unseen
 from hydro.core.recording.sensor_faults import without_faults
+from hydro.core.simulation.simulate import simulate
 
 NOISE = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 ANGLES, SPEEDS = ("phi", "theta", "psi"), ("u", "v", "w")
@@ -146,6 +148,14 @@ def test_a_jump_of_a_rare_sample_is_no_sample(flown):
     assert found.raw["u"][1503] is None
     assert found.raw.height == sparse.height
     assert not found.record.seen[1503, 6]
+
+
+def test_what_needs_every_row_says_what_to_do(flown):
+    sparse = thinned(flown, SLOW)
+    for stage in (labels, simulate):
+        with pytest.raises(DataError, match="`hydro import --fill`") as caught:
+            stage(damped(), sparse)
+        assert "\n" not in str(caught.value)
 
 
 # Filling
