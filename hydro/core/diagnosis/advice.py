@@ -74,7 +74,7 @@ def retuning(effect: str, change: Change | None = None) -> str:
         effect: Its name.
         change: The one of its entries that goes farthest from what is known of it.
     """
-    words = f"the recording asks for other values of {effect}"
+    words = f"the recording supports other values of {effect}"
     if change is None or change.deviations <= TOLD:
         return f"{words}; `hydro add` replaces them"
     told = (

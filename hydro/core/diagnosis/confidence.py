@@ -198,7 +198,8 @@ def unconfirmed(effect: str, without: Model, model: Model, session: ArrayLike) -
     if elsewhere >= CONFIRMED * min(here, 1.0):
         return ""
     return (
-        f"; one session alone tells of it: left out, it is predicted {elsewhere:.0%} better, not {here:.0%}"
+        f"; one session alone supports it: fitted to the others it removes {elsewhere:.0%} of the error, "
+        f"not {here:.0%}"
     )
 
 
@@ -235,7 +236,7 @@ def doubted(finding: Finding, remaining: Sequence[Finding]) -> Finding:
     if rest < IMITATED * finding.share:
         return finding
     warning = (
-        f"; {rest:.0%} of the error no effect explains, and this one may stand for part of it: where the "
+        f"; {rest:.0%} of the error no effect explains, and this estimate may absorb part of it: where the "
         "commands answer to waves or the like, fly without feedback before you trust its values"
     )
     sure = finding.confidence * finding.share / (finding.share + rest)

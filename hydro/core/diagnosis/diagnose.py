@@ -295,7 +295,7 @@ def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:
     return Finding(
         "nothing_missing",
         p_value=outcome.last.p_value,
-        advice=f"mean squared residual {chi2:.3g} of the noise (1: nothing but noise)",
+        advice=f"mean squared residual {chi2:.3g} of the noise (1: noise alone)",
     )
 
 

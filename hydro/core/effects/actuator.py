@@ -93,7 +93,8 @@ def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
     if 0.0 < quicker <= HALF * dt:
         return (
             "thrusters quicker by a part of a sample: most likely the source of the log holds forces over a "
-            "row, or integrates by Euler's rule at the log's rate; nothing of the vehicle, nothing to shift"
+            "row, or integrates by Euler's rule at the log's rate; this is not the vehicle, and nothing is "
+            "to be shifted"
         )
     if 0.0 < quicker <= QUICKER * dt:
         return (

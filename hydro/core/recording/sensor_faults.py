@@ -225,15 +225,15 @@ def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault
         columns,
         f"{', '.join(columns)} {words}: {rows.size} rows ({rows.size / record.rows:.2g} of the log) in "
         f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
-        f"{t:.2f} s; they are left out here, clean the log of them",
+        f"{t:.2f} s; they are left out here; remove them from the log",
     )
 
 
 def _biased(bias: Mapping[str, float]) -> Fault:
     """That gyros read so much too much [rad/s]."""
     message = (
-        f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in bias.items())} too much all "
-        "the time, as the attitude tells: a gyro's bias; it is taken off here, take it off the log"
+        f"{', '.join(f'{name} reads {value:+.3g} rad/s' for name, value in bias.items())} too much "
+        "throughout, against the attitude: a gyro's bias; it is subtracted here, subtract it in the log"
     )
     return Fault(tuple(bias), message)
 
