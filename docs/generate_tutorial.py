@@ -75,6 +75,7 @@ def run(commands: str, folder: Path) -> str:
     """
     environment = os.environ | {"NO_COLOR": "1", "TERM": "xterm", "PYTHONUTF8": "1", "PYTHONPATH": str(ROOT)}
     environment |= {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    environment |= {"COLUMNS": str(COLUMNS)}  # whatever the caller's are
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
     with tempfile.TemporaryFile() as messages:

@@ -250,12 +250,12 @@ def test_what_conditioning_did_is_told_on_a_terminal_and_in_the_metrics(work: Pa
 
 
 def test_every_conditioning_can_be_asked_for_by_command_and_from_python() -> None:
-    from hydro import api
+    from hydro.api import networks
     from hydro.commands import replay
     from hydro.sim.residual.conditioning import PRESETS
 
     option = get_type_hints(replay.replay)["conditioning"]
-    assert get_args(option) == get_args(api.Conditioning) == PRESETS
+    assert get_args(option) == get_args(networks.Conditioning) == PRESETS
 
 
 def test_gaps_in_time_are_reported_once_and_only_where_there_are(work: Path, tmp_path: Path) -> None:

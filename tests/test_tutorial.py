@@ -30,7 +30,7 @@ def test_the_tutorial_shows_what_its_commands_print() -> None:
 
 
 def test_a_stale_figure_is_seen() -> None:
-    stale = TEXT.replace("347 with", "1.48e+03 with")
+    stale = TEXT.replace("546 with", "1.48e+03 with")
     assert stale != TEXT
     words, numbers = words_and_numbers(stale)
     assert words == words_and_numbers(TEXT)[0]

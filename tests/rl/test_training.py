@@ -145,7 +145,7 @@ def test_choices_are_made_by_name():
         TrainingConfig(), {"sac.layers": "[64, 64]", "settings.task.radius": "0.4", "condition": '"R_0"'}
     )
     assert (config.sac.layers, config.settings.task.radius, config.condition) == ((64, 64), 0.4, "R_0")
-    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose of sac\."):
+    with pytest.raises(UsageError, match=r"no choice is called 'sac\.size': choose one of sac\."):
         changed(TrainingConfig(), {"sac.size": "3"})
     with pytest.raises(UsageError, match=r"sac\.batch=.*: not a value"):
         changed(TrainingConfig(), {"sac.batch": '"big"'})

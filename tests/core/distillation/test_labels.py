@@ -286,15 +286,19 @@ def test_rows_alone_between_gaps(raw, vehicle):
         labels(vehicle, lonely)
 
 
-@pytest.mark.parametrize(
-    ("column", "value"), [("u", math.nan), ("phi", math.inf), ("cmd_3", math.nan), ("r", None)]
-)
+@pytest.mark.parametrize(("column", "value"), [("u", math.nan), ("phi", math.inf), ("cmd_3", math.nan)])
 def test_values_that_are_not_finite(raw, vehicle, column, value):
     broken = raw.with_columns(
         pl.when(pl.int_range(pl.len()) == 200).then(value).otherwise(pl.col(column)).alias(column)
     )
     with pytest.raises(DataError, match=r"not finite in .* session synthetic-0"):
         labels(vehicle, broken)
+
+
+def test_a_row_without_a_sample_is_refused_with_the_remedy(raw, vehicle):
+    sparse = raw.with_columns(pl.when(pl.int_range(pl.len()) != 200).then("r").alias("r"))
+    with pytest.raises(DataError, match=r"samples are in: r .*`hydro import --fill`"):
+        labels(vehicle, sparse)
 
 
 @pytest.fixture(scope="module")
