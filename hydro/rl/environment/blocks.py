@@ -8,12 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from hydro.core.columns import Array, Array32, Mask, Rows
 
 RETURN, AGE, ENERGY, OVERSPEED, TOTALS = range(5)
 """Totals of an episode: sum of rewards, steps, seconds of full thrust, steps faster than is plausible."""
@@ -90,7 +85,7 @@ class Scenes(NamedTuple):
         path_cost: Weighted cost of being off the path (N,).
     """
 
-    stages: NDArray[np.int64]
+    stages: Rows
     goals: Array
     targets: Array
     pillars: Array

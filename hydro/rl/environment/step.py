@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from hydro.core.columns import Array, Array32, Mask
 from hydro.core.compiled import jit
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
@@ -36,10 +34,6 @@ from hydro.rl.environment.geometry import collision_kernel
 from hydro.rl.environment.observation import observe_kernel
 from hydro.rl.environment.reward import COLLISION, SUCCESS, effort_cost, obstacle_cost, posture, shaping
 from hydro.rl.environment.tasks import PILLARS
-
-Array = NDArray[np.float64]
-Array32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 POWER = 1.5  # an ideal propeller's power goes with this power of its thrust
 
