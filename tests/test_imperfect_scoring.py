@@ -40,7 +40,7 @@ def test_each_verdict_that_names_one_effect_can_be_first(verdict):
     assert scoring.score(late).outcome == "wrong"
 
 
-@pytest.mark.parametrize("verdict", ["cannot_tell_apart", "not_separable", "missing"])
+@pytest.mark.parametrize("verdict", ["cannot_tell_apart", "missing"])
 def test_a_tie_is_counted_apart_wherever_the_truth_stands_in_it(verdict):
     for found in (finding(verdict, "payload", "tether"), finding(verdict, "tether", "payload")):
         one = scoring.score(row(found))

@@ -2,7 +2,8 @@
 
 The first finding that names anything counts.  It names by `missing`, `suspect` or `retune`; where it names
 several effects that cannot be told apart, it is a tie, right or wrong, and counted apart.  A `retune` of what
-the file has wrong by design (`misjudged`) is neither right nor wrong.
+the file has wrong by design (`misjudged`) is neither right nor wrong.  `not_separable` names nothing: like
+`not_excited` it says what could not be seen.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 NAMING = ("missing", "suspect", "retune")
-SETS = ("cannot_tell_apart", "not_separable")
+TIE = "cannot_tell_apart"
 SURE = 0.9
 """Confidence from which an answer is a statement."""
 SPENT = 3.0
@@ -43,7 +44,7 @@ class Named:
     @property
     def tie(self) -> bool:
         """Whether it names several effects of which one is meant."""
-        return self.verdict in SETS or len(self.members) > 1
+        return self.verdict == TIE or len(self.members) > 1
 
     @property
     def sure(self) -> bool:
@@ -105,7 +106,7 @@ def score(row: Mapping[str, Any]) -> Score:
     told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], strict=True)
     named = []
     for verdict, effect, members, confidence in told:
-        if verdict not in (*NAMING, *SETS) or (verdict == "retune" and effect in excused):
+        if verdict not in (*NAMING, TIE) or (verdict == "retune" and effect in excused):
             continue
         those = frozenset(members) | ({effect} - {""})
         named.append(Named(verdict, those, confidence, bool(those & truth)))
