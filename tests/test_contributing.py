@@ -122,32 +122,15 @@ def near_the_truth(values: list[float], errors: list[float]) -> bool:
 
 
 @pytest.mark.slow
-def test_a_fit_finds_its_values(recorded: Path) -> None:
-    fit = ("fit", "datasets/vehicles/auv151.toml", "measured.parquet", "--effect", "cubic_damping")
-    run(recorded, "-m", "hydro.cli", *fit, "-o", "fitted.toml")
-    table = tomllib.loads((recorded / "fitted.toml").read_text())["effect"][-1]
-    assert table["name"] == "cubic_damping"
-    assert near_the_truth(table["diagonal"], table["standard_error"]["diagonal"])
-
-
-@pytest.mark.slow
-def test_a_diagnosis_names_it_first(recorded: Path) -> None:
-    diagnose = ("diagnose", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "found.parquet")
-    run(recorded, "-m", "hydro.cli", *diagnose)
-    first = pl.read_parquet(recorded / "found.parquet").row(0, named=True)
+def test_an_explanation_fits_it_names_it_and_adds_it(recorded: Path) -> None:
+    explain = ("explain", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "study")
+    run(recorded, "-m", "hydro.cli", *explain)
+    first = pl.read_parquet(recorded / "study" / "diagnosis-0.parquet").row(0, named=True)
     assert first["verdict"] in ("missing", "cannot_tell_apart")
     assert first["effect"] == "cubic_damping"
     values, errors = (
         tomllib.loads(f"t = {first[name]}")["t"]["diagonal"] for name in ("parameters", "standard_errors")
     )
     assert near_the_truth(values, errors)
-
-
-@pytest.mark.slow
-def test_an_explanation_adds_it(recorded: Path) -> None:
-    run(
-        recorded,
-        *("-m", "hydro.cli", "explain", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "study"),
-    )
     added = tomllib.loads((recorded / "study" / "vehicle-1.toml").read_text())["effect"]
     assert "cubic_damping" in [table["name"] for table in added]

@@ -57,13 +57,17 @@ def test_effects_of_panels_are_refused(monkeypatch):
         changes.draw("changed", 0)
 
 
+SECONDS = 32.0
+"""Of the flights in a study: four sessions that hold a prediction each."""
+
+
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """One study, run twice from the command line."""
     folder = tmp_path_factory.mktemp("imperfect_base")
     seed = next(s for s in range(300, 400) if changes.draw("changed", s).title == "ocean_current")
     preset = changes.draw("changed", seed).preset
-    arguments = ["--first-seed", seed, "--studies", 1, "--seconds", 48, "-o", folder / "rows.parquet"]
+    arguments = ["--first-seed", seed, "--studies", 1, "--seconds", SECONDS, "-o", folder / "rows.parquet"]
     command = [sys.executable, "-m", "benchmarks.imperfect_base", "run", "--kind", "changed", *arguments]
     printed = [
         subprocess.run(list(map(str, command)), cwd=ROOT, text=True, capture_output=True, check=False)
@@ -91,9 +95,9 @@ def test_a_study_from_the_command_line(done):
 @pytest.mark.slow
 def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     folder, seed, preset, _ = done
-    known = base.of(preset, seed, 48.0, folder / "bases")
+    known = base.of(preset, seed, SECONDS, folder / "bases")
     flown = pl.read_parquet(known.unchanged)
-    assert flown.height == 2400
+    assert flown.height == round(SECONDS / 0.02)
     believed = {table["name"]: table for table in known.believed.effect}
     assert {table["name"] for table in known.vehicle.effect} == set(believed)
     assert any("standard_error" in table for table in known.vehicle.effect)
@@ -102,7 +106,7 @@ def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     assert msgspec.structs.replace(known.vehicle, effect=()) == msgspec.structs.replace(
         known.believed, effect=()
     )
-    study.write(changes.draw("changed", seed), 48.0, folder / "bases", folder / "written")
+    study.write(changes.draw("changed", seed), SECONDS, folder / "bases", folder / "written")
     assert sorted(path.name for path in (folder / "written").iterdir()) == [
         "after.parquet",
         "before.parquet",
