@@ -25,7 +25,8 @@ SPREAD = {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
 FILES = [
     f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
 ]
-FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet", "ladder.parquet", "replay.parquet"]
+FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet"]
+FILES += [f"{name}.parquet" for name in ("ladder", "replay", "leftover", "sessions")]
 
 COMPARED: dict[str, pl.DataFrame] = {}
 """Comparisons by vehicle and session: the same in every test, and a second each."""
