@@ -221,6 +221,19 @@ def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | 
     return mean, float(student.ppf(LEVEL, blocks - 1.0) * np.sqrt(variance)), blocks
 
 
+def stands_out(bins: pl.DataFrame) -> pl.Series:
+    """Which bins differ from zero at a level of 5 % for all of them together (Bonferroni).
+
+    Args:
+        bins: Rows of a leftover table; one without an interval never does.
+    """
+    force, high, blocks = bins.select(pl.col("force", "high", "blocks").cast(pl.Float64).fill_null(np.nan))
+    freedom = blocks.to_numpy() - 1.0
+    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * student.ppf(LEVEL, freedom)
+    chance = np.nan_to_num(2.0 * student.sf(size, freedom), nan=1.0)
+    return pl.Series(chance * bins.height < 2.0 * (1.0 - LEVEL))
+
+
 def steady_force(program: Program, speeds: Array, against: int) -> Array:
     """Force that the water exerts on a level vehicle, deep and in steady motion along one axis.
 

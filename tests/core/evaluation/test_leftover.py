@@ -10,7 +10,7 @@ import pytest
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import assemble
 from hydro.core.errors import DataError
-from hydro.core.evaluation.leftover import BINS, block_mean, leftover, steady_force
+from hydro.core.evaluation.leftover import BINS, block_mean, leftover, stands_out, steady_force
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -61,6 +61,10 @@ def bins(table: pl.DataFrame, step: int, axis: str) -> pl.DataFrame:
     return table.filter(pl.col("force").is_not_null(), step=step, axis=axis)
 
 
+def every(table: pl.DataFrame, step: int) -> pl.DataFrame:
+    return table.filter(pl.col("force").is_not_null(), step=step)
+
+
 def test_it_keeps_its_schema(found):
     schema.load("leftover").check(found, "leftover")
     assert bins(found, 0, "Y").filter(against="v").height == BINS
@@ -88,6 +92,12 @@ def test_intervals_of_the_true_vehicle_cover_zero(found):
     assert true["low"].null_count() == 0
     assert covered >= 51
     assert (true["high"] - true["low"]).max() < 15.0
+
+
+def test_only_what_was_taken_stands_out(found):
+    plain = {step: bins.filter(stands_out(bins)) for step in (0, 1) for bins in [every(found, step)]}
+    assert set(plain[0]["axis"]) == {"Y"}
+    assert plain[1].is_empty()
 
 
 def test_the_own_curve_is_the_drag(known, found):
