@@ -89,18 +89,20 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
     from hydro.core.evaluation.leftover import leftover
     from hydro.core.evaluation.rolling_prediction import restarted
     from hydro.core.recording.segments import sessions
+    from hydro.io.study import NO_FORCES
 
     given = [one.frame for one in (study.measured, study.holdout) if one is not None]
     study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
-    listed = (
-        sessions(frame).with_columns(dataset=pl.lit(name))
-        for name, frame in zip(DATASETS, given, strict=False)
-    )
-    study.save("sessions", pl.concat(listed))
+    why = ""
     try:
         study.save("leftover", leftover(vehicles, preprocess(vehicles[0], given[0]).raw))
-    except DataError as error:  # of nulls: what else is wrong with a recording ended the study before
-        study.save("leftover", pl.DataFrame(), why=str(error))
+    except DataError as error:  # too few samples: what else is wrong with a recording has ended the study
+        why = str(error)
+    listed = [
+        sessions(frame).with_columns(dataset=pl.lit(name))
+        for name, frame in zip(DATASETS, given, strict=False)
+    ]
+    study.save("sessions", pl.concat(listed), **({NO_FORCES: why} if why else {}))
 
 
 def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:

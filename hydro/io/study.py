@@ -25,6 +25,8 @@ OWN = re.compile(
     r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+\.toml|(ladder|replay|leftover|sessions)\.parquet"
 )
 STAGE = "explain"
+NO_FORCES = "no_forces"
+"""Parameter of `sessions.parquet`: why no force can be found, and there is no table of what is left over."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 import polars as pl
 
 from hydro.core.evaluation.leftover import stands_out
+from hydro.io.study import NO_FORCES
 from hydro.report import words
 from hydro.report.charts import Charts
 from hydro.report.figures import TITLES, error_bars
@@ -25,13 +26,12 @@ Row = dict[str, Any]
 
 
 def section(sources: Sources, charts: Charts) -> dict[str, Any] | None:
-    """Panels, words and tables; None without such a table.  Of an empty one, why it is."""
+    """Panels, words and tables, or why there are none; None where nothing says."""
     if sources.leftover is None:
-        return None
-    frame, record = sources.leftover.frame, sources.leftover.artefact.provenance
-    why = words.prose(str(record.parameters.get("why", "the table has no rows")))
-    if frame.is_empty():
-        return {"why": why, "panels": [], "told": [], "most": [], "bins": [], "steps": []}
+        record = None if sources.sessions is None else sources.sessions.artefact.provenance
+        why = "" if record is None else record.parameters.get(NO_FORCES, "")
+        return {"why": words.prose(str(why))} if why else None
+    frame = sources.leftover.frame
     steps = frame["step"].unique().sort().to_list()
     pairs = frame.select("axis", "against").unique(maintain_order=True).rows()
     panels = []

@@ -262,8 +262,9 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
-    charts.add(f"path-{number}", *(plots.path(one.frame, session) for session in shown))
-    charts.add(f"depth-{number}", *(plots.depth(one.frame, session) for session in shown))
+    restart = RESTART_INTERVAL if of_study else None
+    charts.add(f"path-{number}", *(plots.path(one.frame, session, restart) for session in shown))
+    charts.add(f"depth-{number}", *(plots.depth(one.frame, session, restart) for session in shown))
     if thrusters := _thrusters(one):
         charts.add(f"commands-{number}", *(plots.commands(one.frame, name, thrusters) for name in shown))
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
@@ -272,7 +273,7 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "commands": bool(thrusters),
         "name": one.name,
         "held_out": of_study and held_out,
-        "restarted": f"{RESTART_INTERVAL:g}" if of_study else "",
+        "restarted": f"{restart:g}" if restart else "",
         "sessions": shown,
         "hidden": len(sessions) - len(shown),
         "legend": [
