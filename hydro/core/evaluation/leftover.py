@@ -102,14 +102,14 @@ def _counted(record: Recording) -> Mask:
     seen = record.seen[:, NEEDED]
     names = (*POSE, *VELOCITY)[NEEDED]
     rare = [
-        f"{name} in {share:.0%}"
+        f"{name} in {100 * share:.0f} %"
         for name, share in zip(names, seen.mean(axis=0), strict=True)
         if share < SAMPLED
     ]
     if rare:
         raise DataError(
-            f"forces need attitude and velocity in {SAMPLED:.0%} of the rows, but samples are of "
-            f"{', '.join(rare)}; import the log at the rate of its slowest sensor"
+            f"forces need attitude and velocity in {100 * SAMPLED:.0f} % of the rows, but samples are of "
+            f"{', '.join(rare)}; import the log with `hydro import --fill`, which draws lines between them"
         )
     return np.asarray(seen.all(axis=1))
 

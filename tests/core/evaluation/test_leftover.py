@@ -138,7 +138,7 @@ def test_one_block_has_no_interval():
 def test_a_slow_sensor_is_told(known, raw):
     row = pl.int_range(pl.len())
     slow = raw.with_columns(pl.when(row % 10 == 0).then(name).alias(name) for name in "uvw")
-    with pytest.raises(DataError, match=r"velocity in 90% of the rows, but samples are of u in 10%, v in"):
+    with pytest.raises(DataError, match=r"velocity in 90 % of the rows, but samples are of u in 10 %, v in"):
         leftover({0: known}, slow)
 
 
