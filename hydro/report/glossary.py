@@ -22,8 +22,8 @@ GLOSSARY = (
         "what acts on the vehicle beyond the file's thrusters, weight, buoyancy, effects and inertia",
     ),
     (
-        "effective blocks",
-        "how many stretches of the recording a mean rests on; neighbouring rows share their errors",
+        "blocks",
+        "effective number of stretches that a mean rests on; neighbouring rows share their errors",
     ),
     ("held-out data", "a recording to which nothing was fitted"),
     (
