@@ -101,13 +101,40 @@ def ladder() -> pl.DataFrame:
     return pl.DataFrame(rows, schema_overrides={"horizon": pl.Float64})
 
 
+def leftover() -> pl.DataFrame:
+    """On every axis a fifth of the file's own drag -100 v before, nothing after; of six blocks each."""
+    lines = []
+    for step, share in ((0, 0.2), (1, 0.0)):
+        for axis, against in zip("XYZKMN", "uvwpqr", strict=True):
+            for v in (-0.8, -0.4, 0.0, 0.4, 0.8):
+                units = {"unit": UNITS[axis], "velocity_unit": UNITS[against]}
+                key = {"step": step, "axis": axis, "against": against, "velocity": v, "model": -100.0 * v}
+                force = -share * 100.0 * v
+                told = {"force": force, "low": force - 1.0, "high": force + 1.0, "rows": 90, "blocks": 6.0}
+                lines.append(key | told | units)
+                lines.append(key | dict.fromkeys(("force", "low", "high", "blocks")) | {"rows": 0} | units)
+    return pl.DataFrame(lines, infer_schema_length=None)
+
+
+def sessions() -> pl.DataFrame:
+    """Two sessions of 4 min that were fitted to at 20 Hz, and one of 90 s at 10 Hz that was not."""
+    rows = [("fit", "run-1", 4800, 0.05), ("fit", "run-2", 4800, 0.05), ("holdout", "run-3", 900, 0.1)]
+    return pl.DataFrame(rows, schema=["dataset", "session", "rows", "sample_time"], orient="row")
+
+
 def replay(variants: tuple[str, ...] = ("measured", "step-0", "step-1")) -> pl.DataFrame:
-    """Two sessions of a slow sine; each later variant is off by 0.1 less than the one before."""
+    """Two sessions of a slow sine and commands; a later variant is off by 0.1 less than the one before."""
     t = np.arange(400) * 0.05
     columns = ["x", "y", "z", "phi", "theta", "psi", *"uvwpqr"]
     return pl.concat(
         pl.DataFrame({"t": t} | {name: np.sin(0.3 * t) * 0.5 + offset for name in columns}).select(
-            pl.lit(session).alias("session"), pl.lit(variant).alias("variant"), pl.all()
+            pl.lit(session).alias("session"),
+            pl.lit(variant).alias("variant"),
+            pl.all(),
+            *(
+                pl.lit(0.1 * i if variant == "measured" else None, pl.Float64).alias(f"cmd_{i}")
+                for i in range(1, 9)
+            ),
         )
         for session in ("run-1", "run-2")
         for variant, offset in zip(variants, (0.0, 0.2, 0.1), strict=False)
@@ -149,6 +176,8 @@ def artefacts() -> dict[str, Artefact]:
         "diagnosis-0.parquet": made("diagnosis", found()),
         "diagnosis-1.parquet": made("diagnosis", nothing(), better),
         "ladder.parquet": made("ladder", ladder()),
+        "leftover.parquet": made("leftover", leftover()),
+        "sessions.parquet": made("sessions", sessions()),
         "replay.parquet": made("replay", replay()),
     }
 

@@ -14,10 +14,12 @@ from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.errors import DataError
+from hydro.core.evaluation import leftover
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import provenance, table
 from hydro.io import vehicle as vehicles
+from hydro.io.study import NO_FORCES
 
 VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
 CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
@@ -25,7 +27,8 @@ SPREAD = {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
 FILES = [
     f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
 ]
-FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet", "ladder.parquet", "replay.parquet"]
+FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet"]
+FILES += [f"{name}.parquet" for name in ("ladder", "replay", "leftover", "sessions")]
 
 COMPARED: dict[str, pl.DataFrame] = {}
 """Comparisons by vehicle and session: the same in every test, and a second each."""
@@ -105,6 +108,29 @@ def test_the_files_of_a_study(counted, capsys):
     ):
         assert words in told
     assert told.index("held-out") < told.index("It ends here: nothing more is found.")
+
+
+def test_what_a_study_keeps_of_the_recordings(counted):
+    assert run() == 0
+    listed = table.read("study/sessions.parquet", "sessions").frame
+    assert listed.rows() == [("fit", "run-1", 600, 0.02), ("holdout", "run-2", 600, 0.02)]
+    told = table.read("study/replay.parquet", "replay").frame.filter(variant="measured")
+    given = table.read("held.parquet", "raw").frame[::5]
+    commands = [f"cmd_{i}" for i in range(1, 9)]
+    np.testing.assert_allclose(told.select(commands), given.select(commands), atol=1e-6)
+    left = table.read("study/leftover.parquet", "leftover").frame
+    assert left["step"].unique().to_list() == [0, 1]
+
+
+def test_a_recording_without_forces_says_why(counted, monkeypatch):
+    def refuse(vehicles, raw):
+        raise DataError("samples are of u in 10%")
+
+    monkeypatch.setattr(leftover, "leftover", refuse)
+    assert run() == 0
+    assert "leftover.parquet" not in contents()
+    made = table.read("study/sessions.parquet", "sessions").provenance
+    assert made.parameters == {NO_FORCES: "samples are of u in 10%"}
 
 
 def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):

@@ -17,8 +17,9 @@ from PIL import Image
 from hydro import cli
 from hydro.io import table
 
-CHARTS = 1 + 1 + 7 + 6 + 2
-"""Of the study: by condition, values of an effect, the ladder of all axes and each, overlays, path, depth."""
+CHARTS = 1 + 6 + 1 + 7 + 6 + 3
+"""Of the study: by condition, force left over on each axis, values of an effect, the ladder of all axes and
+each, overlays, path, depth and commands."""
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +65,10 @@ def test_the_page_renders(
     assert page.run("document.documentElement.scrollWidth") <= width
     right = "[...document.querySelectorAll('.js-plotly-plot')].map(p => p.getBoundingClientRect().right)"
     assert max(page.run(right)) <= width
+    tables = "[...document.querySelectorAll('.scroll')].map(box => box.scrollWidth - box.clientWidth)"
+    assert max(page.run(tables)) <= 1
+    folded = page.run("document.querySelectorAll('table.folded td[data-name]').length")
+    assert (folded > 0) is (width < 500)
     paper = page.run("getComputedStyle(document.body).backgroundColor")
     assert (paper == "rgb(19, 22, 26)") is dark
 

@@ -44,13 +44,13 @@ def explain(
     worse, or after six steps.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, ladder.parquet, the
-    errors of all steps, and replay.parquet, measured and predicted motion of the first and the best step. The
-    same study in the same folder resumes where it stopped; another one replaces it.
+    errors of all steps, and of the first and the best step replay.parquet, measured and predicted motion, and
+    leftover.parquet, the force left over against velocity; sessions.parquet lists what was recorded. The same
+    study in the same folder resumes where it stopped; another one replaces it.
     """
     from hydro.core import effects
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
-    from hydro.core.evaluation.rolling_prediction import restarted
     from hydro.io import vehicle as vehicles
     from hydro.io.study import Study
 
@@ -74,11 +74,35 @@ def explain(
         frame = None if other is None else other.frame
         for step in compute(known, source.frame, holdout=frame, done=list(steps), progress=advance):
             steps.append(step)
-            study.save(steps)
+            study.save_step(steps)
             _tell(step)
-        flown = {f"step-{step.number}": step.vehicle for step in (steps[0], best(steps))}
-        study.save_replay(restarted(flown, (other or source).frame))
+        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))})
     _print(study, steps, best(steps), ending(steps))
+
+
+def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
+    """Write what these steps make of the recordings, and which sessions those have."""
+    import polars as pl
+
+    from hydro.core.diagnosis.explain import DATASETS
+    from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.evaluation.leftover import leftover
+    from hydro.core.evaluation.rolling_prediction import restarted
+    from hydro.core.recording.segments import sessions
+    from hydro.io.study import NO_FORCES
+
+    given = [one.frame for one in (study.measured, study.holdout) if one is not None]
+    study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
+    why = ""
+    try:
+        study.save("leftover", leftover(vehicles, preprocess(vehicles[0], given[0]).raw))
+    except DataError as error:  # too few samples: what else is wrong with a recording has ended the study
+        why = str(error)
+    listed = [
+        sessions(frame).with_columns(dataset=pl.lit(name))
+        for name, frame in zip(DATASETS, given, strict=False)
+    ]
+    study.save("sessions", pl.concat(listed), **({NO_FORCES: why} if why else {}))
 
 
 def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:

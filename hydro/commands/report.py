@@ -18,8 +18,8 @@ def report(
         typer.Argument(
             metavar="DIR|FILE...",
             show_default=False,
-            help="Folder of a study, or comparison, diagnosis, ladder, replay and metrics tables; nothing or "
-            "- is stdin.",
+            help="Folder of a study, or comparison, leftover, diagnosis, ladder, replay, sessions and "
+            "metrics tables; nothing or - is stdin.",
         ),
     ] = None,
     pictures: Annotated[
@@ -30,9 +30,10 @@ def report(
 ) -> None:
     """Show a study on one page, for a browser or a phone.
 
-    How good the model is, where it fails, what is missing and how sure that is, what happened when it was
-    added, measured against simulated motion, and what to fly next: as far as the given tables contain it.
-    The page is one HTML file of some 5 MB that needs no network; a table beside each figure has its numbers.
+    What was recorded, how good the model is, where it fails, what force is left over at which velocity, what
+    is missing and how sure that is, what happened when it was added, commands and measured against simulated
+    motion, and what to fly next: as far as the given tables contain it. The page is one HTML file of some
+    6 MB that needs no network; a table beside each figure has its numbers.
     """
     from hydro.io.files import write_bytes
     from hydro.report.page import render

@@ -9,7 +9,7 @@ Of a field:
   them are in the digest that footers carry, so that a source keeps its name when code moves;
 * `repeat`: a field named `cmd_{n}` with `"repeat": "n"` stands for the columns `cmd_1 ... cmd_n`; all fields
   that repeat by the same letter come equally often;
-* `optional`: the column may be absent.  A field that is not `required` may have nulls.
+* `optional`: the column, or all that repeat, may be absent.  A field that is not `required` may have nulls.
 
 Of a table:
 
@@ -51,6 +51,8 @@ KINDS = (
     "comparison",
     "diagnosis",
     "ladder",
+    "leftover",
+    "sessions",
     "run",
     "curves",
     "evaluations",
@@ -172,7 +174,8 @@ class Schema:
         times: dict[str, int] = {}
         for field in self.fields:
             if field.repeat is not None:
-                times[field.repeat] = max(times.get(field.repeat, 1), _repeats(field, names))
+                least = times.get(field.repeat, 0 if field.optional else 1)
+                times[field.repeat] = max(least, _repeats(field, names))
         columns: dict[str, Field] = {}
         for field in self.fields:
             if field.repeat is not None:

@@ -20,9 +20,13 @@ from hydro.io import vehicle as vehicles
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
-LADDER, REPLAY = "ladder.parquet", "replay.parquet"
-OWN = re.compile(r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+\.toml|ladder\.parquet|replay\.parquet")
+LADDER = "ladder.parquet"
+OWN = re.compile(
+    r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+\.toml|(ladder|replay|leftover|sessions)\.parquet"
+)
 STAGE = "explain"
+NO_FORCES = "no_forces"
+"""Parameter of `sessions.parquet`: why no force can be found, and there is no table of what is left over."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ class Study:
             path.unlink()
         return bool(gone)
 
-    def save(self, steps: Sequence[Step]) -> None:
+    def save_step(self, steps: Sequence[Step]) -> None:
         """Write the last of these steps, and the ladder of all."""
         step = steps[-1]
         comparison, diagnosis, vehicle = (self.folder / name for name in _names(step.number))
@@ -94,9 +98,10 @@ class Study:
         ladder = pl.concat(one.ladder for one in steps)
         table.write(self._made("ladder", ladder, self.vehicle_text), self.folder / LADDER)
 
-    def save_replay(self, replay: pl.DataFrame) -> None:
-        """Write the measured motion beside that of the first and the best step."""
-        table.write(self._made("replay", replay, self.vehicle_text), self.folder / REPLAY)
+    def save(self, kind: str, frame: pl.DataFrame, **parameters: object) -> None:
+        """Write a table about the whole study under the name of its kind."""
+        made = self._made(kind, frame, self.vehicle_text, **parameters)
+        table.write(made, self.folder / f"{kind}.parquet")
 
     def text(self, step: Step) -> str:
         """The vehicle file of a step: the given one with what was fitted, its comments in their places."""
@@ -107,7 +112,7 @@ class Study:
 
     def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
         """A table of the study; what rests on the held-out data has them among its inputs."""
-        about_both = kind in ("ladder", "replay") and self.holdout is not None
+        about_both = kind in ("ladder", "replay", "sessions") and self.holdout is not None
         inputs = [self.measured, self.holdout] if about_both else [self.measured]
         given = [one for one in inputs if one is not None]
         return table.make(kind, frame, stage=STAGE, parameters=parameters, inputs=given, vehicle_text=text)

@@ -17,6 +17,14 @@ GLOSSARY = (
     ("5 s ahead", "a prediction from the measured motion and the commands alone, 5 s long, begun all along"),
     ("noise alone", "the error that sensor noise and an uncertain beginning would leave of a perfect model"),
     ("unexplained error", "the sum of squared errors beyond what noise alone would leave"),
+    (
+        "force left over",
+        "what acts on the vehicle beyond the file's thrusters, weight, buoyancy, effects and inertia",
+    ),
+    (
+        "blocks",
+        "effective number of stretches that a mean rests on; neighbouring rows share their errors",
+    ),
     ("held-out data", "a recording to which nothing was fitted"),
     (
         "95 % interval",

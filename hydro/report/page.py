@@ -13,18 +13,18 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import COMMAND, VELOCITY
 from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
-from hydro.report import cards, errors, plots, recorded, standing, words, yardsticks
+from hydro.report import cards, errors, leftover, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
 from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
 from hydro.report.glossary import GLOSSARY
-from hydro.report.sources import Sources
+from hydro.report.sources import Named, Sources
 from hydro.report.standing import chosen_step
 from hydro.report.words import DATASETS
 
@@ -64,6 +64,7 @@ def render(sources: Sources) -> str:
         "model": _model(sources),
         "recorded": recorded.section(sources),
         "places": _places(sources, charts),
+        "leftover": leftover.section(sources, charts),
         "findings": cards.findings(sources, charts),
         "ladder": _ladder(sources, charts),
         "replays": [_replay(sources, number, charts) for number in range(len(sources.replays))],
@@ -261,14 +262,18 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     for axis in VELOCITY:
         drawn = (plots.overlay(one.frame, session, axis) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
-    charts.add(f"path-{number}", *(plots.path(one.frame, session) for session in shown))
-    charts.add(f"depth-{number}", *(plots.depth(one.frame, session) for session in shown))
+    restart = RESTART_INTERVAL if of_study else None
+    charts.add(f"path-{number}", *(plots.path(one.frame, session, restart) for session in shown))
+    charts.add(f"depth-{number}", *(plots.depth(one.frame, session, restart) for session in shown))
+    if thrusters := _thrusters(one):
+        charts.add(f"commands-{number}", *(plots.commands(one.frame, name, thrusters) for name in shown))
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
     return {
         "number": number,
+        "commands": bool(thrusters),
         "name": one.name,
         "held_out": of_study and held_out,
-        "restarted": f"{RESTART_INTERVAL:g}" if of_study else "",
+        "restarted": f"{restart:g}" if restart else "",
         "sessions": shown,
         "hidden": len(sessions) - len(shown),
         "legend": [
@@ -277,6 +282,16 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "axes": [(axis, f"{TITLES[axis]} {axis}") for axis in VELOCITY],
         "errors": list(_replay_errors(one.frame, shown, variants)),
     }
+
+
+def _thrusters(replay: Named) -> list[str]:
+    """Names of the thrusters whose commands a replay has; none where it has no commands."""
+    columns = [name for name in replay.frame.columns if name.startswith(COMMAND)]
+    if not columns or MEASURED not in replay.frame["variant"]:
+        return []
+    text = replay.artefact.provenance.vehicle
+    names = [one.name for one in vehicles.parse(text).thruster] if text else []
+    return names if len(names) == len(columns) else columns
 
 
 def _replay_errors(frame: pl.DataFrame, sessions: Sequence[str], variants: Sequence[str]) -> Iterator[Any]:

@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 import polars as pl
 from markupsafe import escape
 
-from hydro.core.columns import UNITS
+from hydro.core.columns import UNITS, command_column
 from hydro.report import words
 from hydro.report.figures import HEADROOM, MEASURED, TITLES, error_bars
 from hydro.report.ladder import by_dataset
@@ -193,26 +193,69 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     return _plain(drawn, height=230)
 
 
-def path(replay: pl.DataFrame, session: str) -> go.Figure:
-    """Where a vehicle went in one session, seen from above: east to the right, north up, in equal scales."""
-    drawn = _tracks(replay, session, "y", "x")
+def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go.Figure:
+    """Where a vehicle went in one session, seen from above: east to the right, north up, in equal scales.
+
+    Args:
+        replay: Replay table.
+        session: Which recording.
+        restart: Seconds after which simulated motion begins anew: its line is broken there.
+    """
+    drawn = _tracks(replay, session, ("y", "x"), restart)
     drawn.update_xaxes(title="east y [m]", zeroline=False)
     drawn.update_yaxes(title="north x [m]", scaleanchor="x", zeroline=False)
     drawn.update_layout(title={"text": "path from above"})
     return _plain(drawn, height=320)
 
 
-def depth(replay: pl.DataFrame, session: str) -> go.Figure:
-    """How deep a vehicle was in one session; down is down."""
-    drawn = _tracks(replay, session, "t", "z")
+def depth(replay: pl.DataFrame, session: str, restart: float | None = None) -> go.Figure:
+    """How deep a vehicle was in one session; down is down. Arguments as of `path`."""
+    drawn = _tracks(replay, session, ("t", "z"), restart)
     drawn.update_xaxes(title="time [s]", zeroline=False)
     drawn.update_yaxes(title="depth z [m]", autorange="reversed", zeroline=False)
     drawn.update_layout(title={"text": "depth"})
     return _plain(drawn, height=320)
 
 
-def _tracks(replay: pl.DataFrame, session: str, across: str, up: str) -> go.Figure:
+def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Figure:
+    """Commands of one session, a lane for each thruster from -100 to 100 %.
+
+    Args:
+        replay: Replay table with commands.
+        session: Which recording.
+        names: Names of the thrusters, in the order of their columns.
+    """
+    one = replay.filter(session=session, variant=MEASURED).with_columns(pl.col("t") - pl.col("t").min())
+    shown = one.gather_every(max(1, -(-one.height // POINTS_ON_SCREEN)))
+    lane, drawn = 1.0 / max(len(names), 1), go.Figure()
+    for number, name in enumerate(names):
+        which = "" if number == 0 else str(number + 1)
+        drawn.add_scatter(
+            x=shown["t"].cast(pl.Float32).to_numpy(),
+            y=(100.0 * shown[command_column(number)]).round().cast(pl.Int8).to_numpy(),
+            yaxis=f"y{which}",
+            mode="lines",
+            line={"color": NOISE, "width": 1.2, "shape": "hv"},
+            fill="tozeroy",
+            hovertemplate=f"%{{x:.1f}} s, {escape(name)} <b>%{{y}} %</b><extra></extra>",
+        )
+        drawn.layout[f"yaxis{which}"] = {
+            "domain": [1.0 - (number + 0.95) * lane, 1.0 - (number + 0.05) * lane],
+            "range": [-105, 105],
+            "tickvals": [0],
+            "ticktext": [str(escape(name))],
+            "fixedrange": True,
+            "zeroline": True,
+        }
+    bottom = "y" if len(names) < 2 else f"y{len(names)}"
+    drawn.update_xaxes(title="time [s]", zeroline=False, showgrid=False, anchor=bottom)
+    drawn.update_layout(title={"text": "commands, −100 to 100 %"})
+    return _plain(drawn, height=90 + 34 * len(names))
+
+
+def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restart: float | None) -> go.Figure:
     """One column over another, a line for each variant, thinned to what a screen shows."""
+    across, up = columns
     one = replay.filter(pl.col("session") == session).with_columns(pl.col("t") - pl.col("t").min())
     variants = one["variant"].unique(maintain_order=True).to_list()
     drawn = go.Figure()
@@ -220,6 +263,9 @@ def _tracks(replay: pl.DataFrame, session: str, across: str, up: str) -> go.Figu
         curve = one.filter(variant=name)
         shown = curve.gather_every(max(1, -(-curve.height // POINTS_ON_SCREEN)))
         measured = name == MEASURED
+        if restart is not None and not measured:
+            again = (pl.col("t") // restart).diff().fill_null(0.0) != 0.0
+            shown = shown.with_columns(pl.when(~again).then(up))
         drawn.add_scatter(
             x=shown[across].cast(pl.Float32).to_numpy(),
             y=shown[up].cast(pl.Float32).to_numpy(),

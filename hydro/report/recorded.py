@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import polars as pl
@@ -12,24 +13,52 @@ from hydro.report.sources import Sources
 
 
 def section(sources: Sources) -> dict[str, Any] | None:
-    """Sessions and noise of the recording that the first comparison is with; None where nothing says."""
-    if not sources.comparisons:
+    """Sessions of the recordings and noise of the fitted one; None where nothing says."""
+    listed, noise = _listed(sources), list(_noise(sources))
+    if listed.is_empty() and not noise:
         return None
-    frame = sources.comparisons[0].frame.filter(level="recording")
-    if frame.is_empty():
-        return None
+    minutes = pl.col("rows") * pl.col("sample_time") / 60.0
+    groups = [
+        {
+            "name": words.DATASETS[str(name)],
+            "minutes": words.figure(float(one["minutes"].sum())),
+            "count": one.height,
+        }
+        for (name,), one in listed.with_columns(minutes=minutes).group_by("dataset", maintain_order=True)
+    ]
     sessions = [
-        (row["place"], words.figure(row["rows"] * row["rmse"] / 60.0), words.figure(1.0 / row["rmse"]))
-        for row in frame.filter(by="session").iter_rows(named=True)
+        {
+            "on": words.DATASETS[row["dataset"]],
+            "name": row["session"],
+            "minutes": words.figure(row["rows"] * row["sample_time"] / 60.0),
+            "rate": words.figure(1.0 / row["sample_time"]),
+        }
+        for row in listed.iter_rows(named=True)
     ]
-    minutes = frame.filter(by="session").select((pl.col("rows") * pl.col("rmse")).sum() / 60.0).item()
-    channels = frame.filter(by="all")
-    noise = [
-        (
-            row["axis"],
-            words.figure(row["rmse"], 2) if row["rmse"] > LEAST_NOISE else "none found",
-            row["unit"],
-        )
-        for row in channels.iter_rows(named=True)
-    ]
-    return {"sessions": sessions, "minutes": words.figure(minutes), "noise": noise}
+    return {"groups": groups, "sessions": sessions, "noise": noise}
+
+
+def _of_recording(sources: Sources) -> pl.DataFrame:
+    """What the first comparison says of its recording."""
+    if not sources.comparisons:
+        return pl.DataFrame(schema={"by": pl.String})
+    return sources.comparisons[0].frame.filter(level="recording")
+
+
+def _listed(sources: Sources) -> pl.DataFrame:
+    """Sessions with `dataset`, `rows` and `sample_time` [s]."""
+    if sources.sessions is not None:
+        return sources.sessions.frame
+    rows = _of_recording(sources).filter(by="session")
+    if rows.is_empty():
+        return rows
+    return rows.select(
+        pl.lit("fit").alias("dataset"), pl.col("place").alias("session"), "rows", sample_time="rmse"
+    )
+
+
+def _noise(sources: Sources) -> Iterator[tuple[str, str, str]]:
+    """Channel, size of its noise and unit."""
+    for row in _of_recording(sources).filter(by="all").iter_rows(named=True):
+        size = words.figure(row["rmse"], 2) if row["rmse"] > LEAST_NOISE else "none found"
+        yield row["axis"], size, row["unit"]

@@ -15,9 +15,11 @@ from hydro.io import table
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
-REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics")
+REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "sessions")
 """Kinds of table that a report can tell of."""
 NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
+SINGLE = ("ladder", "leftover", "sessions")
+"""Those of which a study has one."""
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 """Names of files that are looked for in a folder, in the order in which the page tells of them."""
 
@@ -44,12 +46,14 @@ class Sources:
     ladder: Named | None = None
     replays: tuple[Named, ...] = ()
     metrics: tuple[Named, ...] = ()
+    leftover: Named | None = None
+    sessions: Named | None = None
 
     @property
     def everything(self) -> tuple[Named, ...]:
         """All artefacts, in the order in which the report tells of them."""
-        ladder = () if self.ladder is None else (self.ladder,)
-        return (*self.comparisons, *self.diagnoses, *ladder, *self.replays, *self.metrics)
+        single = [one for one in (self.ladder, self.leftover, self.sessions) if one is not None]
+        return (*self.comparisons, *self.diagnoses, *single, *self.replays, *self.metrics)
 
     def vehicle_text(self) -> str | None:
         """Text of the vehicle file of the first step; None where no artefact carries one."""
@@ -63,15 +67,24 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
         places: Folders, Parquet files and binary streams.
 
     Raises:
-        DataError: A folder has nothing to report on, a file is of another kind or broken, there are two
-            ladders, or two artefacts are of different vehicles.
+        DataError: A folder has nothing to report on, a file is of another kind or broken, a study's
+            table is there twice, or two artefacts are of different vehicles.
     """
     found = [one for place in places for one in _read(place)]
     of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in REPORTED_KINDS}
-    if len(of["ladder"]) > 1:
-        raise DataError(f"{of['ladder'][1].name}: the ladder of a second study; report on one at a time")
-    ladder = of["ladder"][0] if of["ladder"] else None
-    return Sources(of["comparison"], of["diagnosis"], ladder, of["replay"], of["metrics"])
+    single = {kind: _single(kind, of[kind]) for kind in SINGLE}
+    return Sources(of["comparison"], of["diagnosis"], replays=of["replay"], metrics=of["metrics"], **single)
+
+
+def _single(kind: str, found: Sequence[Named]) -> Named | None:
+    """The one table of a kind of which a report tells of one.
+
+    Raises:
+        DataError: There are two.
+    """
+    if len(found) > 1:
+        raise DataError(f"{found[1].name}: the {kind} of a second study; report on one at a time")
+    return found[0] if found else None
 
 
 def _read(place: str | Path | BinaryIO) -> list[Named]:

@@ -178,7 +178,11 @@ def _what_it_is(sources: Sources) -> str:
     best = [told for one in sources.metrics if _of_study(one) and (told := _best(one.frame))]
     if best:
         return f"Of these networks {words.listed(best)}."
-    return "Measured motion against simulated." if sources.replays else "Errors of models, axis by axis."
+    if sources.replays:
+        return "Measured motion against simulated."
+    if sources.metrics:
+        return "Errors of models, axis by axis."
+    return "The force that a vehicle file leaves over." if sources.leftover else "Sessions of a study."
 
 
 def _of_study(one: Named) -> bool:

@@ -256,6 +256,13 @@ def test_time_must_increase() -> None:
     assert "increasing within a session: 38 of 40" in refused(frame.sort("session", pl.col("t").neg()))
 
 
+def test_repeated_columns_may_be_absent_where_they_are_optional() -> None:
+    one = ["session", "variant", "t"]
+    assert not [name for name in load("replay").columns(one) if name.startswith("cmd_")]
+    assert list(load("replay").columns([*one, "cmd_1", "cmd_2"]))[-2:] == ["cmd_1", "cmd_2"]
+    assert "cmd_1" in load("raw").columns(one)
+
+
 def test_a_row_must_not_repeat() -> None:
     frame = raw()
     line = refused(pl.concat([frame[:11], frame[10:]]))

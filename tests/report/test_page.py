@@ -6,13 +6,15 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 import studies
 
 from hydro.core.errors import DataError
-from hydro.io import table
-from hydro.report import words
+from hydro.io import table, vehicle
+from hydro.io.study import NO_FORCES
+from hydro.report import plots, words
 from hydro.report.page import render
 from hydro.report.sources import Named, Sources, gather
 
@@ -55,15 +57,25 @@ def alone(kind: str, frame: pl.DataFrame) -> Sources:
     """A report on one table."""
     of = {"comparison": "comparisons", "diagnosis": "diagnoses", "replay": "replays", "metrics": "metrics"}
     named = Named("one.parquet", table.make(kind, frame, stage=kind))
-    return Sources(ladder=named) if kind == "ladder" else Sources(**{of[kind]: (named,)})
+    return Sources(**{of[kind]: (named,)}) if kind in of else Sources(**{kind: named})
 
 
 # A study.
 
 
 def test_the_story_is_told_in_order(page: dict[str, str]) -> None:
-    order = ["model", "places", "findings", "ladder", "replay-0", "confusions", "next", "provenance"]
-    assert [name for name in page if name != "head"] == order
+    order = [
+        "model",
+        "recorded",
+        "places",
+        "leftover",
+        "findings",
+        "ladder",
+        "replay-0",
+        "confusions",
+        "next",
+    ]
+    assert list(page) == ["head", *order, "provenance"]
 
 
 def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> None:
@@ -80,6 +92,56 @@ def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> Non
     before, after = page["places"].split("With what was found")
     assert "turning right" in before
     assert "Sway while braking 60 %" in after
+
+
+def test_the_sessions_of_both_recordings_are_listed(page: dict[str, str]) -> None:
+    told = page["recorded"]
+    assert "8.00 minutes in 2 sessions of the recording, 1.50 minutes in 1 session of held-out data." in told
+    assert "run-2 the recording 4.00 20.0" in told
+    assert "run-3 held-out data 1.50 10.0" in told
+
+
+def test_a_comparison_alone_tells_the_sessions_of_its_recording() -> None:
+    row = studies.comparison().row(0, named=True)
+    row |= {"level": "recording", "axis": "t", "by": "session", "place": "run-1", "rows": 1200, "rmse": 0.05}
+    frame = studies.comparison().vstack(
+        pl.DataFrame([row], schema=studies.comparison().schema).with_columns(unit=pl.lit("s"))
+    )
+    page = Text(render(alone("comparison", frame))).found
+    assert "1.00 minutes in 1 session." in page["recorded"]
+    assert "run-1 1.00 20.0" in page["recorded"]
+
+
+def test_the_force_left_over_is_told_with_its_sign(page: dict[str, str]) -> None:
+    told = page["leftover"]
+    assert (
+        "X at surge −0.80 m/s: the file's own force is 80.0 N, and 16.0 N (15.0 to 17.0) is left over: "
+        in told
+    )
+    assert "the recording asks for 20 % more." in told
+    assert "Y N v = −0.80 m/s 80.0 16.0 15.0 to 17.0 0 −1.00 to 1.00 6.0" in told
+
+
+def test_a_force_that_could_not_be_found_says_why() -> None:
+    why = {NO_FORCES: "samples are of u in 10%"}
+    made = table.make("sessions", studies.sessions(), stage="explain", parameters=why)
+    page = Text(render(Sources(sessions=Named("sessions.parquet", made)))).found
+    assert page["leftover"].endswith("Not found: Samples are of u in 10%.")
+
+
+def test_commands_have_a_lane_for_each_thruster(sources: Sources) -> None:
+    page = render(sources)
+    assert 'data-chart="commands-0"' in page
+    names = [one.name for one in vehicle.parse(studies.TEXT).thruster]
+    assert all(f'"ticktext":["{name}"]' in page for name in names)
+    without = studies.replay().drop(pl.selectors.starts_with("cmd_"))
+    assert "commands-0" not in render(alone("replay", without))
+
+
+def test_a_simulated_path_is_broken_where_it_begins_anew() -> None:
+    drawn = {one.name: one for one in plots.path(studies.replay(), "run-1", restart=5.0).data}
+    assert np.isnan(drawn["model as given"].y).sum() == 3
+    assert not np.isnan(drawn["measured"].y).any()
 
 
 def test_a_finding_says_how_sure_it_is(page: dict[str, str]) -> None:
@@ -151,6 +213,8 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         ("diagnosis", studies.found(), ["findings", "confusions", "next"], "The model lacks ocean current."),
         ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
+        ("leftover", studies.leftover(), ["leftover"], "The force that a vehicle file leaves over."),
+        ("sessions", studies.sessions(), ["recorded"], "Sessions of a study."),
         ("replay", studies.replay(), ["replay-0"], "Measured motion against simulated."),
         ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),
     ],

@@ -180,13 +180,13 @@ def force(
         the other; and the family that tells the bands apart.
     """
     rng = np.random.default_rng(seed)
-    found = _missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+    found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
     # The smoothers are linear: what they make of noise is added to what they made of the recording.
     extra = rng.standard_normal((record.rows, CHANNELS)) * motion.sigma
     pose = motion.eta + smoothing.smooth(extra[:, :6], record.segments, motion.pose)[:, :, 0]
     nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
     noisy = replace(record, nu=record.nu + extra[:, 6:])
-    floor = _missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
+    floor = missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
     rows = pieces.total(np.ones(record.rows))
     whole = Misfit(
         "force",
@@ -349,10 +349,14 @@ def _states(eta: Array, nu: Array) -> Array:
     return np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
 
 
-def _missing_wrench(
+def missing_wrench(
     model: Candidate, record: Recording, eta: Array, nu: Array, design: smoothing.Design
 ) -> Array:
-    """M times the smoothed derivative of measured less modelled velocity, (N, 6)."""
+    """The wrench ON the vehicle about CO that a model leaves out, row by row, (N, 6) [N, N m].
+
+    M times the smoothed derivative of measured less modelled velocity; the model accounts for its thrusters,
+    weight and buoyancy, effects and C(nu) of its whole mass matrix.
+    """
     known = accelerations(model, record, eta, true_velocity(model, record, nu))
     left = true_velocity(model, record, record.nu).copy()
     for start, stop in record.segments:

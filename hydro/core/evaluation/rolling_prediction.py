@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import POSE, VELOCITY, Array, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Rows, command_column
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, predict, prepare
 from hydro.core.recording.arrays import Recording, recording, smoothed
@@ -39,8 +39,8 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
 
     Returns:
         A replay table in float32: `session`, `variant` (`measured` and those of `vehicles`), `t`, pose in NED
-        [m, rad] and velocity in the body frame [m/s, rad/s].  A variant lacks the rows in which its motion
-        diverges.
+        [m, rad] and velocity in the body frame [m/s, rad/s], and the commands `cmd_1` ... `cmd_n` of
+        `measured`, null for the others.  A variant lacks the rows in which its motion diverges.
 
     Raises:
         DataError: The recording does not fit a vehicle.
@@ -52,12 +52,15 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
     motions = {MEASURED: np.hstack([record.eta, record.nu])}
     motions |= {name: _predicted(vehicle, recording(vehicle, shown)) for name, vehicle in vehicles.items()}
     kept = _thinned(record)
+    commands = [command_column(i) for i in range(record.commands.shape[1])]
+    told = pl.DataFrame(record.commands[kept].astype(np.float32), schema=commands)
     table = pl.concat(
         pl.DataFrame(motion[kept].astype(np.float32), schema=[*POSE, *VELOCITY]).select(
             shown["session"].gather(kept),
             pl.lit(name).alias("variant"),
             pl.Series("t", record.t[kept]),
             pl.all(),
+            *(told if name == MEASURED else told.clear(len(kept))),
         )
         for name, motion in motions.items()
     )

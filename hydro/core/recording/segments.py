@@ -32,6 +32,19 @@ def sample_time(frame: pl.DataFrame) -> float:
     return _clock(frame)[2]
 
 
+def sessions(frame: pl.DataFrame) -> pl.DataFrame:
+    """Sessions of a recording in their order: `session`, `rows` and `sample_time` [s].
+
+    Args:
+        frame: A table with `session` and `t` [s].
+
+    Raises:
+        DataError: As for `sample_time`.
+    """
+    listed = frame.group_by("session", maintain_order=True).agg(rows=pl.len().cast(pl.Int64))
+    return listed.with_columns(sample_time=pl.lit(sample_time(frame)))
+
+
 def segments(frame: pl.DataFrame) -> Rows:
     """First and past-the-last row of each unbroken run, shape (S, 2), in the order of the rows.
 

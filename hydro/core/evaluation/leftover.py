@@ -1,0 +1,266 @@
+"""The force that a vehicle file leaves over, against each velocity, beside the force that it exerts there.
+
+The force left over is the wrench ON the vehicle that the file's thrusters, weight, buoyancy, effects and
+rigid body (C_RB and M_RB among them) do not account for: of a drag that is too small it has the drag's own
+sign, against the motion.  Along each axis it is averaged in bins of velocity of equal counts.  Its interval
+rests on blocks of the recording, not on rows: neighbouring rows share their errors (a cluster-robust variance
+with leverage correction, Bell and McCaffrey 2002, and Student's t of as many degrees of freedom as the bin
+has effective blocks, Kish 1965, less one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+from scipy.stats import t as student
+
+from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Mask, Rows
+from hydro.core.effects.layout import ADDED_MASS, CURRENT, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.layout import VELOCITY as OVER_GROUND
+from hydro.core.effects.program import HEADER, Program, constants_of, start, wrench
+from hydro.core.errors import DataError
+from hydro.core.evaluation.misfit import Motion, missing_wrench
+from hydro.core.evaluation.regimes import Pieces
+from hydro.core.identification.candidate import Candidate, candidate, true_velocity
+from hydro.core.recording.arrays import Recording, recording
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.rigid_body import coriolis_kernel
+
+BINS = 10
+"""Bins of velocity, of as many pieces of the recording each."""
+CURVE_POINTS = 33
+"""Points of the file's own curve, evenly from the least to the greatest velocity."""
+RANGE = (0.5, 99.5)
+"""Percentiles of the velocity that bound the curve."""
+SAMPLED = 0.9
+"""Share of rows that must have a sample of attitude and velocity."""
+NEEDED = slice(3, 12)
+"""Attitude and velocity among the twelve channels."""
+PLAINER = 0.05
+"""By how much more of the variance another velocity must explain than the axis' own to be shown too."""
+PLAIN = 0.1
+"""Least share of the variance that it explains."""
+LEVEL = 0.975
+DEEP = 1e3
+"""Depth of the curve [m]: no surface is near."""
+
+Line = dict[str, Any]
+
+
+def leftover(vehicles: Mapping[int, Vehicle], raw: pl.DataFrame) -> pl.DataFrame:
+    """Mean force left over in bins of velocity, and the files' own curves.
+
+    Args:
+        vehicles: The vehicle files by the number of their step; the first one says which velocities an axis
+            is shown against: its own, and another that explains plainly more of what is left over.
+        raw: Raw table of the measured motion and commands.
+
+    Returns:
+        The leftover table: `step`, `axis` of the force, `against` which velocity (through the water, as the
+        file has it, at CO in body axes), `velocity` [m/s, rad/s], and of a bin of it the mean `force` left
+        over [N, N m] with its 95 % interval `low` to `high` (null with fewer than two effective `blocks`) and
+        its `rows`; rows without `force` are points of the curve.  `model` is the force that the file exerts
+        at that velocity, steady, level and deep, at rest in the other axes.  `unit` is that of the forces,
+        `velocity_unit` that of the velocity.
+
+    Raises:
+        DataError: The recording does not fit a vehicle, or too few rows have a sample.
+    """
+    record = recording(next(iter(vehicles.values())), raw)
+    counted = _counted(record)
+    motion, pieces = Motion.of(record), Pieces.of(record)
+    lines: list[Line] = []
+    shown: list[tuple[int, int]] = []
+    for step, vehicle in vehicles.items():
+        model = candidate(vehicle)
+        force = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+        means = Means.of(force, through_water(model, record, motion), counted, pieces)
+        shown = shown or means.worth_showing()
+        for axis, against in shown:
+            key = {"step": step, "axis": WRENCH[axis], "against": VELOCITY[against]}
+            units = {"unit": WRENCH_UNITS[axis], "velocity_unit": VELOCITY_UNITS[against]}
+            lines += [key | line | units for line in _bins(means, model.program, axis, against)]
+            lines += [key | line | units for line in _curve(means, model.program, axis, against)]
+    return pl.DataFrame(lines, infer_schema_length=None).with_columns(
+        pl.col("velocity", "force", "low", "high", "blocks", "model").cast(pl.Float64)
+    )
+
+
+def _counted(record: Recording) -> Mask:
+    """Rows with a sample of attitude and velocity, (N,).
+
+    Raises:
+        DataError: They are too few.
+    """
+    if record.seen is None:
+        return np.ones(record.rows, bool)
+    seen = record.seen[:, NEEDED]
+    names = (*POSE, *VELOCITY)[NEEDED]
+    rare = [
+        f"{name} in {100 * share:.0f} %"
+        for name, share in zip(names, seen.mean(axis=0), strict=True)
+        if share < SAMPLED
+    ]
+    if rare:
+        raise DataError(
+            f"forces need attitude and velocity in {100 * SAMPLED:.0f} % of the rows, but samples are of "
+            f"{', '.join(rare)}; import the log with `hydro import --fill`, which draws lines between them"
+        )
+    return np.asarray(seen.all(axis=1))
+
+
+def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
+    """Velocity of CO through the water that a vehicle file has, nu_r in body axes, (N, 6)."""
+    nu_r = true_velocity(model, record, motion.nu).copy()
+    current = constants_of(model.program.flat)[CURRENT : CURRENT + 3]
+    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*motion.eta[:, 3:].T), current)
+    return nu_r
+
+
+@dataclass(frozen=True)
+class Means:
+    """Means over pieces of a fifth of a second.
+
+    Attributes:
+        force: Force left over, (P, 6) [N, N m].
+        velocity: Velocity through the water, (P, 6) [m/s, rad/s].
+        rows: Rows with samples, (P,).
+        block: Block of each piece, (P,).
+    """
+
+    force: Array
+    velocity: Array
+    rows: Array
+    block: Rows
+
+    @classmethod
+    def of(cls, force: Array, velocity: Array, counted: Mask, pieces: Pieces) -> Means:
+        """Average rows (N, 6) that are counted (N,) over the pieces; pieces without one are left out."""
+        rows = pieces.total(counted.astype(np.float64))
+        some = rows > 0.0
+        force, velocity = (
+            pieces.total(values * counted[:, None])[some] / rows[some, None] for values in (force, velocity)
+        )
+        return cls(force, velocity, rows[some], pieces.block[some])
+
+    def code(self, against: int) -> Rows:
+        """Bin of each piece by one velocity, as many pieces in each as its ties allow, (P,)."""
+        speed = self.velocity[:, against]
+        edges = np.quantile(speed, np.arange(1, BINS) / BINS)
+        code: Rows = np.searchsorted(edges, speed, side="right")
+        return code
+
+    def explained(self, axis: int, against: int) -> float:
+        """Share of the variance of the force left over that means in bins of a velocity hold."""
+        force, code = self.force[:, axis], self.code(against)
+        within = sum(np.var(force[code == one]) * np.mean(code == one) for one in np.unique(code))
+        return float(1.0 - within / max(float(np.var(force)), 1e-300))
+
+    def worth_showing(self) -> list[tuple[int, int]]:
+        """Axes of force and the velocities to show them against: the own, and what explains plainly more."""
+        pairs = [(axis, axis) for axis in range(6)]
+        for axis in range(6):
+            shares = [self.explained(axis, against) for against in range(6)]
+            most = int(np.argmax(shares))
+            if shares[most] > max(PLAIN, shares[axis] + PLAINER):
+                pairs.append((axis, most))
+        return pairs
+
+
+def _bins(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
+    """The mean force left over in each bin, and the file's own at the bin's mean velocity."""
+    code, speed = means.code(against), means.velocity[:, against]
+    for one in np.unique(code):
+        there = code == one
+        velocity = float(np.average(speed[there], weights=means.rows[there]))
+        force, half, blocks = block_mean(means.force[there, axis], means.rows[there], means.block[there])
+        yield {
+            "velocity": velocity,
+            "force": force,
+            "low": None if half is None else force - half,
+            "high": None if half is None else force + half,
+            "rows": int(means.rows[there].sum()),
+            "blocks": blocks,
+            "model": float(steady_force(program, np.array([velocity]), against)[0, axis]),
+        }
+
+
+def _curve(means: Means, program: Program, axis: int, against: int) -> Iterator[Line]:
+    """Points of the file's own force."""
+    slowest, fastest = np.percentile(means.velocity[:, against], RANGE)
+    speeds = np.unique(np.linspace(float(slowest), float(fastest), CURVE_POINTS))
+    for speed, force in zip(speeds, steady_force(program, speeds, against)[:, axis], strict=True):
+        nothing = dict.fromkeys(("force", "low", "high", "blocks"))
+        yield {"velocity": float(speed), "rows": 0, "model": float(force)} | nothing
+
+
+def block_mean(values: Array, rows: Array, block: Rows) -> tuple[float, float | None, float]:
+    """Mean of values whose errors are shared within blocks, with its interval.
+
+    Args:
+        values: (P,).
+        rows: How much each counts, (P,).
+        block: Block of each, (P,).
+
+    Returns:
+        The mean; half of its 95 % interval, None with fewer than two effective blocks; their number.
+    """
+    _, number = np.unique(block, return_inverse=True)
+    count = np.bincount(number, rows)
+    mean, whole = float(np.average(values, weights=rows)), float(count.sum())
+    blocks = float(whole**2 / np.sum(count**2))
+    if blocks < 2.0:
+        return mean, None, blocks
+    errors = np.bincount(number, rows * (values - mean))
+    variance = np.sum(errors**2 / (1.0 - count / whole)) / whole**2
+    return mean, float(student.ppf(LEVEL, blocks - 1.0) * np.sqrt(variance)), blocks
+
+
+def stands_out(bins: pl.DataFrame) -> pl.Series:
+    """Which bins differ from zero at a level of 5 % for all of them together (Bonferroni).
+
+    Args:
+        bins: Rows of a leftover table; one without an interval never does.
+    """
+    force, high, blocks = bins.select(pl.col("force", "high", "blocks").cast(pl.Float64).fill_null(np.nan))
+    freedom = blocks.to_numpy() - 1.0
+    size = np.abs(force.to_numpy()) / (high - force).to_numpy() * student.ppf(LEVEL, freedom)
+    chance = np.nan_to_num(2.0 * student.sf(size, freedom), nan=1.0)
+    return pl.Series(chance * bins.height < 2.0 * (1.0 - LEVEL))
+
+
+def steady_force(program: Program, speeds: Array, against: int) -> Array:
+    """Force that the water exerts on a level vehicle, deep and in steady motion along one axis.
+
+    Effects of the vehicle file, their memories settled, and -C_A(nu_r) nu_r, less what they give at rest.
+
+    Args:
+        program: The vehicle.
+        speeds: Velocity through the water along that axis, (K,) [m/s, rad/s].
+        against: Number of the axis; at rest in all others.
+
+    Returns:
+        (K, 6) [N, N m] about CO in body axes.
+    """
+    moving = np.array([_fluid_wrench(program, speed * np.eye(6)[against]) for speed in speeds])
+    force: Array = moving - _fluid_wrench(program, np.zeros(6))
+    return force
+
+
+def _fluid_wrench(program: Program, nu_r: Array) -> Array:
+    """Effects and added-mass Coriolis terms of one steady motion, (6,)."""
+    flat, s, tau, coriolis = program.flat, np.zeros(MOTION), np.zeros(6), np.zeros(6)
+    memory, rates = np.zeros(program.states), np.zeros(program.states)
+    s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6] = s[OVER_GROUND : OVER_GROUND + 6] = nu_r
+    s[ROTATION : ROTATION + 9] = np.eye(3).ravel()
+    s[POSITION + 2] = DEEP
+    start(flat, s, memory)
+    wrench(flat, s, memory, rates, tau)
+    coriolis_kernel(flat[HEADER + ADDED_MASS : HEADER + ADDED_MASS + 36], nu_r, coriolis)
+    force: Array = tau - coriolis
+    return force
