@@ -8,7 +8,7 @@ measured, nobody but the one who made the log can tell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -46,11 +46,19 @@ class AxisFaults:
 
     Attributes:
         follows: What the data follow.
-        faults: What is wrong, one of each kind, and how to import the log.
+        wrong: What is wrong, one of each kind, and how to import the log.
     """
 
     follows: LogMap
-    faults: tuple[Fault, ...]
+    wrong: tuple[Fault, ...]
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The same for whoever goes on with the table put right."""
+        return tuple(
+            replace(one, message=f"{one.message}; all else here is reported as if it were so")
+            for one in self.wrong
+        )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
         """The table as it would be, had it been written as its columns are called."""
@@ -85,6 +93,21 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         follows = _only(evidence, follows)
         changes = difference(AS_CALLED, follows)
     return AxisFaults(follows, tuple(_fault(evidence, follows, change) for change in changes))
+
+
+def require_as_called(raw: pl.DataFrame, record: Recording) -> None:
+    """Refuse a log with columns that mean something else than what they are called.
+
+    Args:
+        raw: Raw table.
+        record: The same as arrays.
+
+    Raises:
+        DataError: A column is wrong, see `axis_faults`; what it means, and how to import the log.
+    """
+    found = axis_faults(raw, record)
+    if found is not None:
+        raise DataError("; ".join(fault.message for fault in found.wrong))
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
@@ -155,9 +178,6 @@ def _only(evidence: Evidence, found: LogMap) -> LogMap:
 
 
 def _fault(evidence: Evidence, follows: LogMap, change: Change) -> Fault:
-    """What one column or block means, by how much the motion says so, and what was done about it."""
-    message = (
-        f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log; all else here is "
-        "reported as if it were so"
-    )
+    """What one column or block means, by how much the motion says so, and how to import the log."""
+    message = f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log"
     return Fault(change.columns(AS_CALLED), message)
