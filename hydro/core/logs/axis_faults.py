@@ -68,6 +68,8 @@ class AxisFaults:
 def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
     """Find the columns that kinematics shows to mean something else; None where they mean what they should.
 
+    A session without any sample of a pose or a velocity has nothing to hold its columns to.
+
     Args:
         raw: Raw table.
         record: The same as arrays.
@@ -76,6 +78,8 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         DataError: A velocity stands still throughout though the vehicle moves along it, or one of several
             columns is wrong and the recording does not show which.
     """
+    if record.seen is not None and not all(record.seen[a:b].any(axis=0).all() for a, b in record.segments):
+        return None
     logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
     times = [log.t for log in logs]
     taken = windows(times, record.dt)
