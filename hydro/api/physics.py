@@ -68,7 +68,8 @@ def fit(
         `hydro.add` writes it into a vehicle with its standard errors.
 
     Raises:
-        hydro.core.errors.DataError: an effect or the recording is at fault, or the motion diverges.
+        hydro.core.errors.DataError: an effect or the recording is at fault (columns that are not what they
+            are called among them), or the motion diverges.
     """
     import numpy as np
 

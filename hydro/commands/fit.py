@@ -61,7 +61,8 @@ def fit(
     An effect that the file has is re-estimated from its values; another is added. Everything else in the
     file stays, comments too. Beside the values are written their standard errors and the hash of the data
     they came from. A parameter that the data do not determine stays near its initial value, and a warning
-    says which motion would determine it.
+    says which motion would determine it. A log whose columns are not what they are called, reversed,
+    exchanged or in degrees, is refused. Where a sensor's noise has heavy tails, outliers count for less.
     """
     import numpy as np
 

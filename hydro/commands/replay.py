@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.core.vehicle.description import Vehicle
+    from hydro.io.model import Model
     from hydro.io.table import Artefact
 
 Raw = Annotated[
@@ -173,13 +174,10 @@ def _flown(given: _Given, file: Path | None) -> _Flown:
     source = read(given.raw, "raw")
     known, text = vehicle_for(source, file)
     trained = [read(name, "model") for name in given.models]
-    for name, artefact in zip(given.models, trained, strict=True):
-        _require_same_effects(name, artefact, known)
-    flown = sim.variants(
-        [models.from_artefact(artefact) for artefact in trained],
-        given.variants or None,
-        [_labelled(artefact) for artefact in trained],
-    )
+    networks = [models.from_artefact(artefact) for artefact in trained]
+    for name, network in zip(given.models, networks, strict=True):
+        _require_same_effects(name, network, known)
+    flown = sim.variants(networks, given.variants or None)
     physics = Physics(timestep=given.timestep, integrator=given.integrator)
     setup = sim.Setup(conditioning=preset(given.conditioning, known), lead=given.lead, physics=physics)
     with progress("replay") as update, about(given.raw):
@@ -217,25 +215,17 @@ def _draw(series: pl.DataFrame, errors: pl.DataFrame, folder: Path) -> None:
     figures.save(figures.draw_errors(replay_errors(errors)), folder / "errors.png")
 
 
-def _require_same_effects(name: str, model: Artefact, known: Vehicle) -> None:
+def _require_same_effects(name: str, model: Model, known: Vehicle) -> None:
     """Refuse a model that learnt what other effects leave than those that would fly with it."""
-    from hydro.io import vehicle
+    from hydro.io.vehicle import vehicle_hash
 
-    labelled = _labelled(model)
-    if labelled is None or (model.provenance.model or {}).get("subtract") != "effects":
+    if model.labelled is None or model.subtract != "effects":
         return
-    if vehicle.vehicle_hash(labelled) != vehicle.vehicle_hash(known):
+    if vehicle_hash(model.labelled) != vehicle_hash(known):
         raise DataError(
             f"{name}: its labels left out the effects of another vehicle file: add --vehicle with the file "
             "that the labels were made with"
         )
-
-
-def _labelled(model: Artefact) -> Vehicle | None:
-    """The vehicle that a model's labels were made with, where its footer has it."""
-    from hydro.io import vehicle
-
-    return None if model.provenance.vehicle is None else vehicle.parse(model.provenance.vehicle)
 
 
 COMMANDS = {

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
-from hydro.io import table
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import table, vehicle
 from hydro.io.table import Artefact
 
 SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
@@ -37,6 +38,7 @@ class Model:
         units: unit of every input and output by name.
         training: summary of the training; JSON values.
         subtract: which effects its labels left out and a simulation must bring: `inertia`, or all `effects`.
+        labelled: the vehicle that its labels were made with; None where the file does not say.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Model:
     units: Mapping[str, str]
     training: Mapping[str, Any] = field(default_factory=dict)
     subtract: str = "inertia"
+    labelled: Vehicle | None = None
 
     @property
     def parameters(self) -> int:
@@ -100,7 +103,7 @@ def from_artefact(artefact: Artefact) -> Model:
     Raises:
         DataError: the footer does not describe a model, or a tensor's shape is not that of its data.
     """
-    described = artefact.provenance.model or {}
+    described, text = artefact.provenance.model or {}, artefact.provenance.vehicle
     if not described.keys() >= _DESCRIBED:
         raise DataError("model: the file's footer lacks the architecture: write it with `hydro train`")
     return Model(
@@ -114,6 +117,7 @@ def from_artefact(artefact: Artefact) -> Model:
         units=described["units"],
         training=described["training"],
         subtract=described.get("subtract", "inertia"),
+        labelled=None if text is None else vehicle.parse(text),
     )
 
 

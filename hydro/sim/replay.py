@@ -46,7 +46,6 @@ class Variant:
         name: Name in the tables.
         model: Name of the residual model, or `none`.
         network: The residual model itself.
-        labelled: The vehicle that its labels were made with, where it is known.
         water: Without a residual model: `none` of the water's effects, its `inertia` in the mass matrix,
             MuJoCo's own `ellipsoid` fluid model, or all `effects` of the vehicle file.
     """
@@ -54,7 +53,6 @@ class Variant:
     name: str
     model: str = "none"
     network: TrainedModel | None = None
-    labelled: Vehicle | None = None
     water: Literal["none", "inertia", "ellipsoid", "effects"] = "none"
 
 
@@ -72,11 +70,7 @@ EFFECTS = Variant("effects", water="effects")
 """The vehicle file with all its effects, without a residual model."""
 
 
-def variants(
-    models: Sequence[TrainedModel] = (),
-    names: Sequence[str] | None = None,
-    labelled: Sequence[Vehicle | None] | None = None,
-) -> list[Variant]:
+def variants(models: Sequence[TrainedModel] = (), names: Sequence[str] | None = None) -> list[Variant]:
     """The baselines, one variant per model under the paper's name where it has one, and `effects`.
 
     A model whose labels left out all effects flies with them, as `effects+` and its name.
@@ -85,13 +79,11 @@ def variants(
         models: Trained models.
         names: Which variants, in this order; by default all, but `effects` only beside a model that flies
             with them.
-        labelled: Of each model the vehicle that its labels were made with; None where it is not known.
 
     Raises:
         UsageError: Two models would have one name, or a name has no variant.
     """
-    made_with = labelled or [None] * len(models)
-    flying = [Variant(_name(m), m.name, m, with_) for m, with_ in zip(models, made_with, strict=True)]
+    flying = [Variant(_name(model), model.name, model) for model in models]
     known = {variant.name: variant for variant in (*BASELINES, *flying, EFFECTS)}
     if len(known) < len(BASELINES) + len(flying) + 1:
         raise UsageError("two models of one kind cannot be told apart in one replay; replay them one by one")
@@ -273,7 +265,7 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
     """What of the water a variant feels; `controlled` says how a network is run."""
     if variant.network is not None:
         network, whole = controlled(Network.of(variant.network)), _needs_effects(variant.network)
-        added = () if whole else beside(vehicle, variant.labelled)
+        added = () if whole else beside(vehicle, variant.network.labelled)
         return residual(vehicle, network, effects=whole, beside=added)
     if variant.water == "effects":
         return wet(vehicle)

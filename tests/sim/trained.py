@@ -26,5 +26,10 @@ def trained(name, seed=0, **changes):
     network.standardise(scalers)
     tensors = {name: value.numpy() for name, value in network.state_dict().items()}
     return network, SimpleNamespace(
-        name=name, architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
+        name=name,
+        architecture=architecture,
+        tensors=tensors,
+        scalers=scalers,
+        subtract="inertia",
+        labelled=None,
     )

@@ -21,6 +21,7 @@ from hydro.core.recording.sensor_faults import (
     without_bad_readings,
     without_bias,
     without_faults,
+    without_outliers,
 )
 from hydro.core.vehicle.description import Vehicle
 
@@ -99,7 +100,8 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
     if found is None:
         return Preprocessed(log.raw, log.record, faults)
     raw = in_order(log.raw, found.wiring)
-    return Preprocessed(raw, recording(vehicle, raw), (*faults, _exchanged(found)), found.wiring)
+    record = replace(recording(vehicle, raw), sigma=log.record.sigma)
+    return Preprocessed(raw, record, (*faults, _exchanged(found)), found.wiring)
 
 
 def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
@@ -116,7 +118,7 @@ def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
     readings = without_bad_readings(vehicle, raw)
     found = axis_faults(readings.raw, readings.record)
     if found is None:
-        return without_bias(vehicle, readings)
+        return without_outliers(vehicle, without_bias(vehicle, readings))
     log = without_faults(vehicle, found.put_right(raw))
     return replace(log, faults=(*found.faults, *log.faults))
 

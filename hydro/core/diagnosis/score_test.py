@@ -22,6 +22,7 @@ Columns = Sequence[int]
 
 FLIPS = 1999
 RIDGE = 1e-9  # of each column's own size: columns that are alike share what they explain
+FLOOR = 1e-9  # of the mean variance of a group's score
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,10 @@ def p_values(
     """Probability that, nothing being missing, the most striking group is as striking as each one.
 
     The statistic of a group is m^T V^-1 m of its score m against the model without it, on the scale of a
-    normal deviate so that groups of different size compare.  V and the flipped scores are of the residual
-    that is left *with* the group, each block's by a fit without that block: so an effect that is plainly
-    there does not hide in its own spread, and the level is kept where blocks have leverage.
+    normal deviate so that groups of different size compare.  Each flip is standardised by the covariance V
+    that white noise gives it, for what the fit took of a block depends on the signs of the others (De Santis,
+    Goeman, Hemerik, Davenport and Finos 2022): so the level is kept where a group is wide and where few
+    blocks have most of the leverage.
 
     Blocks are as long as what the plainest group leaves is correlated: what it explains is no noise.
     Of a group with more than half as many columns as there are blocks the most striking part counts.
@@ -112,48 +114,50 @@ def p_values(
         return {}
     plainest = max(groups.values(), key=lambda group: evidence.gain(given, group))
     starts = np.arange(0, len(evidence.error), block_length(evidence.scores([*given, *plainest])))
-    signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), size=(FLIPS, len(starts)))
+    signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), size=(FLIPS + 1, len(starts)))
+    signs[0] = 1.0  # as observed
     struck = dict.fromkeys(groups, -np.inf)
     highest, most = np.full(FLIPS, -np.inf), max(len(starts) // 2, 1)
     for name, group in groups.items():
         for part in (group[i : i + most] for i in range(0, len(group), most)):
-            score, loose = _scores(evidence, given, part, starts)
-            struck[name] = max(struck[name], float(_deviates(score[None], loose, flipped=False)[0]))
-            highest = np.maximum(highest, _deviates(signs @ loose, loose, flipped=True))
+            observed, *chance = _deviates(_forms(evidence, given, part, starts, signs), len(part))
+            struck[name] = max(struck[name], float(observed))
+            highest = np.maximum(highest, chance)
     return {
         name: (1.0 + np.count_nonzero(highest >= strength)) / (FLIPS + 1.0)
         for name, strength in struck.items()
     }
 
 
-def _deviates(sums: Array, blocks: Array, *, flipped: bool) -> Array:
-    """How far sums (F, p) are from zero beside the spread of blocks (B, p), as normal deviates; (F,).
-
-    The spread of what is flipped holds its mean, which Hotelling's T^2 takes out: without the group the
-    blocks scatter about their mean, and the observed sum is compared with blocks that have none.
-    """
-    spread = blocks.T @ blocks
-    spread += (1e-9 * np.trace(spread) + 1e-300) * np.eye(len(spread))
-    form = np.maximum(((sums @ np.linalg.inv(spread)) * sums).sum(axis=1), 0.0)
-    if flipped:
-        form = form / np.maximum(1.0 - form / len(blocks), 1e-12)
-    tail = chi2.logsf(form, len(spread))
+def _deviates(form: Array, columns: int) -> Array:
+    """Quadratic forms of so many columns, of which the first is observed, as normal deviates."""
+    form = form * (columns / max(float(form[1:].mean()), 1e-300))
+    tail = chi2.logsf(form, columns)
     # Beyond what a double can tell the form itself keeps the order.
     deviates: Array = np.where(tail > -700.0, -norm.ppf(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
     return deviates
 
 
-def _scores(
-    evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64]
-) -> tuple[Array, Array]:
-    """Score (p,) of columns made orthogonal to the given ones, and blocks (B, p) of its value by chance."""
-    both = [*given, *group]
+def _forms(
+    evidence: Evidence, given: Columns, group: Columns, starts: NDArray[np.int64], signs: Array
+) -> Array:
+    """m^T V^-1 m of a group's score under each row of signs, (F,), with the V of white noise of size 1.
+
+    White noise gives a block's score s_b the covariance A_b; the fit to the given columns X leaves
+    s_b - A_bX T_X^-1 s_X, T the sum of A_b.  With P the part of the group that is orthogonal to X, the sum of
+    g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T, C the sum of g_b P A_bX; for
+    g_b^2 = 1, and C is 0 where all signs are as observed.
+    """
+    both, own = [*given, *group], len(given)
     blocks = np.add.reduceat(evidence.matrix[:, both][:, :, both], starts, axis=0)
     scores = np.add.reduceat(evidence.score[:, both], starts, axis=0)
-    total, sums, own = blocks.sum(axis=0) + RIDGE * np.eye(len(both)), scores.sum(axis=0), len(given)
-    turn = np.hstack([-np.linalg.solve(total[:own, :own], total[:own, own:]).T, np.eye(len(group))])
-    restricted = np.zeros(len(both))
-    restricted[:own] = np.linalg.solve(total[:own, :own], sums[:own])
-    without = np.linalg.solve(total - blocks, (sums - scores)[..., None])[..., 0]
-    chance = scores - np.einsum("bij,bj->bi", blocks, without)
-    return turn @ (sums - total @ restricted), chance @ turn.T
+    total = blocks.sum(axis=0) + RIDGE * np.eye(len(both))
+    inner, across = total[:own, :own], blocks[:, :, :own]
+    turn = np.hstack([-np.linalg.solve(inner, total[:own, own:]).T, np.eye(len(group))])
+    left = (scores - across @ np.linalg.solve(inner, scores[:, :own].sum(axis=0))) @ turn.T
+    flipped, mixed = signs @ left, np.tensordot(signs, turn @ across, axes=1)
+    spread = turn @ total @ turn.T
+    each = spread - mixed @ np.linalg.solve(inner, mixed.transpose(0, 2, 1))
+    each += FLOOR * np.trace(spread) / len(group) * np.eye(len(group))
+    form = np.einsum("fi,fi->f", flipped, np.linalg.solve(each, flipped[..., None])[..., 0])
+    return np.asarray(np.maximum(form, 0.0))

@@ -36,8 +36,15 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.logs.axis_faults import require_as_called
 from hydro.core.recording.filling import unseen
-from hydro.core.recording.sensor_faults import without_faults
+from hydro.core.recording.heavy_tails import Tail
+from hydro.core.recording.sensor_faults import (
+    Corrected,
+    without_bad_readings,
+    without_bias,
+    without_outliers,
+)
 from hydro.core.vehicle.description import Vehicle
 
 Method = Literal["output", "equation"]
@@ -154,12 +161,13 @@ def fit(
         Values with standard errors and warnings.
 
     Raises:
-        DataError: An effect or the recording is at fault, or the vehicle's motion diverges.
+        DataError: An effect or the recording is at fault (columns that are not what they are called among
+            them), or the vehicle's motion diverges.
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
     progress = progress or (lambda words, share: None)
-    log = without_faults(vehicle, raw)
+    log = sound(vehicle, raw)
     record = log.record
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     progress("equation error", 0.0)
@@ -184,8 +192,29 @@ def fit(
     found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
     blind = unseen(record.seen)
-    warnings = (*blind, *(fault.message for fault in log.faults), *reduced, *found.warnings)
+    told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
+    warnings = (*blind, *told, *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
+
+
+def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
+    """The recording without faults of its sensors.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or columns are not what they are called: values
+            fitted to them would be wrong.
+    """
+    readings = without_bad_readings(vehicle, raw)
+    require_as_called(readings.raw, readings.record)
+    return without_outliers(vehicle, without_bias(vehicle, readings))
+
+
+def _heavy(tails: Sequence[Tail]) -> tuple[str, ...]:
+    """That the noise of some channels has heavy tails."""
+    if not tails:
+        return ()
+    names = ", ".join(f"{tail.channel} ({tail.freedom:g})" for tail in tails)
+    return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
 
 
 @dataclass(frozen=True)

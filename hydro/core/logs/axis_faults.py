@@ -8,7 +8,7 @@ measured, nobody but the one who made the log can tell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -46,11 +46,19 @@ class AxisFaults:
 
     Attributes:
         follows: What the data follow.
-        faults: What is wrong, one of each kind, and how to import the log.
+        wrong: What is wrong, one of each kind, and how to import the log.
     """
 
     follows: LogMap
-    faults: tuple[Fault, ...]
+    wrong: tuple[Fault, ...]
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The same for whoever goes on with the table put right."""
+        return tuple(
+            replace(one, message=f"{one.message}; all else here is reported as if it were so")
+            for one in self.wrong
+        )
 
     def put_right(self, raw: pl.DataFrame) -> pl.DataFrame:
         """The table as it would be, had it been written as its columns are called."""
@@ -60,6 +68,8 @@ class AxisFaults:
 def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
     """Find the columns that kinematics shows to mean something else; None where they mean what they should.
 
+    A session without any sample of a pose or a velocity has nothing to hold its columns to.
+
     Args:
         raw: Raw table.
         record: The same as arrays.
@@ -68,6 +78,8 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         DataError: A velocity stands still throughout though the vehicle moves along it, or one of several
             columns is wrong and the recording does not show which.
     """
+    if record.seen is not None and not all(record.seen[a:b].any(axis=0).all() for a, b in record.segments):
+        return None
     logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
     times = [log.t for log in logs]
     taken = windows(times, record.dt)
@@ -85,6 +97,21 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         follows = _only(evidence, follows)
         changes = difference(AS_CALLED, follows)
     return AxisFaults(follows, tuple(_fault(evidence, follows, change) for change in changes))
+
+
+def require_as_called(raw: pl.DataFrame, record: Recording) -> None:
+    """Refuse a log with columns that mean something else than what they are called.
+
+    Args:
+        raw: Raw table.
+        record: The same as arrays.
+
+    Raises:
+        DataError: A column is wrong, see `axis_faults`; what it means, and how to import the log.
+    """
+    found = axis_faults(raw, record)
+    if found is not None:
+        raise DataError("; ".join(fault.message for fault in found.wrong))
 
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
@@ -155,9 +182,6 @@ def _only(evidence: Evidence, found: LogMap) -> LogMap:
 
 
 def _fault(evidence: Evidence, follows: LogMap, change: Change) -> Fault:
-    """What one column or block means, by how much the motion says so, and what was done about it."""
-    message = (
-        f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log; all else here is "
-        "reported as if it were so"
-    )
+    """What one column or block means, by how much the motion says so, and how to import the log."""
+    message = f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log"
     return Fault(change.columns(AS_CALLED), message)

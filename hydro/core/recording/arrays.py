@@ -50,6 +50,8 @@ class Recording:
         session: Number of each segment's session, (S,).
         dt: Sample time [s].
         seen: Which values of pose and velocity are samples, (N, 12); None where all are.
+        sigma: Noise of channels that hold pseudo-observations (`recording.heavy_tails`), (12,), NaN of
+            others; None where none does.
     """
 
     t: Array
@@ -61,6 +63,7 @@ class Recording:
     session: Rows
     dt: float
     seen: Mask | None = None
+    sigma: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -153,6 +156,8 @@ def noise(record: Recording) -> Array:
         enough = (max(map(len, parts)) >= LEAST_SAMPLES for parts in samples(record))
         each = zip(samples(record), enough, UNSEEN, strict=True)
         found = np.array([_noise(parts) if known else size for parts, known, size in each])
+    if record.sigma is not None:
+        found = np.where(np.isfinite(record.sigma), record.sigma, found)
     sigma: Array = np.maximum(found, LEAST_NOISE)
     return sigma
 

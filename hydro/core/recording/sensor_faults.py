@@ -4,13 +4,14 @@ No force moves a vehicle for one sample and back, and a sensor with noise never 
 for a second.  Such readings are found from the log alone, each channel by itself, reported, and kept away
 from every fit: short ones are bridged by a straight line in their channel, and rows under long ones are left
 out.  A slow sensor whose readings are held, or drawn in straight lines, from sample to sample is held to this
-by its samples; so is one that reads in steps.
+by its samples; so is one that reads in steps.  Jumps that a channel's noise makes anyway, for its tails are
+heavy, are no faults: such channels hold pseudo-observations afterwards (`recording.heavy_tails`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -18,6 +19,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, channels, recording
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
+from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observed
 from hydro.core.recording.repeated_rows import repeated_rows, without_repeats
 from hydro.core.vehicle.description import Vehicle
 
@@ -70,11 +72,13 @@ class Corrected:
         raw: Raw table.
         record: The same as arrays.
         faults: What was wrong, one of each kind.
+        tails: Noise of channels that hold pseudo-observations.
     """
 
     raw: pl.DataFrame
     record: Recording
     faults: tuple[Fault, ...]
+    tails: tuple[Tail, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,7 @@ def faults(record: Recording) -> Faults:
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording without readings that no motion makes, nor a gyro's bias.
+    """The recording without readings that no motion makes, a gyro's bias and heavy tails of the noise.
 
     Args:
         vehicle: The vehicle.
@@ -132,7 +136,7 @@ def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    return without_bias(vehicle, without_bad_readings(vehicle, raw))
+    return without_outliers(vehicle, without_bias(vehicle, without_bad_readings(vehicle, raw)))
 
 
 def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
@@ -152,7 +156,7 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
         kinds.append(_fault(raw, record, np.tile(repeated[:, None], len(CHANNELS)), words))
         raw = without_repeats(raw, record, repeated)
         record = recording(vehicle, raw)
-    found = faults(record)
+    found = _implausible(vehicle, raw, record, faults(record))
     if others := list(described(raw, record, found)):
         raw = mended(raw, record, found)
         record = recording(vehicle, raw)
@@ -167,6 +171,16 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
         return log
     raw = log.raw.with_columns(pl.col(name) - value for name, value in bias.items())
     return Corrected(raw, recording(vehicle, raw), (*log.faults, _biased(bias)))
+
+
+def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
+    """The recording with pseudo-observations in channels whose noise has heavy tails."""
+    tails = heavy_tails(log.record)
+    if not tails:
+        return log
+    raw, sigma = pseudo_observed(log.raw, log.record, tails)
+    record = replace(recording(vehicle, raw), sigma=sigma)
+    return replace(log, raw=raw, record=record, tails=tuple(tails.values()))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
@@ -201,6 +215,23 @@ def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
         columns[CHANNELS[i]] = column
     table = raw.with_columns(pl.Series(name, values) for name, values in columns.items())
     return table.filter(pl.Series(~left_out))
+
+
+def _implausible(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, found: Faults) -> Faults:
+    """The faults without jumps such as noise with heavy tails makes, where the other samples show some."""
+    others = heavy_tails(recording(vehicle, mended(raw, record, found))) if found.jumps.any() else {}
+    if not others:
+        return found
+    kept = replace(found, jumps=np.zeros_like(found.jumps))
+    whole = heavy_tails(recording(vehicle, mended(raw, record, kept)))
+    jumps, parts, every = found.jumps.copy(), list(channels(record)), found.all
+    for i in others.keys() & whole.keys():
+        for (start, stop), part in zip(record.segments, parts[i], strict=True):
+            bad, rows = every[start:stop, i], np.arange(stop - start)
+            if not bad.all():
+                off = part - np.interp(rows, rows[~bad], part[~bad])
+                jumps[start:stop, i] &= ~whole[i].plausible(off, record.rows)
+    return replace(found, jumps=jumps)
 
 
 def described(raw: pl.DataFrame, record: Recording, found: Faults) -> Iterator[Fault]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 from hydro.core.vehicle.description import Vehicle
+from hydro.io.vehicle import vehicle_hash
 from hydro.rl.environment.config import Settings
 from hydro.sim.bridge.water import Water, dry, residual, wet
 from hydro.sim.plant import StudentPlant
+from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 from hydro.sim.residual.lowering import TrainedModel
@@ -65,12 +67,21 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04) -> Wa
         condition: The condition.
         vehicle: The vehicle file.
         period: Control step [s].
+
+    Raises:
+        DataError: The file has effects beside which the model cannot be flown, see `sim.residual.beside`.
     """
     model = condition.model
     if model is None:
         return wet(vehicle) if condition.name == EFFECTS else dry(vehicle)
     control = Control(Network.of(model), period, conditioning=preset(condition.conditioning, vehicle))
-    return residual(vehicle, control, effects=model.subtract == "effects")
+    whole = model.subtract == "effects"
+    if whole and model.labelled is not None and vehicle_hash(model.labelled) != vehicle_hash(vehicle):
+        raise DataError(
+            f"{model.name}: its labels left out the effects of another vehicle file than {vehicle.name}; "
+            "fly it with the file that they were made with"
+        )
+    return residual(vehicle, control, effects=whole, beside=() if whole else beside(vehicle, model.labelled))
 
 
 def plant(

@@ -6,6 +6,7 @@ through the water, `passive` adds for each vehicle::
     M            += T^T I T                                          added mass is inertia, not feedback
     qfrc_passive += T^T (I [omega x v_r; 0] - C(nu_r) nu_r + C_cancelled(nu) nu + effects - tau_held)
 
+with nu_r for nu in C_cancelled and in the network where that learnt in still water (`water.residual`).
 [omega x v_r; 0] is there because MuJoCo's linear acceleration is the world's derivative, and because a
 current that is steady in the world turns in the body (`simulation.dynamics`).  `sensor` runs once per step,
 on the state that the step begins with: it begins control steps and sets internal states at the start.  `rate`
@@ -80,6 +81,13 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
 
 
 @jit
+def _felt(vehicle: Array, s: Array) -> Array:
+    """The velocity (6,) that a residual network is asked about: over ground, or through the water."""
+    at = layout.RELATIVE_VELOCITY if vehicle[water.AT_DRIFTING] > 0.0 else layout.VELOCITY
+    return s[at : at + 6]
+
+
+@jit
 def _exert(P: Array, tau: Array, force: Array) -> None:
     """Add T^T tau to `force` (6,): a body wrench (FRD, about CO) as MuJoCo's generalised force."""
     for j in range(3):
@@ -146,10 +154,7 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
     for i in range(6):
         tau[i] = 0.0
     _observe(data, vehicle, P, s)
-    nu, nu_r = (
-        s[layout.VELOCITY : layout.VELOCITY + 6],
-        s[layout.RELATIVE_VELOCITY : layout.RELATIVE_VELOCITY + 6],
-    )
+    nu_r, felt = s[layout.RELATIVE_VELOCITY : layout.RELATIVE_VELOCITY + 6], _felt(vehicle, s)
     dof = int(vehicle[water.AT_DOF])
 
     if vehicle[water.AT_EFFECTS] > 0.0:
@@ -170,13 +175,13 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
         _add_coriolis(vehicle[at : at + 36], -1.0, nu_r, part, tau)
     at = int(vehicle[water.AT_CANCELLED])
     if at:
-        _add_coriolis(vehicle[at : at + 36], 1.0, nu, part, tau)
+        _add_coriolis(vehicle[at : at + 36], 1.0, felt, part, tau)
     at = int(vehicle[water.AT_HELD])
     if at >= 0:
         _take(numbers(data, structs.USERDATA, at, 6), tau)
     if vehicle[water.AT_CONTROL] > 0.0:
         block = vehicle[int(vehicle[water.AT_CONTROL]) :]
-        control.exert(block, structs.control_states(data, vehicle), nu, part, tau)
+        control.exert(block, structs.control_states(data, vehicle), felt, part, tau)
     at = int(vehicle[water.AT_INERTIA])
     if at:
         A = vehicle[at : at + 36]
@@ -288,7 +293,7 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
     if renew:
         packed = block[int(block[control.AT_WEIGHTS]) :]
         weights = carray(pointer(packed.ctypes.data), (int(block[control.AT_WEIGHT_COUNT]),), np.float32)
-        control.control_kernel(block, weights, states, time, s[layout.VELOCITY : layout.VELOCITY + 6])
+        control.control_kernel(block, weights, states, time, _felt(vehicle, s))
 
 
 def _sensor(model: int, data: int, _stage: int) -> None:

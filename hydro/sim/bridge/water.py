@@ -28,20 +28,21 @@ PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
 MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
-VERSION = 3.0
+VERSION = 4.0
 AT_MAGIC, AT_VERSION = 0, 1
 AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
 AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
 AT_INERTIA = 7  # matrix added to M
 AT_CORIOLIS = 8  # matrix whose Coriolis wrench of nu_r is exerted
-AT_CANCELLED = 9  # matrix whose Coriolis wrench of nu is taken away
+AT_CANCELLED = 9  # matrix whose Coriolis wrench is taken away
 AT_PROGRAM = 10
 AT_EFFECTS = 11  # 1 where the program's wrenches act
 AT_CONTROL = 12
 AT_HELD = 13  # where in `userdata` the host holds a wrench; -1: nowhere
 AT_ACTUATOR = 14  # its first thruster; prepared
 AT_DELAYED = 15  # 1 where a thruster's command is delayed
-HEADER = 16
+AT_DRIFTING = 16  # 1 where network and what is taken away are of nu_r, not of nu
+HEADER = 17
 UNKNOWN = -1.0
 
 
@@ -55,6 +56,8 @@ class Water:
         coriolis: Whose C(nu_r) nu_r is exerted, (6, 6); the inertia itself where the whole effect is wanted.
         cancelled: Whose C(nu) nu is taken away, (6, 6): M_RB where a residual model brings all of C.
         control: Residual network that runs inside the simulation.
+        drifting: Whether the network is asked about the motion through the water, nu_r, and the C taken away
+            is of nu_r too: one that learnt in still water, flown in a current.
         held: Whether the host holds a wrench on the left-hand side of the balance in `userdata`, six entries,
             FRD.
         ellipsoid: Whether MuJoCo's own fluid model acts on the hull.
@@ -65,6 +68,7 @@ class Water:
     coriolis: Array | None = None
     cancelled: Array | None = None
     control: Control | None = None
+    drifting: bool = False
     held: bool = False
     ellipsoid: bool = False
 
@@ -83,6 +87,7 @@ class Water:
         header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR]] = UNKNOWN
         header[AT_HELD] = held if self.held else UNKNOWN
         header[AT_DELAYED] = float((thrusters_of(self.program.flat)[:, DELAY] > 0.0).any())
+        header[AT_DRIFTING] = float(self.drifting)
         header[AT_EFFECTS] = float(bool(self.program.effects))
         blocks = [header]
         for entry, block in (
@@ -127,6 +132,17 @@ def residual(
     C_RB is no effect, and so in the label and in the model either way.  Without a `control` the model runs on
     the host, which holds its wrench in `userdata`.  Effects `beside` it were not in what it learnt from: they
     act as well, with the Coriolis terms of what inertia they bring (`sim.residual.beside`).
+
+    A current among these: a label of still water holds N in M nu_dot + N(nu, nu_dot) + g = tau, a law of the
+    frame in which the water rests.  A steady, uniform current rests in a frame that drifts with it and is as
+    inertial as the ground, so that M nu_r_dot + N(nu_r, nu_r_dot) + g = tau there (Fossen 2011, property
+    8.1).  MuJoCo solves M_RB nu_dot + C_RB(nu) nu = tau_all, and Newton's law of the dry body is the same in
+    both frames, M_RB nu_dot + C_RB(nu) nu = M_RB nu_r_dot + C_RB(nu_r) nu_r.  Therefore
+
+        tau_all = tau - g - M_A nu_r_dot - N(nu_r, nu_r_dot) + C_RB(nu_r) nu_r:
+
+    the network is asked at nu_r and nu_r_dot, what it brings of C_RB is taken away at nu_r, and M_A stands in
+    the mass matrix with [omega x R^T v_c; 0] on the right.
     """
     inertia = _some(inertia_matrix(vehicle))
     alone = msgspec.structs.replace(vehicle, effect=tuple(beside))
@@ -138,6 +154,7 @@ def residual(
         coriolis=inertia if effects else _some(inertia_matrix(alone)),
         cancelled=mass_matrix(vehicle),
         control=control,
+        drifting=not effects,
         held=control is None,
     )
 

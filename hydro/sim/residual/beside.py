@@ -2,7 +2,8 @@
 
 A network of what added mass alone leaves holds all forces of the water on the hull, those of the file its
 labels were made with among them.  What is hung on the vehicle or holds it from outside since then adds to
-that; another hull, or water that moves, does not.
+that; another hull does not.  A current in which a network of still water is flown moves the frame that the
+network holds in (`bridge.water.residual`); a network that learnt in a current holds in that one alone.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ ANYWAY = frozenset({"actuator", "sensor"})
 
 
 def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
-    """The `[[effect]]` tables that act beside a network of what added mass alone leaves.
+    """The `[[effect]]` tables that act beside a network of what added mass alone leaves; a current may.
 
     Args:
         vehicle: The vehicle that is flown.
@@ -41,7 +42,9 @@ def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
     before, after = [_values(effect) for effect in then], [_values(effect) for effect in now]
     new = [effect for effect in now if _values(effect) not in before]
     gone = [effect for effect in then if _values(effect) not in after]
-    refused = [effect["name"] for effect in (*gone, *new) if effect in gone or not _adds(effect)]
+    still = not any(map(_flows, then))
+    refused = [effect["name"] for effect in gone]
+    refused += [effect["name"] for effect in new if not (_adds(effect) or (still and _flows(effect)))]
     if refused:
         raise DataError(
             f"{', '.join(dict.fromkeys(refused))} of {vehicle.name}: not as in the vehicle file that the "
@@ -55,6 +58,11 @@ def _adds(effect: Table) -> bool:
     """Whether an effect's wrench adds to a network's: it depends on the pose alone."""
     record = CATALOGUE[effect["name"]]
     return record.family in ADDED and record.kind == "wrench"
+
+
+def _flows(effect: Table) -> bool:
+    """Whether an effect moves the water."""
+    return CATALOGUE[effect["name"]].kind == "flow"
 
 
 def _values(effect: Table) -> dict[str, Any]:

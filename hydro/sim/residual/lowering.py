@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Array32
 from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Vehicle
 from hydro.sim.residual import layers
 
 AXES = 6
@@ -42,6 +43,10 @@ class TrainedModel(Protocol):
     @property
     def subtract(self) -> str:
         """Which effects its labels left out: `inertia`, or all `effects`."""
+
+    @property
+    def labelled(self) -> Vehicle | None:
+        """The vehicle that its labels were made with; None where nobody knows."""
 
 
 class Place(NamedTuple):

@@ -112,3 +112,8 @@ def test_velocities_of_axes_along_which_nothing_moves_may_be_zero():
     raw = level(depth=5.0)
     zero = {name: np.zeros(raw.height) for name in ("p", "q", "r")}
     assert not sound(VEHICLE, spoilt(raw, **zero)).faults
+
+
+def test_a_log_without_velocities_has_nothing_to_hold_its_columns_to():
+    raw = log().with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("u", "v", "w"))
+    assert not sound(VEHICLE, raw).faults

@@ -71,3 +71,15 @@ def test_few_blocks_make_no_false_alarms_of_wide_groups(blocks):
 
     assert 0.02 < np.mean([p(seed) <= 0.1 for seed in range(200)]) < 0.15
     assert p(4, (1.0, 1.0, 0.0, 0.0, 0.0)) < 0.01
+
+
+def test_the_level_holds_for_wide_groups_and_shots_of_unequal_weight():
+    """The least p-value of groups of one to nine columns, beside nine that are fitted, told by few shots."""
+    rng, least = np.random.default_rng(5), []
+    weight = np.repeat(np.exp(1.5 * rng.standard_normal((SHOTS, 3, 1))), 8, axis=1).reshape(SHOTS, 1, 24)
+    groups = {"wide": range(9, 18), "narrow": range(18, 21), "one": [21], "another": [22]}
+    for _ in range(80):
+        columns = (rng.standard_normal((SHOTS, ROWS, 24)) * weight).reshape(SHOTS * ROWS, 24)
+        evidence = Evidence.of(problem(columns, rng.standard_normal(SHOTS * ROWS)))
+        least.append(min(p_values(evidence, range(9), groups).values()))
+    assert 0.04 < np.mean(np.array(least) <= 0.1) < 0.17

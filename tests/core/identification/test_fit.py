@@ -13,7 +13,9 @@ from recordings import DAMPING, damped, moved, noisy
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.findings import extended
+from hydro.core.diagnosis.log_faults import sound
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import candidate
@@ -344,3 +346,30 @@ def test_recordings_that_cannot_be_fitted():
         fit(damped(), good[:30], ["linear_damping"])
     with pytest.raises(DataError, match="method 'guess'"):
         fit(damped(), good, ["linear_damping"], method="guess")
+
+
+@pytest.mark.parametrize("kind", ["Student's t", "gross errors"])
+def test_outliers_neither_bias_a_fit_nor_its_standard_errors(kind):
+    """Least squares would be left with a mean squared residual of 1.2 and 1.6, and wider errors."""
+    vehicle = damped()
+    raw, rng = noisy(moved(vehicle, rows=4000), 1), np.random.default_rng(8)
+    size = np.repeat([0.015, 0.004], 3)
+    error = size * rng.standard_t(3, (raw.height, 6))
+    if kind == "gross errors":
+        error = size / 0.075 * rng.normal(size=(raw.height, 6)) * (rng.random((raw.height, 6)) < 0.01)
+    spoilt = raw.with_columns(pl.col(name) + pl.Series(e) for name, e in zip(VELOCITY, error.T, strict=True))
+    found = fit(vehicle, spoilt, ["linear_damping", "quadratic_damping"])
+    truth = np.concatenate([synthetic.LINEAR, synthetic.QUADRATIC])
+    assert np.abs((found.values - truth) / found.standard_errors).max() < 3.0
+    assert found.chi2 == pytest.approx(1.0, abs=0.06)
+    assert any("heavy tails" in warning for warning in found.warnings)
+
+
+def test_columns_that_are_not_what_they_are_called_stop_a_fit():
+    """In the words of a diagnosis, which goes on with the column put right."""
+    raw = noisy(moved(damped(), rows=4000), 0)
+    reversed_ = raw.with_columns(-pl.col("v"))
+    (told,) = sound(damped(), reversed_).faults
+    with pytest.raises(DataError, match=r"column v.* when importing the log$") as refused:
+        fit(damped(), reversed_, ["linear_damping"], method="equation")
+    assert told.message.startswith(str(refused.value))

@@ -1,12 +1,14 @@
 """What each condition feels of the water."""
 
+import msgspec
 import numpy as np
 import pytest
 from fleets import QUIET, vehicle
 from sim.trained import trained
 
-from hydro.core.effects import inertia_matrix
-from hydro.core.errors import UsageError
+from hydro.core.effects import inertia_matrix, layout
+from hydro.core.effects.program import constants_of
+from hydro.core.errors import DataError, UsageError
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.rl.environment import conditions
 from hydro.rl.environment.conditions import Condition
@@ -38,6 +40,27 @@ def test_models_fly_with_the_same_conditioning(condition, kind):
     flown.reset(np.ones(2, dtype=bool), np.tile([0, 0, 4.0, 1, 0, 0, 0], (2, 1)), np.zeros((2, 6)))
     flown.step(np.zeros((2, 8)))
     assert np.isfinite(flown.velocity).all()
+
+
+def test_what_was_hung_on_the_vehicle_since_acts_beside_a_model_or_is_refused():
+    """As `replay` does with the same file."""
+    _, model = trained("physfeat")
+    model.labelled = vehicle()
+    payload = {"name": "payload", "w": 12.0, "x": 0.3, "y": 0.0, "z": 0.0, "mass": 5.0}
+    current = {"name": "ocean_current", "v_N": 0.3}
+    loaded = msgspec.structs.replace(vehicle(), effect=(*vehicle().effect, payload, current))
+    felt = conditions.water(Condition("R_PhysFeat", model), loaded)
+    assert felt.program.effects == ("payload",)
+    assert constants_of(felt.program.flat)[layout.CURRENT] == 0.3
+    assert felt.drifting
+    assert not conditions.water(Condition("R_PhysFeat", model), vehicle()).program.effects
+    lift = {"name": "body_lift", "fin_Y": -20.0}
+    fouled = msgspec.structs.replace(vehicle(), effect=(*vehicle().effect, lift))
+    with pytest.raises(DataError, match=r"body_lift .* cannot act beside it"):
+        conditions.water(Condition("R_PhysFeat", model), fouled)
+    model.subtract = "effects"
+    with pytest.raises(DataError, match="effects of another vehicle file"):
+        conditions.water(Condition("R_PhysFeat", model), loaded)
 
 
 @pytest.mark.parametrize(

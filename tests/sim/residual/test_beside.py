@@ -9,8 +9,11 @@ import pytest
 from sim.trained import trained
 
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.distillation.features import features
+from hydro.core.effects import inertia_matrix
 from hydro.core.errors import DataError
 from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.rigid_body import coriolis_kernel, mass_matrix
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.replay import Setup, replay, variants
 from hydro.sim.residual.beside import beside
@@ -37,9 +40,10 @@ def changed(craft, *effects):
     return msgspec.structs.replace(craft, effect=(*craft.effect, *effects))
 
 
-def silent():
+def silent(labelled):
     """A network that says nothing."""
     _, model = trained("mlp")
+    model.labelled = labelled
     model.tensors = {name: np.zeros_like(value) for name, value in model.tensors.items()}
     model.scalers = model.scalers | {"output_mean": np.zeros(6)}
     return model
@@ -58,7 +62,7 @@ def drifting(vehicle, rows=25):
 def test_what_is_hung_on_the_vehicle_acts_beside_the_network(craft, effect):
     vehicle = changed(craft, effect)
     raw = drifting(vehicle)
-    flown = variants([silent()], ["MJ1"], [craft])
+    flown = variants([silent(craft)], ["MJ1"])
     series, _ = replay(vehicle, raw, flown, setup=Setup(physics=Physics(integrator="rk4")))
     names = [*POSE, *VELOCITY]
     motion = series.filter(variant="MJ1").select(names).to_numpy()
@@ -68,9 +72,63 @@ def test_what_is_hung_on_the_vehicle_acts_beside_the_network(craft, effect):
     assert np.abs(motion - true).max() < 0.05 * moved
 
 
+DAMPING = (
+    {"name": "linear_damping", "diagonal": [40.0, 90.0, 120.0, 20.0, 30.0, 25.0]},
+    {"name": "quadratic_damping", "diagonal": [95.0, 260.0, 380.0, 10.0, 40.0, 30.0]},
+)
+CURRENT = {"name": "ocean_current", "v_N": 0.4, "v_E": -0.25, "v_D": 0.05}
+
+
+def exact(craft):
+    """A network that is C(nu) nu + D(nu) nu of a vehicle, which are linear in its features."""
+    _, model = trained("physfeat", layers=[45, 6])
+    nu = np.random.default_rng(1).normal(size=(500, 6))
+    linear, quadratic = (np.array(effect["diagonal"]) for effect in DAMPING)
+    wrench = (linear + quadratic * np.abs(nu)) * nu
+    for state, out in zip(nu, wrench, strict=True):
+        coriolis_kernel((mass_matrix(craft) + inertia_matrix(craft)).ravel(), state, out)
+    x = features(np.hstack([nu, np.zeros((500, 6))]))
+    weights = np.linalg.lstsq(x, wrench, rcond=None)[0]
+    assert np.abs(x @ weights - wrench).max() < 1e-9
+    model.tensors = {"layers.0.weight": weights.T, "layers.0.bias": np.zeros(6)}
+    still = {"input_mean": np.zeros(45), "output_mean": np.zeros(6)}
+    model.scalers = still | {"input_scale": np.ones(45), "output_scale": np.ones(6)}
+    model.labelled = craft
+    return model
+
+
+def driven(vehicle, rows=400):
+    """A vehicle under thrusts that turn it about every axis."""
+    t = np.arange(rows) * 0.02
+    columns = {"session": ["a"] * rows, "t": t}
+    columns |= {f"cmd_{i + 1}": 0.5 * np.sin((0.6 + 0.23 * i) * t + i) for i in range(8)}
+    return simulate(vehicle, pl.DataFrame(columns))
+
+
+def test_a_network_of_still_water_flies_in_a_current_as_the_vehicle_does(craft):
+    """The oracle integrates the balance in nu_r itself; a load's inertia counts in either frame."""
+    load = {"name": "payload", "w": 0.0, "x": 0.3, "y": -0.1, "z": 0.1, "mass": 15.0}
+    setup = Setup(physics=Physics(integrator="rk4"), control_step=0.002)
+    names, model = [*POSE, *VELOCITY], exact(craft)
+    for more in ((), (CURRENT,), (CURRENT, load)):
+        raw = driven(changed(craft, *DAMPING, *more))
+        series, _ = replay(changed(craft, *more), raw, variants([model], ["MJ4"]), setup=setup)
+        motion = series.filter(variant="MJ4").select(names).to_numpy()
+        assert np.ptp(raw["psi"].to_numpy()) > 0.2
+        np.testing.assert_allclose(motion, raw.select(names).to_numpy(), atol=1e-4)
+
+
+def test_a_network_that_learnt_in_a_current_flies_in_no_other(craft):
+    learnt = changed(craft, CURRENT)
+    assert beside(learnt, learnt) == ()
+    for now in (craft, changed(craft, CURRENT | {"v_N": 0.1}), changed(learnt, CURRENT | {"v_E": 0.2})):
+        with pytest.raises(DataError, match=r"^ocean_current of .* cannot act beside it"):
+            beside(now, learnt)
+
+
 @pytest.mark.parametrize(
     "effect",
-    [{"name": "ocean_current", "v_N": 0.3}, {"name": "linear_damping", "diagonal": [9.0] * 6}],
+    [{"name": "linear_damping", "diagonal": [9.0] * 6}],
     ids=lambda effect: effect["name"],
 )
 def test_what_cannot_act_beside_it_is_refused_by_name(craft, effect):
