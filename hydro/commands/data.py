@@ -16,6 +16,7 @@ from hydro.commands.shell import (
     read,
     refuse_terminal,
     report_gaps,
+    report_unlabelled,
     vehicle_for,
     write,
 )
@@ -47,6 +48,20 @@ def labels(
             help="Effects subtracted: added mass alone, or all, so that a network learns what they leave."
         ),
     ] = "inertia",
+    max_sd_velocity: Annotated[
+        float,
+        typer.Option(
+            metavar="SD",
+            min=0.0,
+            help="No label above this 1-sigma of a velocity, m/s and rad/s; with nulls.",
+        ),
+    ] = 0.05,
+    max_sd_acceleration: Annotated[
+        float,
+        typer.Option(
+            metavar="SD", min=0.0, help="The same of an acceleration, m/s^2 and rad/s^2; with nulls."
+        ),
+    ] = 0.25,
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
@@ -56,9 +71,14 @@ def labels(
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
     -tau_res. With --subtract effects and a complete vehicle file what is left is C_RB(nu) nu. Gaps in time
     are reported in one line on stderr; no filter acts across one.
+
+    Of a recording with nulls, a smoother of pose and velocity fuses what samples there are, and every value
+    has a standard deviation. A row has a label where attitude (0.05 rad), velocity and acceleration are all
+    determined to the bounds; one line on stderr says how many rows have none, and what they lack.
     """
     from hydro.core.distillation.labels import labels as compute
     from hydro.core.distillation.labels import subtracted
+    from hydro.core.distillation.labels_of_samples import Bounds, has_nulls, unlabelled
     from hydro.io import table
 
     refuse_terminal(output)
@@ -71,8 +91,20 @@ def labels(
     known, text = vehicle_for(source, vehicle)
     with about(raw):
         parameters["subtracted"] = subtracted(known, subtract)
-        frame = compute(known, source.frame, acceleration=acceleration, noise=deviations, subtract=subtract)
+        limits = Bounds(max_sd_velocity, max_sd_acceleration)
+        if has_nulls(source.frame):
+            parameters |= {"max_sd_velocity": limits.velocity, "max_sd_acceleration": limits.acceleration}
+        frame = compute(
+            known,
+            source.frame,
+            acceleration=acceleration,
+            noise=deviations,
+            subtract=subtract,
+            limits=limits,
+        )
         report_gaps(raw, frame)
+        if has_nulls(source.frame) and (lacking := unlabelled(frame, limits)):
+            typer.echo(f"hydro: {raw if raw != STREAM else 'stdin'}: {lacking}", err=True)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )
@@ -116,7 +148,8 @@ def split(
             frame, made = split_from(
                 source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
             )
-        report_gaps(labels, frame)
+        report_gaps(labels, source.frame)
+        report_unlabelled(labels, source.frame)
     if blocks is not None:
         write(table.make("blocks", made, stage="split", parameters=parameters, inputs=inputs), blocks)
     write(table.make("split", frame, stage="split", parameters=parameters, inputs=inputs), output)
@@ -141,6 +174,7 @@ def features(
     source = read(labels, "labels", "split")
     with about(labels):
         frame = compute(source.frame, set_)
+        report_unlabelled(labels, source.frame)
     write(table.make("features", frame, stage="features", parameters={"set": set_}, inputs=[source]), output)
 
 

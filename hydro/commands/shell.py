@@ -137,6 +137,15 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
         typer.echo(f"hydro: {_name(source)}: {found}", err=True)
 
 
+def report_unlabelled(source: str, frame: pl.DataFrame) -> None:
+    """Say in one line on stderr that rows of a labels table have none and are left out; nothing where all do."""
+    from hydro.core.distillation.labels import labelled
+
+    if missing := frame.height - labelled(frame).height:
+        told = f"{missing:,} of {frame.height:,} rows have no label and are left out"
+        typer.echo(f"hydro: {_name(source)}: {told}", err=True)
+
+
 def noise_for(text: str) -> Noise:
     """The noise of a profile's name or of inline TOML.
 

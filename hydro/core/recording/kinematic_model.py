@@ -1,17 +1,17 @@
 """Kinematics of a body and of the sensors that a raw table knows, linearised in closed form.
 
 The nominal state is (x, R, nu, nu', nu'', b): position of CO in NED, rotation from body to world as a unit
-quaternion, velocity over ground and rates in body axes with two derivatives, and constant biases of the logged
-velocity and rates.  Between rows
+quaternion, velocity over ground and rates in body axes with two derivatives, and constant biases of the
+logged velocity and rates.  Between rows
 
     x' = R v,   R' = R [omega]x,   (nu')' = nu'' + white,   (nu'')' = white,   b' = 0.
 
-White noise in the first of these alone is the model of `smoothing`; forces that thrusters build up with a lag are smoother
-than that.  With noise of both derivatives, each of its likeliest density, the standard deviation of an
-acceleration is what its error is; with the first alone it is twice as much in slow manoeuvres.
+White noise of (nu')' alone is the model of `smoothing`; forces that thrusters build up with a lag are
+smoother than that.  With both noises, each of its likeliest density, the standard deviation of an
+acceleration is what its error is; with the first alone both are twice as much in slow manoeuvres.
 
 Errors are additive, but for the attitude: R_true = R exp([delta]x) with delta in body axes, so that the error
-has 30 numbers and no singularity (Sola 2017, Quaternion kinematics for the error-state Kalman filter, sec. 7).
+has 30 numbers and no singularity (Sola 2017, Quaternion kinematics for the error-state Kalman filter).
 Turning the world about its vertical changes none that is fixed to the body.
 """
 
@@ -30,7 +30,7 @@ from hydro.core.vehicle.frames import quaternion_kernel, quaternion_product_kern
 
 ERRORS, STATES, CHANNELS = 30, 31, 12
 POSITION, ATTITUDE, SPEED, RATES, ACCELERATION, JERK, SPEED_BIAS, RATE_BIAS = 0, 3, 6, 9, 12, 18, 24, 27
-"""First entry of each part of the error, derivatives of nu all six; in the state all from SPEED on stand one later."""
+"""First entry of each part of the error; in the state all from SPEED on stand one later."""
 QUATERNION = 3
 LEAST_COSINE = 0.1
 """Of pitch, below which roll or yaw alone is no measurement: both turn about nearly the same axis."""

@@ -1,14 +1,14 @@
 """Pose, velocity and acceleration of every row from whatever samples there are, with standard deviations.
 
 An error-state extended Kalman filter runs forward over each unbroken segment of a recording, a fixed-interval
-smoother back: the Rauch-Tung-Striebel estimates in the form of Bryson and Frazier (Bierman 1973, Automatica 9),
-which inverts no covariance and so bears states that nothing determines.  A sample is one scalar measurement; a
-null is none.  Motion and sensors are those of `kinematic_model`.
+smoother back: the Rauch-Tung-Striebel estimates in the form of Bryson and Frazier (Bierman 1973, Automatica
+9), which inverts no covariance and so bears states that nothing determines.  A sample is one scalar
+measurement, a null is none.  Motion and sensors are those of `kinematic_model`.
 
-The spectral densities of the jerk are those of greatest likelihood.  Its score is half of
-lambda' Q_i lambda - tr(Lambda Q_i) summed over the rows, of the smoother's adjoint (lambda, Lambda) (Koopman and
-Shephard 1992, Biometrika 85); a density is multiplied by the root of the ratio of both terms until they agree
-(Zhou et al. 2019, J. Comput. Graph. Stat. 28), which never lowers the likelihood of a linear model.
+The spectral densities of the white noise are those of greatest likelihood.  Its score is half the sum over
+the rows of lambda' Q_i lambda - tr(Lambda Q_i), of the smoother's adjoint (lambda, Lambda) (Koopman and
+Shephard 1992, Biometrika 79); a density is multiplied by the ratio of both terms until they agree (Zhou et
+al. 2019, J. Comput. Graph. Stat. 28, take the root of it: slower by half, and never beyond the maximum).
 """
 
 from __future__ import annotations
@@ -49,13 +49,14 @@ turning-on to the next, less where an attitude filter takes it off.
 PRIOR_VARIANCE = np.concatenate([PRIOR, BIASES]) ** 2
 BLOCK = 128
 """Rows whose covariances are kept at once: the others are computed again on the way back."""
-WINDOW, WINDOWS = 768, 2  # rows and number of the pieces of data that the jerk is estimated from
-ROUNDS = 12  # of that estimate at most,
-SETTLED = 0.05  # until no density changes by so much
+WINDOW, WINDOWS = 768, 2  # rows and number of the pieces of data that the densities are estimated from
+ROUNDS = 12  # of the search for densities at most,
+SETTLED = 0.05  # until none changes by so much
 FASTEST = 30.0  # times that a density grows or shrinks in a round at most
 SLOW, QUICK = 1e-10, 1e8
-"""Bounds of the density of jerk [m^2/s^5, rad^2/s^5]."""
-FIRST = (float(os.environ.get("J","0.01")), float(os.environ.get("S","10.0")))
+"""Bounds of a density [SI]."""
+FIRST = (0.01, 10.0)
+"""Densities that the search begins from: mostly smooth motion, of which more is found from few samples."""
 ROUGH = (3.0, 0.0)
 """Density where nothing tells: of an acceleration that changes by 1 m/s^2 in a third of a second."""
 OUT = STATES + 18 + 36
@@ -173,10 +174,10 @@ def _score(lam: Array, Lam: Array, R: Array, dt: float, score: Array) -> None:
 def _backward(
     model: Model, seen: Mask, kept: _Kept, lam: Array, Lam: Array, out: Array, score: Array
 ) -> None:
-    """Smooth the rows of one block, from the adjoint (lam, Lam) behind its last row, which moves to its first.
+    """Smooth the rows of one block, from the adjoint (lam, Lam) behind its last row to that of its first.
 
-    Row k of `out` (85) takes the state; the variances of position, attitude, nu and nu_dot; and the covariance
-    (6, 6) of nu_dot.
+    Row k of `out` (85) takes the state; the variances of position, attitude, nu and nu_dot; and the
+    covariance (6, 6) of nu_dot.
     """
     phi, R, ahead = np.eye(ERRORS), np.empty((3, 3)), np.empty(STATES)
     g = np.empty(ERRORS)
@@ -233,7 +234,7 @@ def _empty(rows: int) -> _Kept:
 
 @jit
 def _smooth(model: Model, start: Array, samples: Samples, out: Array, score: Array) -> None:
-    """Smooth a segment into `out` (n, 85), from a state (31,) with the prior; add to `score`, or none (0, 2, 2)."""
+    """Smooth a segment into `out` (n, 85), from a state (31,) with the prior; `score` may have no rows."""
     count = samples.z.shape[0]
     blocks = (count + BLOCK - 1) // BLOCK
     states, covariances = np.empty((blocks, STATES)), np.empty((blocks, ERRORS, ERRORS))
@@ -298,11 +299,11 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
     Found on at most WINDOWS pieces of WINDOW rows, evenly spread.  Along a body axis of which neither the
     velocity nor the whole position is measured no density can be found: it is ROUGH.
     """
-    seen = np.isfinite(samples).any(axis=0)
-    shown = np.append(seen[6:9] | seen[:3].all(), [True] * 3)
+    seen: Mask = np.asarray(np.isfinite(samples).any(axis=0))
+    shown = np.append(seen[6:9] | seen[:3].all(), np.ones(3, bool))[:, None]
     pieces = [(at, min(at + WINDOW, stop)) for start, stop in bounds for at in range(start, stop, WINDOW)]
     chosen = sorted(set(np.linspace(0, len(pieces) - 1, WINDOWS).round().astype(int).tolist()))
-    density = np.where(shown[:, None], model.density, ROUGH)
+    density = np.where(shown, model.density, ROUGH)
     for _ in range(ROUNDS if pieces else 0):
         score = np.zeros((6, 2, 2))
         for k in chosen:
@@ -310,10 +311,9 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
             if np.isfinite(part[:, 3:6]).any(axis=0).all():
                 _smooth(*_prepared(model._replace(density=density), part), np.empty((len(part), OUT)), score)
         tiny = np.finfo(float).tiny
-        ratio = np.where(shown[:, None] & (score[..., 1] > tiny), score[..., 0] / np.maximum(score[..., 1], tiny), 1.0)
+        ratio = np.where(shown & (score[..., 1] > tiny), score[..., 0] / np.maximum(score[..., 1], tiny), 1.0)
         step = np.clip(ratio, 1.0 / FASTEST, FASTEST)
         density = np.clip(density * step, SLOW, QUICK)
-        if os.environ.get("DBG"): print(np.round(density.T,4),np.round(step.T,3))
         if np.abs(np.log(step)).max() < SETTLED:
             break
     return density
@@ -335,7 +335,7 @@ def _prepared(model: Model, samples: Array) -> tuple[Model, Array, Samples]:
 
 
 def _in_time(samples: Array, bounds: Rows, dt: float, log: Array | None) -> tuple[Array, float]:
-    """The samples with a late velocity log's moved by whole rows to when they were true, and what is left [s]."""
+    """Samples of a late velocity log moved by whole rows to when they were true, and what is left [s]."""
     rows = 0 if log is None else round(log[sensor.DELAY] / dt)
     late = 0.0 if log is None else float(log[sensor.DELAY] - rows * dt)
     if not rows:
