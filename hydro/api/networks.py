@@ -75,7 +75,7 @@ def split(
         salt: another salt, another split.
 
     Returns:
-        The rows that have a label, with `block` and `part` (train, test, guard), and the small table of blocks.
+        The rows that have a label, with `block` and `part` (train, test, guard); the small table of blocks.
 
     Raises:
         hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
@@ -95,8 +95,8 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
         set: the twelve states alone, or the 45 physical features.
 
     Returns:
-        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there, of
-        the rows that have a label.
+        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there,
+        of the rows that have a label.
     """
     from hydro.core.distillation.features import table
     from hydro.io.table import conform

@@ -15,6 +15,7 @@ from hydro.commands.shell import (
     noise_for,
     read,
     refuse_terminal,
+    report,
     report_gaps,
     report_unlabelled,
     vehicle_for,
@@ -104,7 +105,7 @@ def labels(
         )
         report_gaps(raw, frame)
         if has_nulls(source.frame) and (lacking := unlabelled(frame, limits)):
-            typer.echo(f"hydro: {raw if raw != STREAM else 'stdin'}: {lacking}", err=True)
+            report(raw, lacking)
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )

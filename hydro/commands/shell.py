@@ -138,12 +138,16 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
 
 
 def report_unlabelled(source: str, frame: pl.DataFrame) -> None:
-    """Say in one line on stderr that rows of a labels table have none and are left out; nothing where all do."""
+    """Say in one line on stderr that rows without a label are left out; nothing where there are none."""
     from hydro.core.distillation.labels import labelled
 
     if missing := frame.height - labelled(frame).height:
-        told = f"{missing:,} of {frame.height:,} rows have no label and are left out"
-        typer.echo(f"hydro: {_name(source)}: {told}", err=True)
+        report(source, f"{missing:,} of {frame.height:,} rows have no label and are left out")
+
+
+def report(source: str, words: str) -> None:
+    """Say something of an input in one line on stderr."""
+    typer.echo(f"hydro: {_name(source)}: {words}", err=True)
 
 
 def noise_for(text: str) -> Noise:

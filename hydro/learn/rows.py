@@ -72,7 +72,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
     """Return the rows of one side of the split and what a network of this description is given for them.
 
     A window of past velocities may reach into rows of another part, guard rows at first, but never across a
-    gap or the start of a session, nor across rows without a label: velocities are looked at there, labels are not.
+    gap, the start of a session, or rows without a label: velocities are looked at there, labels are not.
 
     Args:
         table: labels, all rows of their sessions in order where the network remembers.

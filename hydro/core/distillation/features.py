@@ -99,8 +99,8 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
 def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
     """Features of a labels or split table beside its `session`, `t`, targets, and `block` and `part` if any.
 
-    Features are float32 columns named by `names`; targets are tau_res [N, N m].  Rows without a label are left
-    out.
+    Features are float32 columns named by `names`; targets are tau_res [N, N m].  Rows without a label are
+    left out.
 
     Raises:
         DataError: No set has this name, or the table lacks a column.

@@ -167,15 +167,17 @@ def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
     causes = dict[str, Mask]()
     if never.any():
         absent = [word for name, word in ANGLES.items() if not part.filter(never)[name].count()]
-        causes[f"{' and '.join(absent) or 'attitude'} not measured"] = never
+        causes[f"{' and '.join(absent) or 'attitude'} is not measured"] = never
     for i, name in enumerate((*VELOCITY, *VELOCITY)):
         kind = "acceleration" if i >= 6 else "velocity" if i < 3 else "rate"
         bound = limits.acceleration if i >= 6 else limits.velocity
         unit = UNITS[name] + ("^2" if i >= 6 else "")
         far = ~(part[DEVIATIONS[i]].fill_null(0.0).fill_nan(np.inf).to_numpy() <= bound)
-        causes[f"{DOF[i % 6]} {kind} not determined to {bound:g} {unit}"] = far
+        causes[f"{DOF[i % 6]} {kind} is not determined to {bound:g} {unit}"] = far
     rest = ~np.any(list(causes.values()), axis=0)
-    causes[f"attitude not determined to {ATTITUDE_BOUND:g} rad, or position to {POSITION_BOUND:g} m"] = rest
+    causes[f"attitude is not determined to {ATTITUDE_BOUND:g} rad, or position to {POSITION_BOUND:g} m"] = (
+        rest
+    )
     return causes
 
 

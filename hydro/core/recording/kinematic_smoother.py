@@ -55,8 +55,8 @@ SETTLED = 0.05  # until none changes by so much
 FASTEST = 30.0  # times that a density grows or shrinks in a round at most
 SLOW, QUICK = 1e-10, 1e8
 """Bounds of a density [SI]."""
-FIRST = (0.01, 10.0)
-"""Densities that the search begins from: mostly smooth motion, of which more is found from few samples."""
+FIRST = (1e-4, 10.0)
+"""Densities that the search begins from: smooth motion, unless the samples say otherwise."""
 ROUGH = (3.0, 0.0)
 """Density where nothing tells: of an acceleration that changes by 1 m/s^2 in a third of a second."""
 OUT = STATES + 18 + 36
@@ -294,7 +294,7 @@ def smooth(
 
 
 def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
-    """Spectral density of the jerk of each axis, of greatest likelihood, (6,) [m^2/s^5, rad^2/s^5].
+    """Spectral densities of the white noise of each axis, of greatest likelihood, (6, 2) [SI].
 
     Found on at most WINDOWS pieces of WINDOW rows, evenly spread.  Along a body axis of which neither the
     velocity nor the whole position is measured no density can be found: it is ROUGH.
@@ -310,13 +310,25 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
             part = samples[slice(*pieces[k])]
             if np.isfinite(part[:, 3:6]).any(axis=0).all():
                 _smooth(*_prepared(model._replace(density=density), part), np.empty((len(part), OUT)), score)
-        tiny = np.finfo(float).tiny
-        ratio = np.where(shown & (score[..., 1] > tiny), score[..., 0] / np.maximum(score[..., 1], tiny), 1.0)
-        step = np.clip(ratio, 1.0 / FASTEST, FASTEST)
+        step = np.where(shown, _step(score), 1.0)
         density = np.clip(density * step, SLOW, QUICK)
         if np.abs(np.log(step)).max() < SETTLED:
             break
     return density
+
+
+def _step(score: Array) -> Array:
+    """Factor of each density (6, 2) for the sums (6, 2, 2) of `_score`.
+
+    Samples that say nothing of a density leave it; a filter that has diverged, so that a sum is negative or
+    not finite, followed too readily.
+    """
+    there, expected = score[..., 0], score[..., 1]
+    with np.errstate(all="ignore"):
+        ratio = there / expected
+    sane = np.isfinite(ratio) & (ratio >= 0.0)
+    ratio = np.where(sane, ratio, np.where((there == 0.0) & (expected == 0.0), 1.0, 0.0))
+    return np.asarray(np.clip(ratio, 1.0 / FASTEST, FASTEST))
 
 
 def _prepared(model: Model, samples: Array) -> tuple[Model, Array, Samples]:
