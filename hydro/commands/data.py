@@ -12,12 +12,12 @@ from hydro.commands.shell import (
     Output,
     VehicleFile,
     about,
+    left_out,
     noise_for,
     read,
     refuse_terminal,
     report,
     report_gaps,
-    report_unlabelled,
     vehicle_for,
     write,
 )
@@ -34,6 +34,16 @@ LabelsOrSplit = Annotated[
         metavar="LABELS", show_default=False, help="Labels or split table; nothing or - is stdin."
     ),
 ]
+MaxVelocity = Annotated[
+    float,
+    typer.Option(
+        metavar="SD", min=0.0, help="No label above this 1-sigma of a velocity, m/s and rad/s; with nulls."
+    ),
+]
+MaxAcceleration = Annotated[
+    float,
+    typer.Option(metavar="SD", min=0.0, help="The same of an acceleration, m/s^2 and rad/s^2; with nulls."),
+]
 
 
 def labels(
@@ -49,20 +59,8 @@ def labels(
             help="Effects subtracted: added mass alone, or all, so that a network learns what they leave."
         ),
     ] = "inertia",
-    max_sd_velocity: Annotated[
-        float,
-        typer.Option(
-            metavar="SD",
-            min=0.0,
-            help="No label above this 1-sigma of a velocity, m/s and rad/s; with nulls.",
-        ),
-    ] = 0.05,
-    max_sd_acceleration: Annotated[
-        float,
-        typer.Option(
-            metavar="SD", min=0.0, help="The same of an acceleration, m/s^2 and rad/s^2; with nulls."
-        ),
-    ] = 0.25,
+    max_sd_velocity: MaxVelocity = 0.05,
+    max_sd_acceleration: MaxAcceleration = 0.25,
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
@@ -93,19 +91,12 @@ def labels(
     with about(raw):
         parameters["subtracted"] = subtracted(known, subtract)
         limits = Bounds(max_sd_velocity, max_sd_acceleration)
+        how: dict[str, Any] = {"acceleration": acceleration, "noise": deviations, "subtract": subtract}
+        frame = compute(known, source.frame, limits=limits, **how)
+        report_gaps(raw, frame)
         if has_nulls(source.frame):
             parameters |= {"max_sd_velocity": limits.velocity, "max_sd_acceleration": limits.acceleration}
-        frame = compute(
-            known,
-            source.frame,
-            acceleration=acceleration,
-            noise=deviations,
-            subtract=subtract,
-            limits=limits,
-        )
-        report_gaps(raw, frame)
-        if has_nulls(source.frame) and (lacking := unlabelled(frame, limits)):
-            report(raw, lacking)
+            report(raw, unlabelled(frame, limits))
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )
@@ -150,7 +141,7 @@ def split(
                 source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
             )
         report_gaps(labels, source.frame)
-        report_unlabelled(labels, source.frame)
+        report(labels, left_out(source.frame))
     if blocks is not None:
         write(table.make("blocks", made, stage="split", parameters=parameters, inputs=inputs), blocks)
     write(table.make("split", frame, stage="split", parameters=parameters, inputs=inputs), output)
@@ -175,7 +166,7 @@ def features(
     source = read(labels, "labels", "split")
     with about(labels):
         frame = compute(source.frame, set_)
-        report_unlabelled(labels, source.frame)
+        report(labels, left_out(source.frame))
     write(table.make("features", frame, stage="features", parameters={"set": set_}, inputs=[source]), output)
 
 

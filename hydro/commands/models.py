@@ -15,11 +15,12 @@ from hydro.commands.shell import (
     Output,
     about,
     dataset_name,
+    left_out,
     print_table,
     progress,
     read,
     refuse_terminal,
-    report_unlabelled,
+    report,
     shows_table,
     write,
 )
@@ -126,7 +127,7 @@ def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
     source = read(labels, "labels", "split")
     with about(labels):
         frame = split(source.frame)[0] if source.kind == "labels" else source.frame
-    report_unlabelled(labels, source.frame)
+    report(labels, left_out(source.frame))
     return source, frame if minutes is None else for_minutes(frame, minutes)
 
 
@@ -185,7 +186,7 @@ def evaluate(
     with about(labels):
         known = [from_artefact(model) for model in trained]
         errors = measure(known, source.frame, part=part, dataset=name, by=by or ())
-    report_unlabelled(labels, source.frame)
+    report(labels, left_out(source.frame))
     if figures is not None:
         _draw(known, source.frame, part, errors, figures)
     if shows_table(output):

@@ -167,7 +167,8 @@ def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
     causes = dict[str, Mask]()
     if never.any():
         absent = [word for name, word in ANGLES.items() if not part.filter(never)[name].count()]
-        causes[f"{' and '.join(absent) or 'attitude'} is not measured"] = never
+        why = f"{' and '.join(absent)} is not measured" if absent else "samples contradict each other"
+        causes[why] = never
     for i, name in enumerate((*VELOCITY, *VELOCITY)):
         kind = "acceleration" if i >= 6 else "velocity" if i < 3 else "rate"
         bound = limits.acceleration if i >= 6 else limits.velocity

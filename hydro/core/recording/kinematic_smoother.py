@@ -29,10 +29,11 @@ from hydro.core.recording.kinematic_model import (
     CHANNELS,
     ERRORS,
     QUATERNION,
+    SPEED,
     STATES,
     Model,
 )
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, wrapped
 
 PRIOR = np.repeat([30.0, 1.0, 5.0, 2.0, 3.0, 5.0, 10.0, 30.0], 3)
 """Standard deviation of the first position [m], attitude, velocity, rates and two derivatives.
@@ -55,8 +56,13 @@ SETTLED = 0.05  # until none changes by so much
 FASTEST = 30.0  # times that a density grows or shrinks in a round at most
 SLOW, QUICK = 1e-10, 1e8
 """Bounds of a density [SI]."""
-FIRST = (1e-4, 10.0)
+FIRST = np.array([[1e-4, 10.0]] * 3 + [[1e-4, 1.0]] * 3)
 """Densities that the search begins from: smooth motion, unless the samples say otherwise."""
+ASTRAY, ENOUGH = 5.0, 5
+"""Median distance of a channel's samples from the smoothed motion, in its noise, from which both disagree; of
+so many samples at least."""
+FASTEST_TURN = 0.5
+"""Turn from a row to the next that is none of a vehicle's [rad]."""
 ROUGH = (3.0, 0.0)
 """Density where nothing tells: of an acceleration that changes by 1 m/s^2 in a third of a second."""
 OUT = STATES + 18 + 36
@@ -64,7 +70,7 @@ OUT = STATES + 18 + 36
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Smoothed motion of N rows; rows of a segment in which an angle was never measured are NaN.
+    """Smoothed motion of N rows; NaN in segments without samples of an angle, or that contradict each other.
 
     Attributes:
         pose: x y z phi theta psi, NED, (N, 6) [m, rad].
@@ -273,12 +279,13 @@ def smooth(
             likeliest.
 
     Returns:
-        Every row of the segments in which each angle has a sample; NaN elsewhere.
+        Every row of the segments in which each angle has a sample, and whose samples the smoothed motion
+        follows; NaN elsewhere.
     """
     shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
     known, late = _in_time(samples, bounds, dt, log)
     rows, offset = kinematics.velocity_rows(np.zeros(sensor.LOG) if log is None else log, late)
-    model = Model(dt, np.tile(FIRST, (6, 1)), noise**2, PRIOR_VARIANCE, rows, offset)
+    model = Model(dt, FIRST, noise**2, PRIOR_VARIANCE, rows, offset)
     if density is None:
         density = likeliest_density(model, known, bounds[shown])
     model = model._replace(density=np.asarray(density, float))
@@ -287,6 +294,8 @@ def smooth(
     def work(segment: Rows) -> None:
         part = slice(*segment)
         _smooth(*_prepared(model, known[part]), out[part], np.empty((0, 2, 2)))
+        if not _follows(model, known[part], out[part]):
+            out[part] = np.nan
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(work, bounds[shown]))
@@ -315,6 +324,25 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
         if np.abs(np.log(step)).max() < SETTLED:
             break
     return density
+
+
+def _follows(model: Model, samples: Array, out: Array) -> bool:
+    """Whether smoothed rows (n, 85) are near the samples (n, 12): half of each channel's within ASTRAY.
+
+    A filter linearised about a motion far from the true one, or sensors that contradict each other, leave more;
+    its standard deviations would not say so.
+    """
+    if not np.isfinite(out).all() or np.abs(out[:, 10:13]).max() * model.dt > FASTEST_TURN:
+        return False
+    turned = euler_from_quaternion(out[:, QUATERNION : QUATERNION + 4])
+    off = np.empty(samples.shape)
+    off[:, :3] = samples[:, :3] - out[:, :3]
+    off[:, 3:6] = wrapped(samples[:, 3:6] - turned)
+    off[:, [3, 5]] *= np.cos(turned[:, 1:2])  # near the vertical roll and yaw are large, but no turn
+    off[:, 6:] = samples[:, 6:] - model.offset - out[:, 7:STATES] @ model.log[:, SPEED:].T
+    size = np.abs(off) / np.sqrt(model.variance)
+    seen = np.isfinite(size)
+    return all(np.median(size[rows, i]) <= ASTRAY for i, rows in enumerate(seen.T) if rows.sum() >= ENOUGH)
 
 
 def _step(score: Array) -> Array:

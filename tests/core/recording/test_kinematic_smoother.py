@@ -19,6 +19,7 @@ from hydro.core.vehicle.frames import euler_rate_matrix, rotation
 NOISE = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 POSITIONS, ANGLES, SPEEDS, RATES = slice(3), slice(3, 6), slice(6, 9), slice(9, 12)
 DENSITY = np.tile([0.3, 2.0], (6, 1))
+DRIVEN = np.array([[0.02, 0.05]] * 3 + [[0.0002, 0.0005]] * 3)
 
 
 def integrated(order: int, dt: float) -> np.ndarray:
@@ -164,13 +165,14 @@ def driven(seed: int, rows: int = 500) -> tuple[np.ndarray, np.ndarray]:
     rng, fine = np.random.default_rng(seed), DT / 10
     F = np.array([[1, fine, fine**2 / 2], [0, 1, fine], [0, 0, 1]])
     L = np.linalg.cholesky(0.02 * integrated(0, fine) + 0.05 * integrated(1, fine) + 1e-18 * np.eye(3))
+    size = np.repeat([1.0, 0.1], 3)[:, None]
     state, R, x = np.zeros((6, 3)), Rotation.identity(), np.zeros(3)
     samples, dot = np.zeros((rows, 12)), np.zeros((rows, 6))
     for k in range(10 * rows):
         if k % 10 == 0:
             samples[k // 10] = [*x, *R.as_euler("ZYX")[::-1], *state[:, 0]]
             dot[k // 10] = state[:, 1]
-        ahead = state @ F.T + rng.normal(size=(6, 3)) @ L.T
+        ahead = state @ F.T + (rng.normal(size=(6, 3)) @ L.T) * size
         mean = 0.5 * (state + ahead)[:, 0]
         half = R * Rotation.from_rotvec(0.5 * fine * mean[3:])
         x, R, state = (
@@ -188,7 +190,7 @@ def test_intervals_of_what_white_noise_drives_are_exact():
         samples, dot = driven(seed)
         rng = np.random.default_rng(seed + 9)
         logged = thinned(samples + rng.normal(size=samples.shape) * NOISE, position=5, speeds=10, rates=3)
-        found = smooth(logged, whole(logged), DT, NOISE, density=np.tile([0.02, 0.05], (6, 1)))
+        found = smooth(logged, whole(logged), DT, NOISE, density=DRIVEN)
         score = (np.stack([samples[:, 6:], dot], axis=2) - found.motion) / found.motion_sd
         held.append((np.abs(score) < 1.96).mean(axis=(0, 1)))
         squares.append((score**2).mean(axis=(0, 1)))
@@ -238,20 +240,27 @@ def test_biases_that_the_pose_shows_are_taken_off(flight):
 
 
 def test_angles_may_be_measured_one_by_one():
-    """Roll and pitch in each row, heading once a second, no gyroscope: a slow turn with some swaying."""
+    """Roll and pitch in each row, heading in one of five, no gyroscope: a slow turn with some swaying."""
     t = np.arange(0.0, 30.0, 0.05)
     angles = np.stack([0.2 * np.sin(t), 0.15 * np.cos(0.7 * t), 3.0 + 0.2 * t], axis=1)
     slope = np.stack([0.2 * np.cos(t), -0.105 * np.sin(0.7 * t), 0.2 + 0 * t], axis=1)
     omega = np.linalg.solve(euler_rate_matrix(angles[:, 0], angles[:, 1]), slope[:, :, None])[:, :, 0]
     rng, samples = np.random.default_rng(0), np.full((len(t), 12), np.nan)
     samples[:, ANGLES] = np.angle(np.exp(1j * (angles + 0.002 * rng.normal(size=angles.shape))))
-    samples[np.arange(len(t)) % 20 != 7, 5] = np.nan
+    samples[np.arange(len(t)) % 5 != 2, 5] = np.nan
     samples[:, SPEEDS] = [0.5, 0.0, 0.0]
     found = smooth(samples, whole(samples), 0.05, np.repeat([0.02, 0.002, 0.01, 0.002], 3))
     error = found.motion[20:-20, 3:, 0] - omega[20:-20]
     assert (np.abs(error / found.motion_sd[20:-20, 3:, 0]) < 1.96).mean() > 0.9
     turned = np.einsum("kji,kjl->kil", rotation(*angles.T), rotation(*found.pose[:, ANGLES].T))
     assert np.abs(Rotation.from_matrix(turned).magnitude()).max() < 0.03
+
+
+def test_samples_that_contradict_each_other_leave_nothing(flight):
+    """Velocity to port for velocity to starboard: the position says otherwise, and no value is given."""
+    wrong = flight[0].copy()
+    wrong[:, 6:8] *= -1.0
+    assert np.isnan(smooth(wrong, whole(wrong), DT, NOISE).motion).all()
 
 
 def test_what_nothing_measures_is_not_known(flight):
