@@ -329,8 +329,8 @@ def likeliest_density(model: Model, samples: Array, bounds: Rows) -> Array:
 def _follows(model: Model, samples: Array, out: Array) -> bool:
     """Whether smoothed rows (n, 85) are near the samples (n, 12): half of each channel's within ASTRAY.
 
-    A filter linearised about a motion far from the true one, or sensors that contradict each other, leave more;
-    its standard deviations would not say so.
+    A filter linearised about a motion far from the true one, or sensors that contradict each other, leave
+    more; its standard deviations would not say so.
     """
     if not np.isfinite(out).all() or np.abs(out[:, 10:13]).max() * model.dt > FASTEST_TURN:
         return False
@@ -371,7 +371,11 @@ def _prepared(model: Model, samples: Array) -> tuple[Model, Array, Samples]:
     start = np.zeros(STATES)
     start[:3], start[QUATERNION : QUATERNION + 4] = first[:3], quaternion_from_euler(*first[3:6])
     start[QUATERNION + 4 : QUATERNION + 10] = first[6:]
-    return model._replace(prior=prior), start, Samples(np.where(seen, samples, 0.0), seen)
+    return (
+        model._replace(prior=prior),
+        start,
+        Samples(*map(np.ascontiguousarray, (np.where(seen, samples, 0.0), seen))),
+    )
 
 
 def _in_time(samples: Array, bounds: Rows, dt: float, log: Array | None) -> tuple[Array, float]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import msgspec
 import numpy as np
 import polars as pl
 import pytest
 import synthetic
 
+from hydro import cli
 from hydro.core.columns import MOTION, POSE, VELOCITY, WRENCH
 from hydro.core.distillation.features import table as features
 from hydro.core.distillation.labels import acceleration_sd, labelled, labels, smoother_reach
@@ -190,6 +193,29 @@ def test_guards_are_as_wide_as_the_smoother_reaches(sparse):
     far = np.abs(np.arange(1000) - at) > rows
     assert 20 < rows < 200
     assert (weight[far].max(axis=0) < 3e-3 * weight.max(axis=0)).all()
+
+
+def test_the_command_says_how_many_rows_have_no_label_and_why(tmp_path, capsys):
+    """From a log with Doppler velocity and position at 5 Hz in rows of 20 Hz, through to features."""
+    folder = Path(__file__).resolve().parents[3] / "datasets"
+    raw, made, parts, inputs = (str(tmp_path / f"{name}.parquet") for name in ("raw", "labels", "split", "x"))
+    vehicle = str(folder / "vehicles" / "bluerov2_heavy.toml")
+    log = [str(folder / "logs" / name) for name in ("example.csv", "map.toml")]
+    assert cli.main(["import", log[0], "--map", log[1], "--vehicle", vehicle, "-o", raw]) == 0
+    assert cli.main(["labels", raw, "--max-sd-acceleration", "0.04", "-o", made]) == 0
+    told = capsys.readouterr().err
+    found = table.read(Path(made))
+    missing = found.frame["X_res"].null_count()
+    assert 0 < missing < found.frame.height
+    assert f"{missing} of 1,286 rows have no label: " in told
+    assert "acceleration is not determined to 0.04 m/s^2 (" in told
+    assert found.provenance.parameters["max_sd_acceleration"] == 0.04
+    assert cli.main(["split", made, "--block", "400", "--test", "0.5", "-o", parts]) == 0
+    assert cli.main(["features", made, "-o", inputs]) == 0
+    assert f"{missing} of 1,286 rows have no label and are left out" in capsys.readouterr().err
+    kept = found.frame.height - missing
+    assert [table.read(Path(one)).frame.height for one in (parts, inputs)] == [kept, kept]
+    assert cli.main(["check", raw, made, parts, inputs]) == 0
 
 
 def test_the_tables_are_of_version_two_and_only_they(vehicle, flown, made):
