@@ -73,6 +73,11 @@ A simulation with a learned residual brings exactly what the label left out. Eit
 $`C_{RB}`$, which the residual holds; with `--subtract effects` all effects act besides, $`C_A`$ among them. A simulation without one
 gives up nothing.
 
+Velocity and acceleration of a recording without nulls come from one filter per axis with white jerk. Where sensors gave samples of some of the motion
+only, an error-state Kalman filter and a fixed-interval smoother fuse pose, velocity and rates: $`\dot x = R v`$, $`\dot R = R\,[\omega]_\times`$, with white noise in the
+derivatives of $`\dot\nu`$ and $`\ddot\nu`$. A row has a label where attitude, velocity and acceleration are determined to a bound, and the standard deviation
+of $`\tau_{res}`$ is that of $`M\,\dot\nu`$ alone.
+
 ## What an effect is
 
 Parameters are increments on what the vehicle file says already, so that 0 is absence, and effects of one name add up. Those of inertia and damping

@@ -29,8 +29,13 @@ def labels(
     acceleration: Acceleration = "rts",
     noise: Sequence[float] | None = None,
     subtract: Subtract = "inertia",
+    max_sd_velocity: float = 0.05,
+    max_sd_acceleration: float = 0.25,
 ) -> pl.DataFrame:
     """Compute the residual wrench tau_res = tau_prop - M nu_dot - g of every row.
+
+    Of a recording with nulls, of the rows that its samples determine, with standard deviations; the others
+    have null.
 
     Args:
         vehicle: the vehicle that the data were recorded with.
@@ -38,6 +43,9 @@ def labels(
         acceleration: two-sided smoother, filter, or the paper's differences of filtered velocity.
         noise: standard deviation of u, v, w [m/s] and p, q, r [rad/s]; by default found from the data.
         subtract: effects taken away: `inertia`, the vehicle's added mass, or all `effects`.
+        max_sd_velocity: standard deviation of a smoothed velocity [m/s, rad/s] above which a row of a
+            recording with nulls has no label.
+        max_sd_acceleration: the same of an acceleration [m/s^2, rad/s^2].
 
     Returns:
         The raw columns, and smoothed velocity, acceleration, thrusts [N], tau_prop and tau_res [N, N m] about
@@ -47,9 +55,11 @@ def labels(
         hydro.core.errors.DataError: the table does not fit the vehicle, or time does not rise at one rate.
     """
     from hydro.core.distillation.labels import labels as compute
+    from hydro.core.distillation.labels_of_samples import Bounds
     from hydro.io.table import conform
 
-    found = compute(vehicle, raw, acceleration=acceleration, noise=noise, subtract=subtract)
+    limits = Bounds(max_sd_velocity, max_sd_acceleration)
+    found = compute(vehicle, raw, acceleration=acceleration, noise=noise, subtract=subtract, limits=limits)
     return conform("labels", found)
 
 
@@ -65,7 +75,7 @@ def split(
         salt: another salt, another split.
 
     Returns:
-        The table with `block` and `part` (train, test, guard), and the small table of its blocks.
+        The rows that have a label, with `block` and `part` (train, test, guard); the small table of blocks.
 
     Raises:
         hydro.core.errors.DataError: an argument is out of range, or time does not rise at one rate.
@@ -85,7 +95,8 @@ def features(labels: pl.DataFrame, set: Literal["raw", "physfeat"] = "physfeat")
         set: the twelve states alone, or the 45 physical features.
 
     Returns:
-        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there.
+        `session`, `t`, the features, the six targets [N, N m], and `block` and `part` where they were there,
+        of the rows that have a label.
     """
     from hydro.core.distillation.features import table
     from hydro.io.table import conform

@@ -12,9 +12,11 @@ from hydro.commands.shell import (
     Output,
     VehicleFile,
     about,
+    left_out,
     noise_for,
     read,
     refuse_terminal,
+    report,
     report_gaps,
     vehicle_for,
     write,
@@ -32,6 +34,16 @@ LabelsOrSplit = Annotated[
         metavar="LABELS", show_default=False, help="Labels or split table; nothing or - is stdin."
     ),
 ]
+MaxVelocity = Annotated[
+    float,
+    typer.Option(
+        metavar="SD", min=0.0, help="No label above this 1-sigma of a velocity, m/s and rad/s; with nulls."
+    ),
+]
+MaxAcceleration = Annotated[
+    float,
+    typer.Option(metavar="SD", min=0.0, help="The same of an acceleration, m/s^2 and rad/s^2; with nulls."),
+]
 
 
 def labels(
@@ -47,6 +59,8 @@ def labels(
             help="Effects subtracted: added mass alone, or all, so that a network learns what they leave."
         ),
     ] = "inertia",
+    max_sd_velocity: MaxVelocity = 0.05,
+    max_sd_acceleration: MaxAcceleration = 0.25,
     vehicle: VehicleFile = None,
     output: Output = STREAM,
 ) -> None:
@@ -56,9 +70,14 @@ def labels(
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
     -tau_res. With --subtract effects and a complete vehicle file what is left is C_RB(nu) nu. Gaps in time
     are reported in one line on stderr; no filter acts across one.
+
+    Of a recording with nulls, a smoother of pose and velocity fuses what samples there are, and every value
+    has a standard deviation. A row has a label where attitude (0.05 rad), velocity and acceleration are all
+    determined to the bounds; one line on stderr says how many rows have none, and what they lack.
     """
     from hydro.core.distillation.labels import labels as compute
     from hydro.core.distillation.labels import subtracted
+    from hydro.core.distillation.labels_of_samples import Bounds, has_nulls, unlabelled
     from hydro.io import table
 
     refuse_terminal(output)
@@ -71,8 +90,13 @@ def labels(
     known, text = vehicle_for(source, vehicle)
     with about(raw):
         parameters["subtracted"] = subtracted(known, subtract)
-        frame = compute(known, source.frame, acceleration=acceleration, noise=deviations, subtract=subtract)
+        limits = Bounds(max_sd_velocity, max_sd_acceleration)
+        how: dict[str, Any] = {"acceleration": acceleration, "noise": deviations, "subtract": subtract}
+        frame = compute(known, source.frame, limits=limits, **how)
         report_gaps(raw, frame)
+        if has_nulls(source.frame):
+            parameters |= {"max_sd_velocity": limits.velocity, "max_sd_acceleration": limits.acceleration}
+            report(raw, unlabelled(frame, limits))
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )
@@ -116,7 +140,8 @@ def split(
             frame, made = split_from(
                 source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
             )
-        report_gaps(labels, frame)
+        report_gaps(labels, source.frame)
+        report(labels, left_out(source.frame))
     if blocks is not None:
         write(table.make("blocks", made, stage="split", parameters=parameters, inputs=inputs), blocks)
     write(table.make("split", frame, stage="split", parameters=parameters, inputs=inputs), output)
@@ -141,6 +166,7 @@ def features(
     source = read(labels, "labels", "split")
     with about(labels):
         frame = compute(source.frame, set_)
+        report(labels, left_out(source.frame))
     write(table.make("features", frame, stage="features", parameters={"set": set_}, inputs=[source]), output)
 
 

@@ -98,7 +98,7 @@ def columns(artefact: Artefact) -> pl.DataFrame:
 
     from hydro.io import schema
 
-    fields = schema.load(artefact.kind).columns(artefact.frame.columns)
+    fields = schema.suited(artefact.kind, artefact.frame).columns(artefact.frame.columns)
     numbers = [name for name in fields if artefact.frame.schema[name].is_numeric()]
     values = artefact.frame.select(pl.col(numbers).cast(pl.Float64))
     low, high = (dict(zip(numbers, each.row(0), strict=True)) for each in (values.min(), values.max()))

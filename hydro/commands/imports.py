@@ -60,7 +60,7 @@ def import_(
 
     Each channel is interpolated from its own samples, commands are held, and no row is made within a gap.
     A sensor slower than the rows has a value in those nearest to its samples alone: fits count each sample
-    once. labels and replay need values in every row: give --fill.
+    once, and labels are made of what they determine. replay needs values in every row: give --fill.
 
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other

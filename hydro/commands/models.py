@@ -15,10 +15,12 @@ from hydro.commands.shell import (
     Output,
     about,
     dataset_name,
+    left_out,
     print_table,
     progress,
     read,
     refuse_terminal,
+    report,
     shows_table,
     write,
 )
@@ -123,7 +125,9 @@ def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:
     from hydro.learn.rows import for_minutes
 
     source = read(labels, "labels", "split")
-    frame = split(source.frame)[0] if source.kind == "labels" else source.frame
+    with about(labels):
+        frame = split(source.frame)[0] if source.kind == "labels" else source.frame
+    report(labels, left_out(source.frame))
     return source, frame if minutes is None else for_minutes(frame, minutes)
 
 
@@ -182,6 +186,7 @@ def evaluate(
     with about(labels):
         known = [from_artefact(model) for model in trained]
         errors = measure(known, source.frame, part=part, dataset=name, by=by or ())
+    report(labels, left_out(source.frame))
     if figures is not None:
         _draw(known, source.frame, part, errors, figures)
     if shows_table(output):

@@ -133,8 +133,21 @@ def report_gaps(source: str, frame: pl.DataFrame) -> None:
     """Say in one line on stderr that an input has gaps in time; nothing where it has none."""
     from hydro.core.recording.segments import gaps
 
-    if found := gaps(frame):
-        typer.echo(f"hydro: {_name(source)}: {found}", err=True)
+    report(source, gaps(frame))
+
+
+def report(source: str, words: str) -> None:
+    """Say something of an input in one line on stderr; nothing where there is nothing to say."""
+    if words:
+        typer.echo(f"hydro: {_name(source)}: {words}", err=True)
+
+
+def left_out(frame: pl.DataFrame) -> str:
+    """How many rows of a labels table have no label; empty where all have one."""
+    from hydro.core.distillation.labels import labelled
+
+    missing = frame.height - labelled(frame).height
+    return f"{missing:,} of {frame.height:,} rows have no label and are left out" if missing else ""
 
 
 def noise_for(text: str) -> Noise:

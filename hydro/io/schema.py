@@ -61,11 +61,12 @@ KINDS = (
 )
 """The kinds of table that hydro reads and writes."""
 
-VERSIONS = {"raw": 2}
+VERSIONS = {"raw": 2, "labels": 2, "split": 2}
 """How many versions of a kind's schema there are, where it is more than one.
 
-A later one, in a file such as `raw-2.json`, admits what an earlier one refuses; every table is held to, and
-written as, the first that admits it, so that a table's bytes do not change when a version is added.
+A later one, in a file such as `raw-2.json`, admits nulls or columns that an earlier one refuses; every table
+is held to, and written as, the first that admits it, so that a table's bytes do not change when a version is
+added.  What a later version extends is of that version too, where it has as many.
 """
 
 Rows = npt.NDArray[np.intp]
@@ -309,7 +310,7 @@ def load(kind: str, version: int = 1) -> Schema:
         raise DataError(f"{kind}: no such kind of table: the kinds are {', '.join(KINDS)}")
     name = kind if version == 1 else f"{kind}-{version}"
     file = msgspec.json.decode((FOLDER / f"{name}.json").read_bytes(), type=_File)
-    parent = load(file.extends) if file.extends else None
+    parent = load(file.extends, min(version, VERSIONS.get(file.extends, 1))) if file.extends else None
     return Schema(
         kind=kind,
         title=file.title,
@@ -321,18 +322,38 @@ def load(kind: str, version: int = 1) -> Schema:
 
 
 def suited(kind: str, frame: pl.DataFrame) -> Schema:
-    """The first version of a kind's schema that admits the nulls of a table; the first where none does.
+    """The first version of a kind's schema that admits the nulls and columns of a table.
+
+    The first of all where none does: what it refuses is what is said of the table.
 
     Raises:
         DataError: there is no such kind.
     """
     empty = {name for name in frame.columns if frame[name].null_count()}
-    for version in range(1, VERSIONS.get(kind, 1) + 1):
-        rules = load(kind, version)
-        columns = rules.columns(frame.columns)
-        if not any(columns[name].constraints.required for name in empty & columns.keys()):
-            return rules
-    return load(kind)
+    admitting = [
+        rules
+        for rules in versions(kind)
+        if not any(
+            field.constraints.required and name in empty
+            for name, field in rules.columns(frame.columns).items()
+        )
+    ]
+    return with_columns(admitting or [load(kind)], frame.columns)
+
+
+def versions(kind: str) -> list[Schema]:
+    """All versions of a kind's schema, the first one first.
+
+    Raises:
+        DataError: there is no such kind.
+    """
+    return [load(kind, version) for version in range(1, VERSIONS.get(kind, 1) + 1)]
+
+
+def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
+    """The first of some versions of a schema that leaves the fewest columns of a table unknown."""
+    given = set(names)
+    return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 
 
 def storage_type(dtype: pl.DataType) -> str:

@@ -115,7 +115,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     kind = record.kind if record is not None else _fitting(wanted, columns)
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
-    schema.load(kind).check_columns(columns, name)
+    schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
     frame = _decode(file, name)
     rules = schema.suited(kind, frame)
     frame = rules.check(frame, name)
@@ -197,7 +197,11 @@ def _storage_type(arrow: pa.DataType) -> str:
 
 def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
     """The kind, of those wanted, whose columns differ least from these."""
-    return min(wanted, key=lambda kind: len(schema.load(kind).columns(columns).keys() ^ columns.keys()))
+
+    def unlike(kind: str) -> int:
+        return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in schema.versions(kind))
+
+    return min(wanted, key=unlike)
 
 
 def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array
 from hydro.core.distillation import history
 from hydro.core.distillation.features import INPUTS, OUTPUTS, features
+from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError, UsageError
 from hydro.core.recording.segments import sample_time, segments
 
@@ -71,7 +72,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
     """Return the rows of one side of the split and what a network of this description is given for them.
 
     A window of past velocities may reach into rows of another part, guard rows at first, but never across a
-    gap or the start of a session: velocities are looked at there, labels are not.
+    gap, the start of a session, or rows without a label: velocities are looked at there, labels are not.
 
     Args:
         table: labels, all rows of their sessions in order where the network remembers.
@@ -82,6 +83,7 @@ def inputs(table: pl.DataFrame, part: str, architecture: Mapping[str, Any]) -> t
         DataError: If there is no such row, a column is missing or not finite, or the sample time does not fit
             the network's period.
     """
+    table = labelled(table)
     chosen = of_part(table, part)
     made = features(states(chosen), architecture["features"])
     if (window := architecture.get("window", 1)) == 1:

@@ -34,9 +34,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from hydro.core.distillation.features import OUTPUTS
-from hydro.core.distillation.labels import filter_design
+from hydro.core.distillation.labels import acceleration_sd, labelled
 from hydro.core.errors import DataError, UsageError
-from hydro.core.recording.smoothing import acceleration_noise
 from hydro.io import schema
 from hydro.io.model import Model
 from hydro.learn import networks, rows
@@ -254,8 +253,8 @@ def trusted_accelerations(table: pl.DataFrame, noise: Sequence[float] | None = N
         table: labels, with the velocities as they were logged.
         noise: standard deviation of each logged velocity, six numbers [m/s, rad/s]; by default estimated.
     """
-    left = acceleration_noise(filter_design(table, noise))
-    spread = rows.states(table)[:, 6:].std(axis=0)
+    left = acceleration_sd(table, noise)
+    spread = rows.states(labelled(table))[:, 6:].std(axis=0)
     return bool((left <= TRUSTED * spread)[spread > 0.0].all())
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tables import raw, tables
 
 from hydro.core.distillation import features
+from hydro.core.distillation.labels_of_samples import DEVIATIONS
 from hydro.core.errors import DataError
 from hydro.io import schema
 from hydro.io.schema import KINDS, load
@@ -78,6 +79,20 @@ def test_versions_of_a_schema_differ_in_what_may_be_null_alone() -> None:
         assert old == new
     assert free == [*"xyz", "phi", "theta", "psi", *BODY]
     assert first["name"] == second["name"] == "raw"
+
+
+def test_labels_of_version_two_add_standard_deviations_and_may_be_null() -> None:
+    first, second = load("labels"), load("labels", 2)
+    names = [field.name for field in second.fields]
+    added = [name for name in names if name.endswith("_sd")]
+    assert names == [*(field.name for field in first.fields), *added]
+    units = {field.name: field.unit for field in second.fields}
+    assert all(units[name] == units[name.removesuffix("_sd")] for name in added)
+    assert added == list(DEVIATIONS)
+    raw = {field.name: field for field in load("raw", 2).fields}
+    for field in second.fields:
+        assert field == raw[field.name] if field.name in raw else not field.constraints.required
+    assert [field.name for field in load("split", 2).fields] == [*names, "block", "part"]
 
 
 def test_columns_are_those_of_the_stages() -> None:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import jit
+from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError
 
 INPUTS = (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY))
@@ -98,7 +99,8 @@ def features(states: ArrayLike, feature_set: str = "physfeat") -> Array:
 def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
     """Features of a labels or split table beside its `session`, `t`, targets, and `block` and `part` if any.
 
-    Features are float32 columns named by `names`; targets are tau_res [N, N m].
+    Features are float32 columns named by `names`; targets are tau_res [N, N m].  Rows without a label are
+    left out.
 
     Raises:
         DataError: No set has this name, or the table lacks a column.
@@ -106,6 +108,7 @@ def table(labels: pl.DataFrame, feature_set: str = "physfeat") -> pl.DataFrame:
     missing = [name for name in ("session", "t", *INPUTS, *OUTPUTS) if name not in labels.columns]
     if missing:
         raise DataError(f"the table lacks {', '.join(missing)}; make it with `hydro labels`")
+    labels = labelled(labels)
     kept = [name for name in ("session", "t", "block", "part") if name in labels.columns]
     values = features(labels.select(INPUTS).to_numpy(), feature_set).astype(np.float32)
     made = pl.DataFrame(values, schema=list(names(feature_set)))

@@ -19,29 +19,42 @@ A simulator that computes fluid forces at t_k and holds them until t_k+1 lags ha
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Array32, Rows, checked_commands
-from hydro.core.compiled import jit
-from hydro.core.effects import current, effect_forces, inertia_matrix, sensor, thruster_table, velocity_log
+from hydro.core.distillation.labels_of_samples import (
+    DEVIATIONS,
+    Bounds,
+    has_nulls,
+    labels_of_samples,
+    reach_of_samples,
+)
+from hydro.core.distillation.wrench_balance import (
+    Terms,
+    columns,
+    constants,
+    label_kernel,
+    names,
+    through_water,
+)
+from hydro.core.effects import current, effect_forces, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
 from hydro.core.errors import DataError
-from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
-from hydro.core.recording.smoothing import Design, estimate, gains, smooth
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.smoothing import Design, acceleration_noise, estimate, gains, reach, smooth
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import rotation
-from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
-from hydro.core.vehicle.thrusters import INFLOW, UNIT_WRENCH, thrusts
+from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
 Subtract = Literal["inertia", "effects"]
 
+UNCERTAIN = DEVIATIONS[0]
+"""Column that labels of a recording with nulls have, and no others."""
 FOLLOWING = 3.0  # times the likeliest ratio q dt^3 / R: a regression averages noise of labels, but no bias
 BATCH = 32_768  # rows worked on at once: they fit the cache, and no whole column is ever copied to float64
 
@@ -54,8 +67,11 @@ def labels(
     noise: Sequence[float] | None = None,
     design: Design | None = None,
     subtract: Subtract = "inertia",
+    limits: Bounds | None = None,
 ) -> pl.DataFrame:
     """Smoothed motion, thrusts and residual wrench of every row of a recording.
+
+    Where pose or velocity has nulls, of the rows that the samples determine: see `labels_of_samples`.
 
     Args:
         vehicle: Its rigid body, buoyancy, thrusters and effects.
@@ -65,6 +81,7 @@ def labels(
         noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
         design: The filter, where it is at hand; by default `filter_design(raw, noise)`.
         subtract: Which of the effects are taken from tau_res: `inertia`, through M alone, or all `effects`.
+        limits: Of a recording with nulls, the standard deviations up to which a row has a label.
 
     Returns:
         The raw columns unchanged, and as float32: smoothed velocity `u_s` ... `r_s`, acceleration `u_dot` ...
@@ -73,15 +90,22 @@ def labels(
 
     Raises:
         DataError: Time does not rise at one rate or leaves a row alone between gaps, the commands do not fit
-            the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue.
+            the thrusters, a value is not finite, or an effect of the vehicle is not in the catalogue; or a
+            recording with nulls is to be smoothed in another way than `rts`.
     """
+    if has_nulls(raw):
+        if acceleration != "rts" or design is not None:
+            raise DataError(
+                "a recording with nulls needs its smoother, so --acceleration rts; for another "
+                "import the log with `hydro import --fill`, which draws lines between samples"
+            )
+        return labels_of_samples(vehicle, raw, noise=noise, subtract=subtract, limits=limits)
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
-    require_samples(raw, (*POSE, *VELOCITY))
     bounds = segments(raw)
     _require_neighbours(raw, bounds)
     chosen = design or filter_design(raw, noise)
     designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
-    known = _constants(vehicle, table)
+    known = constants(vehicle, table)
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
     after_gap, dt = resumes(raw, bounds), sample_time(raw)
     count = len(commands)
@@ -91,31 +115,20 @@ def labels(
         start, stop = int(bounds[first, 0]), int(bounds[last - 1, 1])
         part, within = raw[start:stop], bounds[first:last] - start
         motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
-        attitude = _columns(part, ("phi", "theta", "psi"))
-        nu_r = None if water is None else _through_water(motion, attitude, water)
+        attitude = columns(part, ("phi", "theta", "psi"))
+        nu_r = None if water is None else through_water(motion, attitude, water)
         thrust = thrusts(
-            table, _columns(part, commands), part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
+            table, columns(part, commands), part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )
         forces = np.empty((0, 6))
         if subtract == "effects":
-            forces = effect_forces(vehicle, _columns(part, POSE), motion[:, :, 0], within, dt)
-        _label_kernel(_Rows(motion, attitude, thrust, forces), known, out[:, start:stop])
+            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, dt)
+        label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
     _require_finite(raw, out)
-    return raw.with_columns(pl.Series(name, column) for name, column in zip(_names(count), out, strict=True))
-
-
-def _names(thrusters: int) -> list[str]:
-    """Names of the columns that labels add."""
-    return [
-        *(f"{name}_s" for name in VELOCITY),
-        *(f"{name}_dot" for name in VELOCITY),
-        *(f"f_{i + 1}" for i in range(thrusters)),
-        *(f"{name}_prop" for name in WRENCH),
-        *(f"{name}_res" for name in WRENCH),
-    ]
+    return raw.with_columns(pl.Series(name, column) for name, column in zip(names(count), out, strict=True))
 
 
 def subtracted(vehicle: Vehicle, subtract: Subtract) -> list[str]:
@@ -142,8 +155,35 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
     Raises:
         DataError: Time does not rise at one rate, or `noise` is not six numbers of at least 0.
     """
-    likeliest = estimate(_columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
+    likeliest = estimate(columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
     return likeliest.following(FOLLOWING)
+
+
+def labelled(labels: pl.DataFrame) -> pl.DataFrame:
+    """The rows of a labels or split table that have a label: all but those that samples do not determine."""
+    return labels.filter(pl.col(f"{WRENCH[0]}_res").is_not_null()) if UNCERTAIN in labels.columns else labels
+
+
+def smoother_reach(labels: pl.DataFrame) -> int:
+    """Rows on either side that the smoothed motion of a row of a labels table depends on.
+
+    Raises:
+        DataError: Time does not rise at one rate, or no row has a label.
+    """
+    return reach_of_samples(labels) if UNCERTAIN in labels.columns else reach(filter_design(labels))
+
+
+def acceleration_sd(labels: pl.DataFrame, noise: Sequence[float] | None = None) -> Array:
+    """Standard deviation that noise of the log leaves in nu_dot of a labels table, (6,) [m/s^2, rad/s^2].
+
+    Args:
+        labels: Labels or split table.
+        noise: Of each logged velocity, six numbers [m/s, rad/s]; by default estimated.
+    """
+    if UNCERTAIN not in labels.columns:
+        return acceleration_noise(filter_design(labels, noise))
+    spread = columns(labelled(labels), [f"{name}_dot_sd" for name in VELOCITY])
+    return np.asarray(np.sqrt(np.mean(spread**2, axis=0)))
 
 
 def _require_neighbours(raw: pl.DataFrame, bounds: Rows) -> None:
@@ -176,82 +216,11 @@ def _batches(bounds: Rows) -> Iterator[tuple[int, int]]:
             first = last
 
 
-def _columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
-    """Columns as one C-contiguous float64 array, shape (N, k)."""
-    out = np.empty((frame.height, len(names)))
-    for i, name in enumerate(names):
-        out[:, i] = frame[name].to_numpy()
-    return out
-
-
 def _velocities(frame: pl.DataFrame, bounds: Rows, log: Array) -> Array:
     """Velocity of CO, shape (N, 6), from what the velocity log wrote down."""
-    nu = _columns(frame, VELOCITY)
+    nu = columns(frame, VELOCITY)
     if log.any() and np.isfinite(nu).all():  # what is not finite is told of once all labels are there
         t = frame["t"].to_numpy()
         for begin, end in bounds:
             nu[begin:end] = sensor.corrected(log, t[begin:end], nu[begin:end])
     return nu
-
-
-class _Constants(NamedTuple):
-    """Of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
-
-    configuration: Array
-    mass: Array
-    weight: Array
-
-
-class _Rows(NamedTuple):
-    """Of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), and forces of the effects.
-
-    The forces (N, 6) are accounted for in tau_res; or (0, 6), none.
-    """
-
-    motion: Array
-    attitude: Array
-    thrust: Array
-    forces: Array
-
-
-def _constants(vehicle: Vehicle, table: Array) -> _Constants:
-    """What labels need of a vehicle and its thruster table."""
-    mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
-    return _Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
-
-
-def _through_water(motion: Array, attitude: Array, water: Array) -> Array:
-    """nu_r = nu - [R^T v_c; 0], shape (N, 6), for the inflow of the thrusters."""
-    nu_r = motion[:, :, 0].copy()
-    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*attitude.T), water)
-    return nu_r
-
-
-@jit
-def _label_kernel(rows: _Rows, known: _Constants, out: Array32) -> None:
-    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
-    motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
-    configuration, mass, weight = known.configuration, known.mass, known.weight
-    count = thrust.shape[1]
-    down, tau, restoring = np.empty(3), np.empty(6), np.empty(6)
-    for k in range(motion.shape[0]):
-        phi, theta = attitude[k, 0], attitude[k, 1]
-        down[0] = -math.sin(theta)
-        down[1] = math.cos(theta) * math.sin(phi)
-        down[2] = math.cos(theta) * math.cos(phi)
-        restoring[:] = 0.0
-        restoring_kernel(weight, down, restoring)
-        tau[:] = 0.0
-        for n in range(count):
-            out[12 + n, k] = thrust[k, n]
-            for i in range(6):
-                tau[i] += configuration[n, i] * thrust[k, n]
-        for i in range(6):
-            inertia = 0.0
-            for j in range(6):
-                inertia += mass[i, j] * motion[k, j, 1]
-            out[i, k] = motion[k, i, 0]
-            out[6 + i, k] = motion[k, i, 1]
-            out[12 + count + i, k] = tau[i]
-            exerted = forces[k, i] if forces.shape[0] else 0.0
-            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + exerted

@@ -5,7 +5,9 @@ Every unbroken segment of a session is cut into contiguous blocks of 150 rows; t
 
     SHA-256(raw values of its rows, row after row, as little-endian float64; then the salt in UTF-8)
 
-where a row's values are t, x, y, z, phi, theta, psi, u, v, w, p, q, r, cmd_1 ... cmd_n, and -0 counts as 0.
+where a row's values are t, x, y, z, phi, theta, psi, u, v, w, p, q, r, cmd_1 ... cmd_n;
+-0 counts as 0, and null as NaN.
+
 The name of the session is not in it, so the same data give the same split anywhere.  A block is test data
 where its id, read as a fraction of 2^256, is below the test share.
 """
@@ -23,10 +25,9 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import COMMAND, MOTION, Array, Rows, command_columns
 from hydro.core.compiled import jit
-from hydro.core.distillation.labels import filter_design
+from hydro.core.distillation.labels import labelled, smoother_reach
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
-from hydro.core.recording.smoothing import reach
 
 CONTENT = ("t", *MOTION)
 CHUNK = 32_768  # rows hashed at once
@@ -48,8 +49,8 @@ def split(
             that `labels` designs for these velocities.
 
     Returns:
-        The table with `block` (64 hexadecimal digits) and `part` (train, test, guard), and the table of its
-        blocks: `block`, `part` (train, test), sorted, each id once.
+        The rows that have a label, with `block` (64 hexadecimal digits) and `part` (train, test, guard); and
+        the table of all blocks: `block`, `part` (train, test), sorted, each id once.
 
     Raises:
         DataError: An argument is out of range, or time does not rise at one rate.
@@ -138,13 +139,14 @@ def _content(labels: pl.DataFrame) -> Array:
     for i, name in enumerate(names):
         content[:, i] = labels[name].to_numpy()
     content += 0.0
+    content[np.isnan(content)] = np.nan  # of all the bits that mean no number, the same
     return content
 
 
 def _divided(
     labels: pl.DataFrame, bounds: Rows, ids: list[str], is_test: NDArray[np.bool_], guard: int | None
 ) -> pl.DataFrame:
-    rows = reach(filter_design(labels)) if guard is None else guard
+    rows = smoother_reach(labels) if guard is None else guard
     of_row = np.repeat(np.arange(len(bounds)), bounds[:, 1] - bounds[:, 0])
     part = is_test[of_row].astype(np.uint8)
     for start, stop in segments(labels):
@@ -152,7 +154,8 @@ def _divided(
     for side in (TRAIN, TEST):
         if (is_test == side).any() and not (part == side).any():
             raise DataError(f"a guard of {rows} rows leaves no {PARTS[side]} rows; use longer blocks")
-    return labels.with_columns(pl.Series("block", ids).gather(of_row), PARTS.gather(part).alias("part"))
+    parts = PARTS.gather(part).alias("part")
+    return labelled(labels.with_columns(pl.Series("block", ids).gather(of_row), parts))
 
 
 def _table(ids: list[str], is_test: NDArray[np.bool_]) -> pl.DataFrame:

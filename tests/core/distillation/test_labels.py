@@ -295,12 +295,6 @@ def test_values_that_are_not_finite(raw, vehicle, column, value):
         labels(vehicle, broken)
 
 
-def test_a_row_without_a_sample_is_refused_with_the_remedy(raw, vehicle):
-    sparse = raw.with_columns(pl.when(pl.int_range(pl.len()) != 200).then("r").alias("r"))
-    with pytest.raises(DataError, match=r"samples are in: r .*`hydro import --fill`"):
-        labels(vehicle, sparse)
-
-
 @pytest.fixture(scope="module")
 def stonefish_labels(stonefish) -> pl.DataFrame:
     raw = pl.read_parquet(stonefish / "nominal_test.parquet")

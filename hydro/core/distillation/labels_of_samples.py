@@ -1,0 +1,242 @@
+"""Labels of a recording with nulls: what its samples determine, with standard deviations, and nothing else.
+
+Pose, velocity and acceleration come from `recording.kinematic_smoother`; a row has a label where attitude,
+velocity and acceleration are all determined to a bound.  The standard deviation of tau_res is that of
+M nu_dot: what is uncertain in thrust, attitude, M and the vehicle's effects is not in it.
+
+Beyond the bounds a label tells more of noise than of the vehicle: 0.05 m/s is a tenth of the speed of a small
+vehicle, 0.25 m/s^2 half of what its thrusters give, and 0.05 rad turn a twentieth of its weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import (
+    DOF,
+    MOTION,
+    POSE,
+    UNITS,
+    VELOCITY,
+    WRENCH,
+    Array,
+    Array32,
+    Mask,
+    Rows,
+    checked_commands,
+)
+from hydro.core.distillation.wrench_balance import (
+    Terms,
+    columns,
+    constants,
+    label_kernel,
+    names,
+    through_water,
+)
+from hydro.core.effects import current, effect_forces, thruster_table, velocity_log
+from hydro.core.errors import DataError
+from hydro.core.recording.arrays import LEAST_NOISE, UNSEEN, Recording
+from hydro.core.recording.arrays import noise as channel_noise
+from hydro.core.recording.filling import filled
+from hydro.core.recording.kinematic_smoother import Smoothed, smooth
+from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import INFLOW, thrusts
+
+DEVIATIONS = (
+    *(f"{name}_s_sd" for name in VELOCITY),
+    *(f"{name}_dot_sd" for name in VELOCITY),
+    *(f"{name}_res_sd" for name in WRENCH),
+)
+"""Columns that labels of a recording with nulls have besides."""
+ATTITUDE_BOUND = 0.05
+"""Greatest standard deviation of the attitude of a row with a label [rad]."""
+POSITION_BOUND = 0.1
+"""And of its position [m], where an effect that is subtracted depends on it."""
+DISPLACED = 1.0  # m, by which such an effect shows
+ANGLES = dict(zip(POSE[3:], ("roll", "pitch", "heading"), strict=True))
+
+
+class Bounds(NamedTuple):
+    """Greatest standard deviations of a row with a label: of velocity [m/s, rad/s], acceleration [per s]."""
+
+    velocity: float = 0.05
+    acceleration: float = 0.25
+
+
+def has_nulls(raw: pl.DataFrame) -> bool:
+    """Whether a sensor gave nothing in some row of a raw table."""
+    return any(raw[name].null_count() for name in MOTION if name in raw.columns)
+
+
+def labels_of_samples(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    noise: Sequence[float] | None = None,
+    subtract: Literal["inertia", "effects"] = "inertia",
+    limits: Bounds | None = None,
+) -> pl.DataFrame:
+    """Labels of the rows of a recording that its samples determine.
+
+    Args:
+        vehicle: Its rigid body, buoyancy, thrusters and effects.
+        raw: Raw table; pose and velocity may be null.
+        noise: Standard deviation of each measured velocity, six numbers [m/s, rad/s]; by default estimated.
+        subtract: As for `labels.labels`.
+        limits: Bounds of the standard deviations; by default those of `Bounds`.
+
+    Returns:
+        As `labels.labels`, null in rows without a label; and in each row the standard deviations DEVIATIONS,
+        null in segments in which an angle was never measured.
+
+    Raises:
+        DataError: Time does not rise at one rate, the commands do not fit the thrusters, a value is not
+            finite, or `noise` is not six numbers of at least 0.
+    """
+    commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
+    bounds, dt, samples = segments(raw), sample_time(raw), _samples(raw, commands)
+    sigma = _noise(samples, bounds, dt, noise)
+    found = smooth(samples, bounds, dt, sigma, log=velocity_log(vehicle))
+    pose, motion = np.nan_to_num(found.pose), np.nan_to_num(found.motion)
+    table = thruster_table(vehicle)
+    known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
+    nu_r = through_water(motion, pose[:, 3:], current(vehicle)) if inflow else None
+    after_gap = resumes(raw, bounds)
+    thrust = thrusts(table, columns(raw, commands), raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
+    forces, placed = np.empty((0, 6)), False
+    if subtract == "effects":
+        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, dt)
+    out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
+    label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
+    out[:, ~_determined(found, limits or Bounds(), placed)] = np.nan
+    wrench = np.sqrt(np.einsum("ij,njk,ik->ni", known.mass, found.covariance, known.mass))
+    spread = np.hstack([found.motion_sd[:, :, 0], found.motion_sd[:, :, 1], wrench]).astype(np.float32)
+    added = [*zip(names(len(commands)), out, strict=True), *zip(DEVIATIONS, spread.T, strict=True)]
+    return raw.with_columns(pl.Series(name, column, nan_to_null=True) for name, column in added)
+
+
+def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
+    """How many rows of a labels table have no label and what they lack; empty where all have one.
+
+    Args:
+        labels: What `labels_of_samples` made with the same bounds.
+        limits: Bounds of the standard deviations; by default those of `Bounds`.
+    """
+    part = labels.filter(pl.col(f"{WRENCH[0]}_res").is_null())
+    if part.is_empty():
+        return ""
+    causes, left, told = _causes(part, limits or Bounds()), np.ones(part.height, bool), list[str]()
+    while left.any():
+        words, rows = max(causes.items(), key=lambda cause: int((cause[1] & left).sum()))
+        told.append(f"{words} ({int((rows & left).sum()):,})")
+        left &= ~rows
+    more = f" and {len(told) - 3} more causes" if len(told) > 3 else ""
+    return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(told[:3])}{more}"
+
+
+def reach_of_samples(labels: pl.DataFrame) -> int:
+    """Rows on either side that the smoothed motion of a row depends on, by the standard deviations.
+
+    A smoother of white jerk or its derivative passes 1 / (1 + (f / f_0)^2n) of what is measured, so that the
+    ratio of the standard deviations of velocity and acceleration is its time constant, within a root of 2.
+    The weight of a sample falls to a thousandth of the largest within 10 such ratios where velocity is
+    measured, 20 where position is.
+
+    Raises:
+        DataError: No row has a label.
+    """
+    there = labels.filter(pl.col(f"{WRENCH[0]}_res").is_not_null())
+    if there.is_empty():
+        raise DataError("no row has a label: `hydro labels` says what its recording does not determine")
+    seconds = [
+        (10.0 if there[name].null_count() < there.height else 20.0)
+        * float(np.median(there[f"{name}_s_sd"].to_numpy() / there[f"{name}_dot_sd"].to_numpy()))
+        for name in VELOCITY
+    ]
+    return int(np.ceil(max(seconds) / sample_time(labels)))
+
+
+def _causes(part: pl.DataFrame, limits: Bounds) -> dict[str, Mask]:
+    """Of rows without a label: what is not determined in which of them."""
+    never = part[DEVIATIONS[0]].is_null().to_numpy()
+    causes = dict[str, Mask]()
+    if never.any():
+        absent = [word for name, word in ANGLES.items() if not part.filter(never)[name].count()]
+        why = f"{' and '.join(absent)} is not measured" if absent else "samples contradict each other"
+        causes[why] = never
+    for i, name in enumerate((*VELOCITY, *VELOCITY)):
+        kind = "acceleration" if i >= 6 else "velocity" if i < 3 else "rate"
+        bound = limits.acceleration if i >= 6 else limits.velocity
+        unit = UNITS[name] + ("^2" if i >= 6 else "")
+        far = ~(part[DEVIATIONS[i]].fill_null(0.0).fill_nan(np.inf).to_numpy() <= bound)
+        causes[f"{DOF[i % 6]} {kind} is not determined to {bound:g} {unit}"] = far
+    rest = ~np.any(list(causes.values()), axis=0)
+    causes[f"attitude is not determined to {ATTITUDE_BOUND:g} rad, or position to {POSITION_BOUND:g} m"] = (
+        rest
+    )
+    return causes
+
+
+def _samples(raw: pl.DataFrame, commands: Sequence[str]) -> Array:
+    """Pose and velocity (N, 12), NaN where they are null."""
+    for name in (*MOTION, *commands):
+        if not raw[name].is_finite().all():  # null is left out
+            row = int(np.argmin(raw[name].is_finite().fill_null(True).to_numpy()))
+            raise DataError(
+                f"{name} is not finite in row {row}, session {raw['session'][row]}; see `hydro check`"
+            )
+    return columns(raw, MOTION)
+
+
+def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | None) -> Array:
+    """Standard deviation of each channel, (12,), from its samples; of the velocities where it is given."""
+    shown = np.array([np.isfinite(samples[a:b, 3:6]).any(axis=0).all() for a, b in bounds], dtype=bool)
+    sigma = UNSEEN.copy()
+    if shown.any():
+        kept = np.concatenate([np.arange(a, b) for a, b in bounds[shown]])
+        ends = np.cumsum(np.diff(bounds[shown], axis=1)[:, 0])
+        edges = np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1)
+        motion = filled(samples[kept], edges, dt)
+        part = Recording(
+            t=kept * dt,
+            eta=motion[:, :6],
+            nu=motion[:, 6:],
+            commands=np.empty((len(kept), 0)),
+            segments=edges,
+            after_gap=np.zeros(len(edges), bool),
+            session=np.arange(len(edges)),
+            dt=dt,
+            seen=np.isfinite(samples[kept]),
+        )
+        sigma = channel_noise(part)
+    if given is not None:
+        known = np.asarray(given, float)
+        if known.shape != (6,) or not np.isfinite(known).all() or (known < 0.0).any():
+            raise DataError(
+                f"noise: give six standard deviations of at least 0 (m/s, rad/s), not {list(given)}"
+            )
+        sigma[6:] = np.maximum(known, LEAST_NOISE)
+    return sigma
+
+
+def _forces(vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, dt: float) -> tuple[Array, bool]:
+    """Wrench of the effects (N, 6), and whether it depends on where the vehicle is."""
+    forces = effect_forces(vehicle, pose, nu, bounds, dt)
+    displaced = pose.copy()
+    displaced[:, :3] += DISPLACED
+    return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, dt), forces)
+
+
+def _determined(found: Smoothed, limits: Bounds, placed: bool) -> Mask:
+    """Rows (N,) whose attitude, velocity, acceleration and, if need be, position are known to the bounds."""
+    known = (found.pose_sd[:, 3:] <= ATTITUDE_BOUND).all(axis=1)
+    known &= (found.motion_sd[:, :, 0] <= limits.velocity).all(axis=1)
+    known &= (found.motion_sd[:, :, 1] <= limits.acceleration).all(axis=1)
+    if placed:
+        known &= (found.pose_sd[:, :3] <= POSITION_BOUND).all(axis=1)
+    return np.asarray(known)

@@ -1,0 +1,100 @@
+"""The residual wrench of a row from its motion, thrust and attitude; paper (3), (10), (11)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import VELOCITY, WRENCH, Array, Array32
+from hydro.core.compiled import jit
+from hydro.core.effects import inertia_matrix
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
+from hydro.core.vehicle.thrusters import UNIT_WRENCH
+
+
+def names(thrusters: int) -> list[str]:
+    """Names of the columns that labels add."""
+    return [
+        *(f"{name}_s" for name in VELOCITY),
+        *(f"{name}_dot" for name in VELOCITY),
+        *(f"f_{i + 1}" for i in range(thrusters)),
+        *(f"{name}_prop" for name in WRENCH),
+        *(f"{name}_res" for name in WRENCH),
+    ]
+
+
+def columns(frame: pl.DataFrame, names: Sequence[str]) -> Array:
+    """Columns as one C-contiguous float64 array, shape (N, k)."""
+    out = np.empty((frame.height, len(names)))
+    for i, name in enumerate(names):
+        out[:, i] = frame[name].to_numpy()
+    return out
+
+
+class Constants(NamedTuple):
+    """Of a vehicle: B^T (n, 6), M (6, 6), and the four numbers of weight and buoyancy."""
+
+    configuration: Array
+    mass: Array
+    weight: Array
+
+
+class Terms(NamedTuple):
+    """Of N rows: (nu, nu_dot) (N, 6, 2), phi theta psi (N, 3), thrusts (N, n), and forces of the effects.
+
+    The forces (N, 6) are accounted for in tau_res; or (0, 6), none.
+    """
+
+    motion: Array
+    attitude: Array
+    thrust: Array
+    forces: Array
+
+
+def constants(vehicle: Vehicle, table: Array) -> Constants:
+    """What labels need of a vehicle and its thruster table."""
+    mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
+    return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
+
+
+def through_water(motion: Array, attitude: Array, water: Array) -> Array:
+    """nu_r = nu - [R^T v_c; 0], shape (N, 6), for the inflow of the thrusters."""
+    nu_r = motion[:, :, 0].copy()
+    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*attitude.T), water)
+    return nu_r
+
+
+@jit
+def label_kernel(rows: Terms, known: Constants, out: Array32) -> None:
+    """Write the rows of one batch to `out` (24 + n, N): nu, nu_dot, f, tau_prop, tau_res."""
+    motion, attitude, thrust, forces = rows.motion, rows.attitude, rows.thrust, rows.forces
+    configuration, mass, weight = known.configuration, known.mass, known.weight
+    count = thrust.shape[1]
+    down, tau, restoring = np.empty(3), np.empty(6), np.empty(6)
+    for k in range(motion.shape[0]):
+        phi, theta = attitude[k, 0], attitude[k, 1]
+        down[0] = -math.sin(theta)
+        down[1] = math.cos(theta) * math.sin(phi)
+        down[2] = math.cos(theta) * math.cos(phi)
+        restoring[:] = 0.0
+        restoring_kernel(weight, down, restoring)
+        tau[:] = 0.0
+        for n in range(count):
+            out[12 + n, k] = thrust[k, n]
+            for i in range(6):
+                tau[i] += configuration[n, i] * thrust[k, n]
+        for i in range(6):
+            inertia = 0.0
+            for j in range(6):
+                inertia += mass[i, j] * motion[k, j, 1]
+            out[i, k] = motion[k, i, 0]
+            out[6 + i, k] = motion[k, i, 1]
+            out[12 + count + i, k] = tau[i]
+            exerted = forces[k, i] if forces.shape[0] else 0.0
+            out[18 + count + i, k] = tau[i] - inertia + restoring[i] + exerted

@@ -1,0 +1,271 @@
+"""Kinematics of a body and of the sensors that a raw table knows, linearised in closed form.
+
+The nominal state is (x, R, nu, nu', nu'', b): position of CO in NED, rotation from body to world as a unit
+quaternion, velocity over ground and rates in body axes with two derivatives, and constant biases of the
+logged velocity and rates.  Between rows
+
+    x' = R v,   R' = R [omega]x,   (nu')' = nu'' + white,   (nu'')' = white,   b' = 0.
+
+White noise of (nu')' alone is the model of `smoothing`; forces that thrusters build up with a lag are
+smoother than that.  With both noises, each of its likeliest density, the standard deviation of an
+acceleration is what its error is; with the first alone both are twice as much in slow manoeuvres.
+
+Errors are additive, but for the attitude: R_true = R exp([delta]x) with delta in body axes, so that the error
+has 30 numbers and no singularity (Sola 2017, Quaternion kinematics for the error-state Kalman filter).
+Turning the world about its vertical changes none that is fixed to the body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.columns import Array, Mask
+from hydro.core.compiled import jit
+from hydro.core.effects import sensor
+from hydro.core.vehicle.frames import quaternion_kernel, quaternion_product_kernel, rotation
+
+ERRORS, STATES, CHANNELS = 30, 31, 12
+POSITION, ATTITUDE, SPEED, RATES, ACCELERATION, JERK, SPEED_BIAS, RATE_BIAS = 0, 3, 6, 9, 12, 18, 24, 27
+"""First entry of each part of the error; in the state all from SPEED on stand one later."""
+QUATERNION = 3
+LEAST_COSINE = 0.1
+"""Of pitch, below which roll or yaw alone is no measurement: both turn about nearly the same axis."""
+
+
+class Model(NamedTuple):
+    """What the smoother is told.
+
+    Attributes:
+        dt: Sample time [s].
+        density: Spectral density of the white noise in the derivatives of nu' and nu'' of each axis, (6, 2)
+            [m^2/s^5, rad^2/s^5; m^2/s^7, rad^2/s^7].
+        variance: Of the white noise of each channel, (12,) [m^2, rad^2, m^2/s^2, rad^2/s^2].
+        prior: Variance of each error before the first sample, (30,).
+        log: How the logged velocity depends on the error, (6, 30).
+        offset: What the logged velocity reads of a body at rest, (6,) [m/s, rad/s].
+    """
+
+    dt: float
+    density: Array
+    variance: Array
+    prior: Array
+    log: Array
+    offset: Array
+
+
+def velocity_rows(log: Array, late: float) -> tuple[Array, Array]:
+    """Rows (6, 30) and offset (6,) of a velocity log: u_m = G [v(t - d) + omega(t - d) x r] + b.
+
+    Args:
+        log: The vehicle's velocity log, (13,); see `effects.sensor`.
+        late: What is left of its delay d once samples are moved by whole rows [s].
+    """
+    turned = (1.0 + log[sensor.SCALE])[:, None] * rotation(*log[sensor.ANGLES]).T
+    x, y, z = log[sensor.LEVER]
+    lever = turned @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # omega x r = -r x omega
+    rows, offset = np.zeros((6, ERRORS)), np.zeros(6)
+    for first, matrix in ((SPEED, turned), (RATES, lever)):
+        for order, share in enumerate((1.0, -late, 0.5 * late**2)):
+            rows[:3, first + 6 * order : first + 6 * order + 3] = share * matrix
+    rows[:3, SPEED_BIAS : SPEED_BIAS + 3] = np.eye(3)
+    rows[3:, RATES : RATES + 3] = rows[3:, RATE_BIAS : RATE_BIAS + 3] = np.eye(3)
+    offset[:3] = log[sensor.BIAS]
+    return rows, offset
+
+
+@jit
+def _cross_matrix(v: Array, out: Array) -> None:
+    """Write [v]x into `out` (3, 3)."""
+    out[0, 0], out[0, 1], out[0, 2] = 0.0, -v[2], v[1]
+    out[1, 0], out[1, 1], out[1, 2] = v[2], 0.0, -v[0]
+    out[2, 0], out[2, 1], out[2, 2] = -v[1], v[0], 0.0
+
+
+@jit
+def turn(quaternion: Array, twist: Array, out: Array) -> None:
+    """Write q exp(twist / 2), the attitude turned by `twist` (3,) about body axes, into `out` (4,)."""
+    angle = math.sqrt(twist[0] ** 2 + twist[1] ** 2 + twist[2] ** 2)
+    share = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
+    x, y, z = share * twist[0], share * twist[1], share * twist[2]
+    quaternion_product_kernel(quaternion, math.cos(0.5 * angle), x, y, z, out)
+    size = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
+    for i in range(4):
+        out[i] /= size
+
+
+@jit
+def corrected(state: Array, error: Array, out: Array) -> None:
+    """Write the state (31,) with an error (30,) taken up into `out` (31,)."""
+    for i in range(3):
+        out[i] = state[i] + error[i]
+    turn(state[QUATERNION : QUATERNION + 4], error[ATTITUDE:SPEED], out[QUATERNION : QUATERNION + 4])
+    for i in range(SPEED, ERRORS):
+        out[i + 1] = state[i + 1] + error[i]
+
+
+@jit
+def advance(state: Array, dt: float, out: Array, phi: Array, R: Array) -> None:
+    """One row on: the state into `out` (31,), its error's transition into `phi` (30, 30), R halfway into `R`.
+
+    Position by Simpson's rule, attitude by the mean rate; `phi` must hold the identity but for what is
+    written here.
+    """
+    R0, R1, mid = np.empty(9), np.empty(9), np.empty(4)
+    S, N, B = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    nu, dot, jerk = state[7:13], state[13:19], state[19:25]
+    q = state[QUATERNION : QUATERNION + 4]
+    out[:] = state
+    out[7:13] = nu + dt * dot + dt**2 / 2.0 * jerk
+    out[13:19] = dot + dt * jerk
+    halfway = nu + dt / 2.0 * dot + dt**2 / 8.0 * jerk
+    half = dt / 2.0 * nu[3:] + dt**2 / 8.0 * dot[3:] + dt**3 / 48.0 * jerk[3:]
+    twist = dt * nu[3:] + dt**2 / 2.0 * dot[3:] + dt**3 / 6.0 * jerk[3:]
+    turn(q, half, mid)
+    turn(q, twist, out[QUATERNION : QUATERNION + 4])
+    quaternion_kernel(q, R0)
+    quaternion_kernel(mid, R.reshape(9))
+    quaternion_kernel(out[QUATERNION : QUATERNION + 4], R1)
+    for i in range(3):
+        for j in range(3):
+            ends = R0[3 * i + j] * nu[j] + R1[3 * i + j] * out[7 + j]
+            out[i] += dt / 6.0 * (ends + 4.0 * R[i, j] * halfway[j])
+    _cross_matrix(halfway, S)
+    N[:] = -(R @ S)
+    _cross_matrix(half, S)
+    B[:] = N - N @ S  # the attitude's error halfway, as the middle of the row sees it
+    _cross_matrix(twist, S)
+    square = S @ S
+    for i in range(3):
+        for j in range(3):
+            one = 1.0 if i == j else 0.0
+            phi[i, ATTITUDE + j] = dt * B[i, j]
+            phi[ATTITUDE + i, ATTITUDE + j] = one - S[i, j] + 0.5 * square[i, j]
+            share, size = one - 0.5 * S[i, j] + square[i, j] / 6.0, dt
+            for order in range(3):  # of nu, nu' and nu''
+                phi[i, SPEED + 6 * order + j] = size * R[i, j]
+                phi[i, RATES + 6 * order + j] = size * dt / (order + 2) * N[i, j]
+                phi[ATTITUDE + i, RATES + 6 * order + j] = size * share
+                size *= dt / (order + 2)
+    for i in range(6):
+        phi[SPEED + i, ACCELERATION + i] = phi[ACCELERATION + i, JERK + i] = dt
+        phi[SPEED + i, JERK + i] = dt**2 / 2.0
+
+
+@jit
+def driven(axis: int, R: Array, entry: NDArray[np.int64], share: Array, times: NDArray[np.int64]) -> int:
+    """Which entries of the error white noise of an axis drives, how much of it, integrated how many times.
+
+    Written into arrays (6,), nu'' first; returns their number.  `R` is the rotation halfway through the row.
+    """
+    for n in range(3):
+        entry[n], share[n], times[n] = JERK - 6 * n + axis, 1.0, n
+    if axis >= 3:
+        entry[3], share[3], times[3] = axis, 1.0, 3
+        return 4
+    for i in range(3):
+        entry[3 + i], share[3 + i], times[3 + i] = i, R[i, axis], 3
+    return 6
+
+
+@jit
+def integrated(dt: float, first: int, second: int) -> float:
+    """Covariance of unit white noise over `dt`, integrated so and so many times."""
+    size = dt ** (first + second + 1) / (first + second + 1)
+    for n in range(2, first + 1):
+        size /= n
+    for n in range(2, second + 1):
+        size /= n
+    return size
+
+
+@jit
+def disturb(P: Array, density: Array, R: Array, dt: float) -> None:
+    """Add to the covariance (30, 30) what white noise of `density` (6, 2) does in one row."""
+    entry, share, times = np.empty(6, np.int64), np.empty(6), np.empty(6, np.int64)
+    for axis in range(6):
+        for a in range(driven(axis, R, entry, share, times)):
+            for b in range(4 if axis >= 3 else 6):
+                size = density[axis, 1] * integrated(dt, times[a], times[b])
+                if times[a] and times[b]:
+                    size += density[axis, 0] * integrated(dt, times[a] - 1, times[b] - 1)
+                P[entry[a], entry[b]] += size * share[a] * share[b]
+
+
+@jit
+def rotation_vector(q: Array, measured: Array, out: Array) -> None:
+    """Write the turn from attitude q to `measured` (4,), about body axes, into `out` (3,) [rad]."""
+    turned, inverse = np.empty(4), np.empty(4)
+    inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
+    quaternion_product_kernel(inverse, measured[0], measured[1], measured[2], measured[3], turned)
+    if turned[0] < 0.0:
+        turned[:] = -turned
+    size = math.sqrt(turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
+    share = 2.0 * math.atan2(size, turned[0]) / size if size > 1e-12 else 2.0
+    for i in range(3):
+        out[i] = share * turned[1 + i]
+
+
+@jit
+def angles(q: Array, out: Array) -> None:
+    """Write phi, theta, psi of a unit quaternion into `out` (3,) [rad]."""
+    R = np.empty(9)
+    quaternion_kernel(q, R)
+    out[0] = math.atan2(R[7], R[8])
+    out[1] = math.atan2(-R[6], math.hypot(R[0], R[3]))
+    out[2] = math.atan2(R[3], R[0])
+
+
+@jit
+def attitude_rows(state: Array, z: Array, seen: Mask, e: Array, H: Array) -> None:
+    """Residuals `e` (12,) and rows `H` (12, 30) of the angles that were measured.
+
+    All three are one rotation, compared about body axes, with no singularity; fewer are compared one by one.
+    """
+    q, found, twist = state[QUATERNION : QUATERNION + 4], np.empty(3), np.empty(3)
+    if seen[3] and seen[4] and seen[5]:
+        c, s, measured = np.empty(3), np.empty(3), np.empty(4)
+        for i in range(3):
+            c[i], s[i] = math.cos(0.5 * z[3 + i]), math.sin(0.5 * z[3 + i])
+        measured[0] = c[0] * c[1] * c[2] + s[0] * s[1] * s[2]
+        measured[1] = s[0] * c[1] * c[2] - c[0] * s[1] * s[2]
+        measured[2] = c[0] * s[1] * c[2] + s[0] * c[1] * s[2]
+        measured[3] = c[0] * c[1] * s[2] - s[0] * s[1] * c[2]
+        rotation_vector(q, measured, twist)
+        for i in range(3):
+            e[3 + i], H[3 + i, ATTITUDE + i] = twist[i], 1.0
+        return
+    angles(q, found)
+    sine, cosine, pitch = math.sin(found[0]), math.cos(found[0]), math.cos(found[1])
+    for i in range(3):
+        if not seen[3 + i] or (i != 1 and pitch < LEAST_COSINE):
+            continue
+        difference = z[3 + i] - found[i]
+        e[3 + i] = difference - 2.0 * math.pi * round(difference / (2.0 * math.pi))
+        if i == 0:
+            H[3, ATTITUDE] = 1.0
+            H[3, ATTITUDE + 1], H[3, ATTITUDE + 2] = sine * math.tan(found[1]), cosine * math.tan(found[1])
+        elif i == 1:
+            H[4, ATTITUDE + 1], H[4, ATTITUDE + 2] = cosine, -sine
+        else:
+            H[5, ATTITUDE + 1], H[5, ATTITUDE + 2] = sine / pitch, cosine / pitch
+
+
+@jit
+def sensor_rows(state: Array, z: Array, seen: Mask, model: Model, e: Array, H: Array) -> None:
+    """Residuals `e` (12,) and rows `H` (12, 30) of the samples `z` (12,) of a row; 0 where there is none."""
+    e[:] = 0.0
+    H[:] = 0.0
+    for i in range(3):
+        if seen[i]:
+            e[i], H[i, i] = z[i] - state[i], 1.0
+    attitude_rows(state, z, seen, e, H)
+    for i in range(6):
+        if seen[6 + i]:
+            H[6 + i] = model.log[i]
+            e[6 + i] = z[6 + i] - model.offset[i]
+            for j in range(SPEED, ERRORS):
+                e[6 + i] -= model.log[i, j] * state[j + 1]
