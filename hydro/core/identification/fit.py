@@ -36,6 +36,7 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.identification.tracking import tracked
 from hydro.core.recording.filling import unseen
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
@@ -160,7 +161,7 @@ def fit(
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
     progress = progress or (lambda words, share: None)
     log = without_faults(vehicle, raw)
-    record = log.record
+    record = tracked(vehicle, log.record)
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.errors import DataError
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
 
 SLOPE_SECONDS = 0.5
@@ -27,9 +26,6 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
         motion: Pose and velocity, NaN where there is no sample, (N, 12) [m, rad, m/s, rad/s].
         bounds: Segments [start, stop), (S, 2).
         dt: Sample time [s].
-
-    Raises:
-        DataError: A segment has no sample of an angle.
     """
     out = motion.copy()
     for start, stop in bounds:
@@ -37,13 +33,9 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
         seen = np.isfinite(part)
         for i in np.flatnonzero(seen.any(axis=0)):
             _draw_lines(part[:, i], seen[:, i], turns=bool(ANGLES.start <= i < ANGLES.stop))
-        if not seen[:, ANGLES].any(axis=0).all():
-            name = POSE[ANGLES][int(np.argmin(seen[:, ANGLES].any(axis=0)))]
-            raise DataError(
-                f"rows {start} to {stop - 1} have no sample of {name}, and forces act along the vehicle's "
-                "own axes: leave the rows out, or log its attitude too"
-            )
-        _derive(part, np.asarray(~seen.any(axis=0)), dt)
+        never = np.asarray(~seen.any(axis=0))
+        part[:, ANGLES][:, never[ANGLES]] = 0.0
+        _derive(part, never, dt)
     return out
 
 
