@@ -36,7 +36,7 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
-from hydro.core.identification.tracking import tracked
+from hydro.core.identification.tracking import shot_seconds, tracked
 from hydro.core.recording.filling import unseen
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
@@ -172,9 +172,9 @@ def fit(
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
         )
-        shots = multiple_shooting.make_shots(
-            record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most
-        )
+        lead = LONGEST_SENSOR_DELAY if late else 0.0
+        seconds = shot_seconds(record)
+        shots = multiple_shooting.make_shots(record, seconds=seconds, lead=lead, sigma=noise, most=most)
         share = shots.share
         values, problem = _aimed(unknown, values, shots)
     values, normal, problem = _settle(unknown, values, problem, progress)

@@ -20,6 +20,7 @@ from hydro.core.identification.candidate import Candidate, candidate, memories, 
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
     LONGEST_STEP,
+    SHOT_SECONDS,
     Answers,
     InitialStates,
     Places,
@@ -34,6 +35,10 @@ from hydro.core.simulation.variational_equation import Changes
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
+BLIND_SECONDS = 5.0
+"""Length of a shot where its own samples do not show all of the motion: what it does not show decays."""
+LEAST_ROOM = 4.0
+"""Shots of that length that the longest stretch without a gap must have room for."""
 WINDOW = 0.5
 """Length of a window [s]."""
 AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
@@ -148,6 +153,15 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
                 found = np.hstack([states[:, :3], angles, states[:, 7:]])
                 motion[start:stop, never[number]] = found[:, never[number]]
     return replace(record, eta=np.ascontiguousarray(motion[:, :6]), nu=np.ascontiguousarray(motion[:, 6:]))
+
+
+def shot_seconds(record: Recording) -> float:
+    """How long the shots of a recording should be [s]: longer where their beginnings show poorly."""
+    if record.seen is None:
+        return SHOT_SECONDS
+    blind = any(_unknown(record.seen[a:b]).any() for a, b in record.segments)
+    room = float(np.diff(record.segments).max()) * record.dt
+    return BLIND_SECONDS if blind and room >= LEAST_ROOM * BLIND_SECONDS else SHOT_SECONDS
 
 
 def _unknown(seen: Mask) -> Mask:
