@@ -37,6 +37,7 @@ from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
 from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.recording.arrays import Recording
 from hydro.core.recording.filling import unseen
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
@@ -54,6 +55,8 @@ OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for we
 LEAST_SIGMA = 1e-6
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
+BETTER = 9.0  # squared residual of a shot by which another beginning must be better
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
@@ -162,6 +165,7 @@ def fit(
     progress = progress or (lambda words, share: None)
     log = without_faults(vehicle, raw)
     record = tracked(vehicle, log.record)
+    blind = record is not log.record
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
@@ -178,14 +182,15 @@ def fit(
         share = shots.share
         values, problem = _aimed(unknown, values, shots)
     values, normal, problem = _settle(unknown, values, problem, progress)
+    if blind and isinstance(problem, OutputError):
+        values, normal, problem = _begun_anew(unknown, log.record, values, normal, problem)
     kept, normal, problem = _passive(unknown, values, normal, problem)
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
     progress("done", 1.0)
     found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    blind = unseen(record.seen)
-    warnings = (*blind, *(fault.message for fault in log.faults), *reduced, *found.warnings)
+    warnings = (*unseen(record.seen), *(fault.message for fault in log.faults), *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
 
 
@@ -288,6 +293,31 @@ def _settle(
         if not changed:
             break
     return values, over_standard_errors(unknown, values, normal, problem), problem
+
+
+def _begun_anew(
+    unknown: Free, record: Recording, values: Array, normal: Normal, problem: Problem
+) -> tuple[Array, Normal, Problem]:
+    """The same from beginnings that the fitted vehicle makes, shot by shot, while that finds better ones.
+
+    Linear steps do not lead a beginning that no sample shows back from where the first values placed it.
+    """
+    for _ in range(BEGUN_ANEW):
+        assert isinstance(problem, OutputError)
+        vehicle, old = unknown.at(values), problem.shots
+        fresh = multiple_shooting.begun_at(old, tracked(vehicle, record))
+        alone = Free(vehicle, (), (np.zeros(0),), frozenset())
+        _, _, found = descend(alone, np.zeros(0), OutputError.of(fresh, vehicle), ITERATIONS)
+        assert isinstance(found, OutputError)
+        prepared = multiple_shooting.prepare(candidate(vehicle), old)
+        before, after = (multiple_shooting.costs(prepared, shots) for shots in (old, found.shots))
+        better = after < before - BETTER
+        if not better.any():
+            break
+        first = np.where(better[:, None], found.shots.first, old.first)
+        begun = OutputError(replace(old, first=first))
+        values, normal, problem = _settle(unknown, values, begun, lambda words, share: None)
+    return values, normal, problem
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:

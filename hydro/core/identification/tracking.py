@@ -29,6 +29,7 @@ from hydro.core.identification.multiple_shooting import (
     shoot,
 )
 from hydro.core.recording.arrays import Recording, noise
+from hydro.core.recording.filling import unshown
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes
@@ -137,7 +138,7 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
     """
     if record.seen is None:
         return record
-    never = np.array([_unknown(record.seen[a:b]) for a, b in record.segments])
+    never = np.array([unshown(record.seen[a:b]) for a, b in record.segments])
     if not never.any():
         return record
     model = candidate(vehicle)
@@ -156,21 +157,15 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 
 
 def shot_seconds(record: Recording) -> float:
-    """How long the shots of a recording should be [s]: longer where their beginnings show poorly."""
+    """How long the shots of a recording should be [s]: longer where their beginnings show poorly.
+
+    North and east are no matter: hardly a force depends on them.
+    """
     if record.seen is None:
         return SHOT_SECONDS
-    blind = any(_unknown(record.seen[a:b]).any() for a, b in record.segments)
+    blind = any(unshown(record.seen[a:b])[2:].any() for a, b in record.segments)
     room = float(np.diff(record.segments).max()) * record.dt
     return BLIND_SECONDS if blind and room >= LEAST_ROOM * BLIND_SECONDS else SHOT_SECONDS
-
-
-def _unknown(seen: Mask) -> Mask:
-    """Which channels neither samples (N, 12) nor the slope of other samples show, (12,)."""
-    never: Mask = ~seen.any(axis=0)
-    turned = never[3:6].any()
-    never[6:9] &= turned or never[:3].any()
-    never[9:] &= turned
-    return never
 
 
 def _followed(here: _Segment, never: Mask) -> Array | None:
@@ -193,7 +188,7 @@ def _followed(here: _Segment, never: Mask) -> Array | None:
 def _filtered(here: _Segment, state: Array, spread: Array, stop: int) -> tuple[list[_Window], float]:
     """Windows from the beginning of a segment to a row, and what their samples are off, squared."""
     start, rows = int(here.bounds[0]), max(round(WINDOW / here.record.dt), 1)
-    windows, total = [], 0.0
+    windows, total = list[_Window](), 0.0
     for first in range(start, stop, rows):
         count = min(rows, stop - first)
         corrected = _corrected(here, state, spread, first, count)
@@ -230,7 +225,7 @@ def _corrected(
     states, answers = here.predicted(state, first, length)
     if not (np.abs(states) < WILD).all():
         return None
-    after = np.linalg.inv(information)
+    after: Array = np.linalg.inv(information)
     ahead = answers[-1] @ after @ answers[-1].T + np.diag(ASTRAY**2) * count * here.record.dt
     return _Window(first, state, after, answers[-1], states[-1], 0.5 * (ahead + ahead.T)), cost
 
@@ -239,7 +234,7 @@ def _apart(state: Array, other: Array) -> Array:
     """What has to be added to another state for this one: position, small rotation (body), nu, (12,)."""
     out = np.empty((1, 1, CHANNELS))
     deviate(other[None, None], state[None, None], np.ones(CHANNELS), out)
-    return out[0, 0]
+    return np.asarray(out[0, 0])
 
 
 def _smoothed(here: _Segment, windows: list[_Window]) -> Array:

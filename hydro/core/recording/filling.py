@@ -39,6 +39,15 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
     return out
 
 
+def unshown(seen: Mask) -> Mask:
+    """Which channels of a segment neither samples (N, 12) nor slopes of those of the pose show, (12,)."""
+    never: Mask = np.logical_not(seen.any(axis=0))
+    tilted = never[ANGLES].any()
+    never[6:9] &= tilted or never[:3].any()
+    never[9:] &= tilted
+    return never
+
+
 def unseen(seen: Mask | None) -> tuple[str, ...]:
     """What a recording with samples `seen` (N, 12) cannot show, by axis, one line each."""
     if seen is None:
