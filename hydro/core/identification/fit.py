@@ -183,7 +183,7 @@ def fit(
         values, problem = _aimed(unknown, values, shots)
     values, normal, problem = _settle(unknown, values, problem, progress)
     if blind and isinstance(problem, OutputError):
-        values, normal, problem = _begun_anew(unknown, log.record, values, normal, problem)
+        values, normal, problem = _begun_anew(unknown, log.record, values, normal, problem, shots.sigma)
     kept, normal, problem = _passive(unknown, values, normal, problem)
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
@@ -264,15 +264,23 @@ def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Arr
 
 
 def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
-    """Where output error begins: as equation error says, unless its motion diverges."""
+    """Where output error begins: as equation error says, unless its motion diverges.
+
+    Where samples do not show all of the motion, equation error balances what was filled in: then it begins
+    with the values that predict best.
+    """
+    tried = []
     for begin in (values, *unknown.starts):
         problem = OutputError.of(shots, unknown.at(begin))
-        if np.isfinite(
-            multiple_shooting.cost(
-                multiple_shooting.prepare(candidate(unknown.at(begin)), shots), problem.shots
-            )
-        ):
-            return begin, problem
+        prepared = multiple_shooting.prepare(candidate(unknown.at(begin)), shots)
+        cost = multiple_shooting.cost(prepared, problem.shots)
+        if np.isfinite(cost):
+            tried.append((cost, begin, problem))
+            if shots.seen is None:
+                break
+    if tried:
+        _, begin, problem = min(tried, key=lambda one: one[0])
+        return begin, problem
     raise DataError(
         "the vehicle's predicted motion diverges within a shot; check its damping, or fit "
         f"{LINEAR_DAMPING.name} too"
@@ -296,7 +304,7 @@ def _settle(
 
 
 def _begun_anew(
-    unknown: Free, record: Recording, values: Array, normal: Normal, problem: Problem
+    unknown: Free, record: Recording, values: Array, normal: Normal, problem: Problem, sigma: Array
 ) -> tuple[Array, Normal, Problem]:
     """The same from beginnings that the fitted vehicle makes, shot by shot, while that finds better ones.
 
@@ -315,7 +323,7 @@ def _begun_anew(
         if not better.any():
             break
         first = np.where(better[:, None], found.shots.first, old.first)
-        begun = OutputError(replace(old, first=first))
+        begun = OutputError(replace(old, first=first, sigma=sigma))
         values, normal, problem = _settle(unknown, values, begun, lambda words, share: None)
     return values, normal, problem
 
