@@ -37,8 +37,8 @@ from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
 from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.identification.visibility import of_recording
 from hydro.core.recording.arrays import Recording
-from hydro.core.recording.filling import unseen
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.vehicle.description import Vehicle
 
@@ -190,7 +190,12 @@ def fit(
     progress("done", 1.0)
     found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    warnings = (*unseen(record.seen), *(fault.message for fault in log.faults), *reduced, *found.warnings)
+    warnings = (
+        *of_recording(vehicle, log.record),
+        *(fault.message for fault in log.faults),
+        *reduced,
+        *found.warnings,
+    )
     return replace(found, warnings=warnings, share=share)
 
 

@@ -145,15 +145,18 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
     logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
     sigma = np.maximum(noise(record), LEAST)
     rotors, memory = rotor_states(model, record), memories(model, record, record.eta, record.nu)
-    motion = np.hstack([record.eta, record.nu])
+    motion, variances = np.hstack([record.eta, record.nu]), [AT_FIRST**2]
     for number, (start, stop) in enumerate(record.segments):
         if never[number].any():
             here = _Segment(model, record, number, logged, record.seen, sigma, rotors, memory)
-            if (states := _followed(here, never[number])) is not None:
+            if (followed := _followed(here, never[number])) is not None:
+                states, variance = followed
+                variances.append(variance)
                 angles = euler_from_quaternion(states[:, 3:7])
                 found = np.hstack([states[:, :3], angles, states[:, 7:]])
                 motion[start:stop, never[number]] = found[:, never[number]]
-    return replace(record, eta=np.ascontiguousarray(motion[:, :6]), nu=np.ascontiguousarray(motion[:, 6:]))
+    eta, nu = np.ascontiguousarray(motion[:, :6]), np.ascontiguousarray(motion[:, 6:])
+    return replace(record, eta=eta, nu=nu, doubt=np.sqrt(np.mean(variances[1:] or variances, axis=0)))
 
 
 def shot_seconds(record: Recording) -> float:
@@ -168,8 +171,8 @@ def shot_seconds(record: Recording) -> float:
     return BLIND_SECONDS if blind and room >= LEAST_ROOM * BLIND_SECONDS else SHOT_SECONDS
 
 
-def _followed(here: _Segment, never: Mask) -> Array | None:
-    """States of every row of a segment, (n, 13); None where the model does not follow."""
+def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
+    """States of every row of a segment, (n, 13), and their mean variance, (12,); None where it is lost."""
     start, stop = here.bounds
     begin = here.logged[start].copy()
     spread = np.diag(AT_FIRST**2)
@@ -225,7 +228,7 @@ def _corrected(
     states, answers = here.predicted(state, first, length)
     if not (np.abs(states) < WILD).all():
         return None
-    after: Array = np.linalg.inv(information)
+    after = np.asarray(np.linalg.inv(information), np.float64)
     ahead = answers[-1] @ after @ answers[-1].T + np.diag(ASTRAY**2) * count * here.record.dt
     return _Window(first, state, after, answers[-1], states[-1], 0.5 * (ahead + ahead.T)), cost
 
@@ -237,20 +240,22 @@ def _apart(state: Array, other: Array) -> Array:
     return np.asarray(out[0, 0])
 
 
-def _smoothed(here: _Segment, windows: list[_Window]) -> Array:
-    """States of every row of the segment, from the last window back, (n, 13)."""
+def _smoothed(here: _Segment, windows: list[_Window]) -> tuple[Array, Array]:
+    """States of every row of the segment, from the last window back, (n, 13); their mean variance, (12,)."""
     start, stop = here.bounds
-    out = np.empty((stop - start, BODY))
-    behind: Array | None = None
+    out, variances = np.empty((stop - start, BODY)), []
+    behind: tuple[Array, Array] | None = None
     for window in reversed(windows):
-        state = window.state
+        state, spread = window.state, window.spread
         if behind is not None:
             gain = np.linalg.solve(window.ahead_spread, window.answer @ window.spread).T
-            step = gain @ _apart(behind, window.ahead)
+            step = gain @ _apart(behind[0], window.ahead)
             state = displaced(state[None], step[None])[0]
+            spread = spread + gain @ (behind[1] - window.ahead_spread) @ gain.T
+        variances.append(np.diag(spread))
         rows = min(max(round(WINDOW / here.record.dt), 1), stop - window.first)
         states, _ = here.predicted(state, window.first, rows)
         tame = (np.abs(states) < WILD).all()
         out[window.first - start : window.first - start + rows] = states if tame else window.state
-        behind = state
-    return out
+        behind = state, spread
+    return out, np.maximum(np.mean(variances, axis=0), 0.0)

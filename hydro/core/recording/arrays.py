@@ -50,6 +50,7 @@ class Recording:
         session: Number of each segment's session, (S,).
         dt: Sample time [s].
         seen: Which values of pose and velocity are samples, (N, 12); None where all are.
+        doubt: Standard deviation of what fills channels without samples, (12,), where a model has done so.
     """
 
     t: Array
@@ -61,6 +62,7 @@ class Recording:
     session: Rows
     dt: float
     seen: Mask | None = None
+    doubt: Array | None = None
 
     @property
     def rows(self) -> int:

@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import savgol_filter
 
-from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
 
 SLOPE_SECONDS = 0.5
 """Length of the cubic whose slope is a velocity."""
 ANGLES = slice(3, 6)
-POSES = 6
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
 def filled(motion: Array, bounds: Rows, dt: float) -> Array:
@@ -46,24 +44,6 @@ def unshown(seen: Mask) -> Mask:
     never[6:9] &= tilted or never[:3].any()
     never[9:] &= tilted
     return never
-
-
-def unseen(seen: Mask | None) -> tuple[str, ...]:
-    """What a recording with samples `seen` (N, 12) cannot show, by axis, one line each."""
-    if seen is None:
-        return ()
-    never = np.asarray(~seen.any(axis=0))
-    lines = [
-        f"{axis} is not measured, neither as position nor as velocity: nothing that acts along it is shown"
-        for i, axis in enumerate(AXES)
-        if never[i] and never[POSES + i]
-    ]
-    names = np.array([*POSE, *VELOCITY])
-    for part, rest in ((slice(3), "velocity"), (slice(6, 9), "position"), (slice(9, 12), "attitude")):
-        if never[part].any():
-            rare = ", ".join(names[part][never[part]])
-            lines.append(f"no samples of {rare}: what would show there is known by {rest} alone")
-    return tuple(lines)
 
 
 def _draw_lines(values: Array, seen: Mask, turns: bool) -> None:
