@@ -7,7 +7,7 @@ A pair diagnoses one hidden effect twice: in the complete flight, and in the sam
 
     python -m benchmarks.subsets run --trials 3 -o subsets.parquet
     python -m benchmarks.subsets pairs --trials 6 -o pairs.parquet
-    python -m benchmarks.subsets report subsets.parquet pairs.parquet
+    python -m benchmarks.subsets report subsets.parquet --pairs pairs.parquet
 
 Results files grow by one row per trial; the same command goes on where an earlier one stopped.  Seeds below
 10,000 are for development, those from 70,000 are held back for published figures.
@@ -28,11 +28,14 @@ import msgspec
 import numpy as np
 import polars as pl
 
-from benchmarks.hidden_effects import flights
+from benchmarks.hidden_effects import cases, flights
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, preset
 from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_logs.study import clean
 from benchmarks.recovery import interval, true_values
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.diagnose import diagnose
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.identification.fit import Fit, fit
 from hydro.core.vehicle.description import Vehicle
 
@@ -67,7 +70,8 @@ PAIRED: dict[str, Any] = {
     **{"hidden": pl.List(pl.String), "complete": pl.List(pl.String), "asynchronous": pl.List(pl.String)},
     **{"differences": pl.List(pl.Float64), "cpu": pl.Float64, "failure": pl.String},
 }
-"""`differences` are those of the values of an effect named in both, in standard errors of the difference."""
+"""What both diagnoses name; of values of effects that both name the differences, in standard errors."""
+NAMED = ("missing", "suspect", "cannot_tell_apart")
 
 
 def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
@@ -154,6 +158,50 @@ def run(chosen: argparse.Namespace) -> None:
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
 
+def pair(seed: int, seconds: float, folder: Path) -> dict[str, Any]:
+    """The row of one hidden effect diagnosed twice; what went wrong stands under `failure`."""
+    case = cases.draw("one", seed, "independent")
+    row: dict[str, Any] = dict.fromkeys(PAIRED) | {"seed": seed, "preset": case.preset, "seconds": seconds}
+    row |= {"title": case.title, "hidden": list(case.called), "failure": ""}
+    clock = time.process_time()
+    try:
+        _, flight = clean(case, seconds, folder)
+        both = [
+            diagnose(flight.given, sampled(flight.measured, SUBSETS[name]))
+            for name in (COMPLETE, ASYNCHRONOUS)
+        ]
+        found = [{one.effect: one for one in each.findings if one.verdict in NAMED} for each in both]
+        row |= {"complete": list(found[0]), "asynchronous": list(found[1])}
+        shared = [name for name in found[0] if name in found[1]]
+        row["differences"] = [z for name in shared for z in _differences(found[0][name], found[1][name])]
+    except Exception as error:  # likewise
+        row["failure"] = f"{type(error).__name__}: {error}"
+    return row | {"cpu": time.process_time() - clock}
+
+
+def _differences(one: Finding, other: Finding) -> list[float]:
+    """Differences of the values of one effect over the standard error of the worse known."""
+    out = []
+    for name in one.standard_errors:
+        if name in other.standard_errors:
+            parts = (one.parameters, other.parameters, one.standard_errors, other.standard_errors)
+            a, b, s, r = (np.ravel(np.asarray(part[name], float)) for part in parts)
+            out += ((a - b) / np.maximum(s, r)).tolist()
+    return out
+
+
+def run_pairs(chosen: argparse.Namespace) -> None:
+    """Diagnose the pairs that are not in the results file yet."""
+    results = Results(chosen.out, PAIRED)
+    known = set(results.table["seed"].to_list())
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.trials)
+    tasks = [(seed, chosen.seconds, chosen.out.parent) for seed in seeds if seed not in known]
+    for row in done(pair, tasks, chosen.workers):
+        results.add(row)
+        told = row["failure"] or f"{row['complete']} {row['asynchronous']} {np.round(row['differences'], 1)}"
+        print(f"{row['seed']} {row['preset']}, {row['title']} {row['hidden']}: {told}", flush=True)
+
+
 def line(row: Mapping[str, Any]) -> str:
     """A trial in one line, for whoever watches."""
     head = f"{row['seed']} {row['preset']}, {row['subset']}:"
@@ -203,10 +251,25 @@ def summary(results: pl.DataFrame) -> Iterator[dict[str, str]]:
         }
 
 
+def agreement(pairs: pl.DataFrame) -> str:
+    """How far diagnoses of asynchronous logs agree with those of complete ones, in one sentence."""
+    rows = pairs.filter(failure="").to_dicts()
+    z = np.abs(np.concatenate([row["differences"] for row in rows] or [np.zeros(0)]))
+    first = [[(row[log] or [""])[0] for row in rows] for log in ("complete", "asynchronous")]
+    same = sum(a == b for a, b in zip(*first, strict=True))
+    right = [sum(a in row["hidden"] for a, row in zip(names, rows, strict=True)) for names in first]
+    return (
+        f"{len(rows)} pairs of {pairs.height}: {same} name the same effect first; the hidden one is "
+        f"first in {right[0]} complete and {right[1]} asynchronous logs; {(z <= 3.0).sum()} of {z.size} "
+        "values of effects that both name differ by at most three standard errors"
+    )
+
+
 def report(chosen: argparse.Namespace) -> None:
     """Write the sums as CSV to standard output."""
-    table = pl.concat([pl.read_parquet(path) for path in chosen.results])
-    lines = list(summary(table))
+    lines = list(summary(pl.concat([pl.read_parquet(path) for path in chosen.results])))
+    if chosen.pairs is not None:
+        print(agreement(pl.read_parquet(chosen.pairs)), file=sys.stderr)
     writer = csv.DictWriter(sys.stdout, list(lines[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
@@ -225,8 +288,16 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("-o", "--out", type=Path, default=Path("subsets.parquet"))
     one.set_defaults(action=run)
+    other = commands.add_parser("pairs", help="diagnose complete flights and the same with slow sensors")
+    other.add_argument("--trials", type=int, default=6, help="seeds")
+    other.add_argument("--first-seed", type=int, default=0)
+    other.add_argument("--seconds", type=float, default=180.0)
+    other.add_argument("--workers", type=int, default=1)
+    other.add_argument("-o", "--out", type=Path, default=Path("pairs.parquet"))
+    other.set_defaults(action=run_pairs)
     two = commands.add_parser("report", help="sum up results, as CSV")
     two.add_argument("results", type=Path, nargs="+")
+    two.add_argument("--pairs", type=Path, help="results of pairs, summed up on standard error")
     two.set_defaults(action=report)
     return top
 

@@ -17,6 +17,7 @@ from hydro.commands.shell import (
     progress,
     read,
     shows_table,
+    tell_not_shown,
     write,
 )
 from hydro.core.errors import DataError
@@ -57,6 +58,8 @@ def compare(
         effects.validate(known)
     source = read(measured, "raw")
     earlier = None if against is None else _earlier(against, source)
+    with about(measured):
+        tell_not_shown(known, source.frame)
     with about(measured), progress("compare") as update:
         frame = compute(
             known,

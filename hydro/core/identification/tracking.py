@@ -162,11 +162,11 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
 def shot_seconds(record: Recording) -> float:
     """How long the shots of a recording should be [s]: longer where their beginnings show poorly.
 
-    North and east are no matter: hardly a force depends on them.
+    Position is no matter: hardly a force depends on it.
     """
     if record.seen is None:
         return SHOT_SECONDS
-    blind = any(unshown(record.seen[a:b])[2:].any() for a, b in record.segments)
+    blind = any(unshown(record.seen[a:b])[3:].any() for a, b in record.segments)
     room = float(np.diff(record.segments).max()) * record.dt
     return BLIND_SECONDS if blind and room >= LEAST_ROOM * BLIND_SECONDS else SHOT_SECONDS
 
