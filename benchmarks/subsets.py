@@ -71,7 +71,7 @@ PAIRED: dict[str, Any] = {
     **{"differences": pl.List(pl.Float64), "cpu": pl.Float64, "failure": pl.String},
 }
 """What both diagnoses name; of values of effects that both name the differences, in standard errors."""
-NAMED = ("missing", "suspect", "cannot_tell_apart")
+NAMED = ("missing", "suspect", "cannot_tell_apart", "retune")
 
 
 def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
