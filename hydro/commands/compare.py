@@ -94,8 +94,12 @@ def _print(frame: pl.DataFrame) -> None:
     from hydro.report import comparison, yardsticks
 
     console = person()
-    title = "Force that the model leaves out: root mean square, 95 % interval"
-    print_table(comparison.forces(frame), title, console)
+    forces = comparison.forces(frame)
+    if forces.is_empty():
+        console.print("No velocity was measured: the force that the model leaves out is not shown.")
+    else:
+        title = "Force that the model leaves out: root mean square, 95 % interval"
+        print_table(forces, title, console)
     beside = "" if "before" in frame.columns else " (noise alone)"
     title = f"Errors of its predictions: root mean square{beside}"
     print_table(comparison.predictions(frame), title, console)

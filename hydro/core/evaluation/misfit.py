@@ -53,6 +53,7 @@ from hydro.core.identification.multiple_shooting import (
 )
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
+from hydro.core.recording.filling import slope_noise, unshown
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
 
@@ -147,6 +148,7 @@ class Motion:
         """
         sigma = noise(record)
         never = np.zeros(CHANNELS, bool) if record.seen is None else ~record.seen.any(axis=0)
+        doubt = _doubt(record, sigma)
         sigma[never] = LEAST_NOISE
         angles = record.eta.copy()
         for start, stop in record.segments:
@@ -158,8 +160,7 @@ class Motion:
         left = np.hstack([angles - eta, record.nu - nu]).var(axis=0)
         uncertainty = _uncertainty(np.stack([_weights(pose), _weights(velocity)]), sigma, left)
         sigma[never] = 0.0
-        if record.doubt is not None:
-            uncertainty[:, never] = record.doubt[never]
+        uncertainty[:, never] = doubt[never]
         return cls(
             eta=np.ascontiguousarray(eta),
             nu=np.ascontiguousarray(nu),
@@ -363,6 +364,16 @@ def root_mean_square(errors: Array) -> Array:
     there = np.isfinite(errors)
     squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
     return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
+
+
+def _doubt(record: Recording, sigma: Array) -> Array:
+    """Standard deviation of what fills channels without samples, (12,): of slopes by the noise of the pose."""
+    pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
+    doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
+    if record.seen is None or record.doubt is None:
+        return doubt
+    dark = np.any([unshown(record.seen[a:b]) for a, b in record.segments], axis=0)
+    return np.where(dark, record.doubt, doubt)
 
 
 def _counted(values: Array, seen: Mask | None) -> Array:

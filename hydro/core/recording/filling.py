@@ -7,7 +7,7 @@ position that was never measured from the sum of the velocities.  What neither s
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
@@ -74,9 +74,19 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
         part[:, :3][:, never[:3]] = path[:, never[:3]]
 
 
+def slope_noise(dt: float) -> float:
+    """Standard deviation of the slope of a pose with white noise of 1 [1/s]."""
+    return float(np.linalg.norm(savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
+
+
+def _width(dt: float) -> int:
+    """Rows of the cubic whose slope is a velocity."""
+    return 2 * round(0.5 * SLOPE_SECONDS / dt) + 1
+
+
 def _slope(values: Array, dt: float) -> Array:
     """Derivative of (n, k) along its rows, through local cubics."""
-    width = min(2 * round(0.5 * SLOPE_SECONDS / dt) + 1, (len(values) - 1) // 2 * 2 + 1)
+    width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
     if width < 5:
         return np.zeros_like(values)
     slope: Array = savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
