@@ -367,7 +367,7 @@ def root_mean_square(errors: Array) -> Array:
 
 
 def _doubt(record: Recording, sigma: Array) -> Array:
-    """Standard deviation of what fills channels without samples, (12,): of slopes by the noise of the pose."""
+    """Standard deviation of what fills channels without samples, (12,): of slopes by noise of the pose."""
     pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
     doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
     if record.seen is None or record.doubt is None:
