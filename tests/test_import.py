@@ -192,5 +192,46 @@ def test_a_map_that_does_not_fit_the_log_is_one_line(
     assert line in error
 
 
+@pytest.mark.parametrize(
+    ("blocks", "tells"),
+    [
+        ({"position": {"depth": "up"}}, "note: frames and signs not tested: position and attitude have no"),
+        ({"position": {"depth": "up"}, "velocity": {}}, "pose and velocity agree: d(position)/dt to "),
+        ({"rates": {}}, "pose and velocity agree: the attitude's rate to "),
+    ],
+)
+def test_a_log_without_some_sensors(
+    blocks: dict[str, dict[str, str]], tells: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Depth and attitude, and a velocity; attitude and rates. What is there is tested, the rest is null."""
+    log, spec = logs.written(logs.raw(20.0), replace(logs.Convention(), depth="depth"))
+    taken = {name: block or spec[name] for name, block in blocks.items()}
+    kept = {name: spec[name] for name in ("time", "session", "commands", "attitude")} | taken
+    log.write_csv(tmp_path / "log.csv")
+    (tmp_path / "map.toml").write_text(tomlkit.dumps(kept))
+    arguments = [tmp_path / "log.csv", "--map", tmp_path / "map.toml", "--strict"]
+    code, error = run(capsys, *arguments, "-o", tmp_path / "raw.parquet")
+    assert code == 0
+    assert tells in error
+    assert "no sensor, null in every row: x, y" in error
+    found = table.read(tmp_path / "raw.parquet", "raw").frame
+    assert found["x"].null_count() == found.height
+    assert found["phi"].null_count() == 0
+
+
+def test_a_wrong_sign_shows_without_a_horizontal_position(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, spec = logs.written(logs.raw(20.0), replace(logs.Convention(), depth="depth"))
+    log.with_columns(v3=-log["v3"]).write_csv(tmp_path / "log.csv")
+    kept = {name: block for name, block in spec.items() if name != "rates"} | {"position": {"depth": "up"}}
+    (tmp_path / "map.toml").write_text(tomlkit.dumps(kept))
+    code, error = run(
+        capsys, tmp_path / "log.csv", "--map", tmp_path / "map.toml", "-o", tmp_path / "r.parquet"
+    )
+    assert code == 0
+    assert "v3 looks reversed" in error
+
+
 def test_the_example_is_small() -> None:
     assert Path(EXAMPLE).stat().st_size < 300_000

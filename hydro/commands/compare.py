@@ -17,6 +17,7 @@ from hydro.commands.shell import (
     progress,
     read,
     shows_table,
+    tell_not_shown,
     write,
 )
 from hydro.core.errors import DataError
@@ -57,6 +58,8 @@ def compare(
         effects.validate(known)
     source = read(measured, "raw")
     earlier = None if against is None else _earlier(against, source)
+    with about(measured):
+        tell_not_shown(known, source.frame)
     with about(measured), progress("compare") as update:
         frame = compute(
             known,
@@ -91,8 +94,12 @@ def _print(frame: pl.DataFrame) -> None:
     from hydro.report import comparison, yardsticks
 
     console = person()
-    title = "Force that the model leaves out: root mean square, 95 % interval"
-    print_table(comparison.forces(frame), title, console)
+    forces = comparison.forces(frame)
+    if forces.is_empty():
+        console.print("No velocity was measured: the force that the model leaves out is not shown.")
+    else:
+        title = "Force that the model leaves out: root mean square, 95 % interval"
+        print_table(forces, title, console)
     beside = "" if "before" in frame.columns else " (noise alone)"
     title = f"Errors of its predictions: root mean square{beside}"
     print_table(comparison.predictions(frame), title, console)

@@ -18,6 +18,7 @@ from hydro.commands.shell import (
     progress,
     read,
     shows_table,
+    tell_not_shown,
     write,
 )
 
@@ -51,6 +52,8 @@ def diagnose(
     with about(str(vehicle)):
         effects.validate(known)
     source = read(measured, "raw")
+    with about(measured):
+        tell_not_shown(known, source.frame)
     with about(measured), progress("diagnose") as update:
         found = compute(
             known,

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, Measured, ModelFile, about, person, print_table, progress, read
+from hydro.commands.shell import (
+    STREAM,
+    Measured,
+    ModelFile,
+    about,
+    person,
+    print_table,
+    progress,
+    read,
+    tell_not_shown,
+)
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -59,6 +69,8 @@ def explain(
         effects.validate(known)
     source = read(measured, "raw")
     other = None if holdout is None else _held_out(holdout, source, known)
+    with about(measured):
+        tell_not_shown(known, source.frame)
     study = Study(folder, text, source, other)
     study.open()
     steps = study.done()

@@ -219,6 +219,14 @@ def runner(context: typer.Context, folder: Path, workers: int) -> Runner:
     return Runner(folder, here(context.find_root().command) if workers == 1 else apart, message)
 
 
+def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
+    """What a recording without some sensors cannot show, on stderr, before anything else is said."""
+    from hydro.core.identification.visibility import not_shown
+
+    for line in not_shown(vehicle, frame):
+        typer.echo(f"hydro: {line}", err=True)
+
+
 def person() -> Console:
     """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
     from rich.console import Console

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from hydro.core.errors import DataError
 from hydro.core.logs.aliases import guess
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
-from hydro.core.logs.logmap import LogMap, command, measured
+from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured
 from hydro.io import logmap
 from hydro.io.log import Log
 from hydro.io.sessions import sessions
@@ -100,18 +101,22 @@ def described(meaning: LogMap) -> Iterator[str]:
     yield f"time {meaning.time.column} [{meaning.time.unit}]"
     if meaning.session.column is not None:
         yield f"session {meaning.session.column}"
-    place, turned = meaning.position, meaning.attitude
-    settings = {
-        "position": f"{place.world}, {place.unit}",
-        "attitude": f"{turned.body} in {turned.world}, {turned.layout if turned.quaternion else turned.unit}",
-        "velocity": f"{meaning.velocity.frame}, {meaning.velocity.unit}",
-        "rates": f"{meaning.rates.frame}, {meaning.rates.unit}",
-    }
-    for name, words in settings.items():
-        columns = " ".join(source.column for source in measured(getattr(meaning, name)))
-        yield f"{name} {columns} [{words}]"
+    for name, block in blocks_of(meaning).items():
+        columns = " ".join(source.column for source in measured(block))
+        yield f"{name} {columns} [{_settings(block)}]"
     columns = " ".join(command(source).column for source in meaning.commands.columns)
     yield f"commands {columns} [{meaning.commands.unit}]"
+
+
+def _settings(block: Block) -> str:
+    """Frames and units of a block."""
+    match block:
+        case Position():
+            return f"{block.world}, {block.unit}"
+        case Attitude():
+            return f"{block.body} in {block.world}, {block.layout if block.quaternion else block.unit}"
+        case _:
+            return f"{block.frame}, {block.unit}"
 
 
 def _account(imported: Imported) -> Iterator[str]:
@@ -122,7 +127,9 @@ def _account(imported: Imported) -> Iterator[str]:
     )
     frame = imported.frame
     rare = {name: frame.height - frame[name].null_count() for name in MOTION if frame[name].null_count()}
-    if rare:
+    if none := [name for name, count in rare.items() if not count]:
+        yield f"no sensor, null in every row: {', '.join(none)}"
+    if rare := {name: count for name, count in rare.items() if count}:
         counts = ", ".join(f"{name} {count:,}" for name, count in rare.items())
         yield f"slower sensors, null between their samples (--fill draws lines): {counts}"
     if imported.gaps:
@@ -141,10 +148,12 @@ def _account(imported: Imported) -> Iterator[str]:
 def _judged(verdict: Verdict) -> Iterator[str]:
     """What the kinematics say."""
     yield from (f"warning: {line}" for line in verdict.contradictions)
-    translation, rotation = verdict.agreement
-    if not verdict.contradictions and translation == translation:  # NaN where nothing was tested
-        yield (
-            f"pose and velocity agree: d(position)/dt to {translation:.2g} m/s, the attitude's rate to "
-            f"{rotation:.2g} rad/s"
-        )
+    names = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))
+    tested = [
+        f"{name} to {error:.2g} {unit}"
+        for (name, unit), error in zip(names, verdict.agreement, strict=True)
+        if not math.isnan(error)
+    ]
+    if tested and not verdict.contradictions:
+        yield f"pose and velocity agree: {', '.join(tested)}"
     yield from (f"note: {line}" for line in verdict.notes)

@@ -11,12 +11,12 @@ from typing import Any
 import msgspec
 
 from hydro.core.errors import DataError
-from hydro.core.logs.logmap import Attitude, LogMap, Position
+from hydro.core.logs.logmap import BLOCKS, Attitude, LogMap, Position, blocks_of
 from hydro.io import toml
 from hydro.io.files import read_bytes, shown
 
-NEEDED_TABLES = ("time", "position", "attitude", "velocity", "rates", "commands")
-"""The blocks that every map has."""
+TABLES = ("time", *BLOCKS, "commands")
+"""The blocks that a guess must find: it cannot tell a sensor that is not there from one of another name."""
 
 
 def is_map(path: str | Path) -> bool:
@@ -71,10 +71,17 @@ def check(found: LogMap) -> None:
             raise DataError(f"{path}: must be finite and a scale not 0, got {number:g}")
     if found.session.column is not None and found.session.name is not None:
         raise DataError("session: give either column or name")
-    _check_position(found.position)
-    _check_attitude(found.attitude)
+    if not blocks_of(found):
+        raise DataError(f"give at least one of {', '.join(BLOCKS)}: a log without any shows no motion")
+    if found.position is not None:
+        _check_position(found.position)
+    if found.attitude is not None:
+        _check_attitude(found.attitude)
     for name, block in (("velocity", found.velocity), ("rates", found.rates)):
-        _check_count(f"{name}.columns", block.columns, 3)
+        if block is not None:
+            _check_count(f"{name}.columns", block.columns, 3)
+    if found.velocity is not None and found.velocity.frame not in ("FRD", "FLU") and found.attitude is None:
+        raise DataError(f"velocity.frame: {found.velocity.frame} needs an attitude that turns it; give one")
     if not found.commands.columns:
         raise DataError("commands.columns: name at least one column")
     pwm = found.commands.pwm
@@ -88,11 +95,12 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
     Raises:
         DataError: some blocks are missing; the line says which, and what the log has.
     """
-    missing = [name for name in NEEDED_TABLES if name not in blocks]
+    missing = [name for name in TABLES if name not in blocks]
     if missing:
         raise DataError(
             f"the columns' names do not identify {', '.join(missing)}: write a map (hydro import LOG "
-            f"--write-map map.toml begins one) and give it with --map; the log has {listed(columns)}"
+            "--write-map map.toml begins one), without the blocks that the log has no sensor for, and give "
+            f"it with --map; the log has {listed(columns)}"
         )
     found = msgspec.convert(blocks, LogMap)
     check(found)
@@ -113,8 +121,10 @@ def json_schema() -> dict[str, Any]:
 
 def _check_position(block: Position) -> None:
     vertical = (block.depth is not None) + (block.height is not None)
-    if len(block.columns) + vertical != 3 or vertical > 1:
-        raise DataError("position: give three columns, or two and either depth or height")
+    if len(block.columns) + vertical != (3 if block.columns else 1) or vertical > 1:
+        raise DataError(
+            "position: give three columns, or two and either depth or height, or one of these alone"
+        )
 
 
 def _check_attitude(block: Attitude) -> None:

@@ -28,7 +28,8 @@ _NOTES = {
     ),
     "position": (
         'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
-        'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too.',
+        'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too; and',
+        "a depth or height alone, without columns.",
     ),
     "attitude": (
         'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',
@@ -71,6 +72,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
         "Guessed from the columns' names: check every line; empty names stand for what could not be guessed.",
         f"The log has: {listed(columns)}",
         'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',
+        "Leave out position, attitude, velocity or rates where there is no such sensor: they are null then.",
     ):
         document.add(tomlkit.comment(line))
     document.add("format", tomlkit.item("hydro-map/1"))

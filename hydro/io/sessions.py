@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, Time, command, measured
+from hydro.core.logs.logmap import LogMap, Time, blocks_of, command, measured
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, stripped
 
@@ -37,8 +37,8 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
 
 def _named(meaning: LogMap) -> Iterator[tuple[str, str]]:
     """Every column of numbers that a map names, and where it does."""
-    for where in ("position", "attitude", "velocity", "rates"):
-        yield from ((where, source.column) for source in measured(getattr(meaning, where)))
+    for where, block in blocks_of(meaning).items():
+        yield from ((where, source.column) for source in measured(block))
     yield from (("commands", command(source).column) for source in meaning.commands.columns)
 
 

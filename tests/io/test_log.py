@@ -220,6 +220,17 @@ def test_what_is_wrong_in_a_map_is_told_with_its_path(old, new, line):
     assert told.startswith(f"map.toml: {line}")
 
 
+def test_a_map_may_leave_out_sensors_but_not_all():
+    head, *blocks = MAP.split("\n[")
+    rest = {block.partition("]")[0]: "\n[" + block for block in blocks}
+    tables = {name: text for name, text in rest.items() if name in ("time", "commands", "session")}
+    least = head + "".join(tables.values())
+    assert logmap.parse(least + rest["rates"]).velocity is None
+    assert "give at least one of position, attitude, velocity, rates" in refused(logmap.parse, least)
+    along_world = least + rest["velocity"] + '\nframe = "ENU"'
+    assert "velocity.frame: ENU needs an attitude" in refused(logmap.parse, along_world)
+
+
 def test_maps_are_told_from_vehicle_files(datasets: Path):
     assert logmap.is_map(datasets / "logs" / "map.toml")
     assert not logmap.is_map(datasets / "stonefish" / "vehicle.toml")

@@ -43,8 +43,11 @@ def coloured(sigma: Array, normal: Normal, record: Recording, tests: Mapping[str
 
     Returns:
         (12,), all of them smaller by as much as makes the mean squared residual of a true model 1 again:
-        velocities that weigh little leave little.  `sigma` itself where only white noise shows.
+        velocities that weigh little leave little.  `sigma` itself where only white noise shows,
+        or kinematics nothing.
     """
+    if not tests:
+        return sigma
     left = normal.rms[POSE_CHANNELS:]
     white = noise(record)
     grown = velocity_noise(record, tests) / white[POSE_CHANNELS:]

@@ -57,6 +57,7 @@ from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
+from hydro.core.identification.tracking import shot_seconds
 from hydro.core.vehicle.description import Vehicle
 
 SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
@@ -142,9 +143,11 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
         DataError: The recording is too short.
         Diverges: The predictions of every length do.
     """
-    record = log.record
-    for seconds in SHOT_LENGTHS:
+    record, blind = log.record, shot_seconds(log.record)
+    for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         shots = log.shots(seconds)
+        if len(shots.starts) < LEAST_SHOTS and seconds == blind > SHOT_LENGTHS[0]:
+            continue
         if len(shots.starts) < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
             remedy = f"record at least {least:g} s, better some minutes"

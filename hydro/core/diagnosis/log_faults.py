@@ -14,6 +14,7 @@ from hydro.core.diagnosis.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.identification.tracking import tracked
 from hydro.core.logs.axis_faults import axis_faults
 from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.sensor_faults import (
@@ -98,10 +99,10 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
     found = rewired(vehicle, log.record)
     if found is None:
-        return Preprocessed(log.raw, log.record, faults)
+        return Preprocessed(log.raw, tracked(vehicle, log.record), faults)
     raw = in_order(log.raw, found.wiring)
     record = replace(recording(vehicle, raw), sigma=log.record.sigma)
-    return Preprocessed(raw, record, (*faults, _exchanged(found)), found.wiring)
+    return Preprocessed(raw, tracked(vehicle, record), (*faults, _exchanged(found)), found.wiring)
 
 
 def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:

@@ -151,11 +151,14 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         record: The recording.
 
     Returns:
-        One test per sensor effect, by name.
+        One test per sensor effect, by name; none where position, attitude or velocity has no samples, for one
+        of them was then made of the others.
 
     Raises:
         DataError: The recording has fewer than eight stretches of two seconds without a gap.
     """
+    if record.seen is not None and not record.seen[:, :9].any(axis=0).all():
+        return {}
     given, log = noise(record), np.zeros(LOG)
     sigma = given.copy()
     for _ in range(REWEIGHTED + 1):

@@ -128,13 +128,13 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
         record: The recording.
 
     Returns:
-        None where the file's is as good, or the recording too short to tell.
+        None where the file's is as good, or the recording too short to tell or blind on an axis.
     """
     count, longest = record.commands.shape[1], np.diff(record.segments, axis=1).max()
     if not count or longest * record.dt < SHORTEST:
         return None
     windows = Windows.of(record, most=MOST_WINDOWS)
-    if len(windows.starts) < LEAST_WINDOWS:
+    if len(windows.starts) < LEAST_WINDOWS or not windows.shown.all():
         return None
     problem = _Problem.of(vehicle, windows)
     plain = Wiring.plain(count)
@@ -225,7 +225,7 @@ def _answers(vehicle: Vehicle, windows: Windows) -> Array:
         commands = np.ascontiguousarray(record.commands[:, columns]) * (1.0 - 2.0 * sign)
         force = thrusts(table, commands, record.t, record.segments, after_gap=record.after_gap)
         summed = np.einsum("l,wli->iw", windows.test, force[window])
-        out[np.arange(count), columns, sign] = summed[:, :, None] * pushed[:, None, :]
+        out[np.arange(count), columns, sign] = windows.counted(summed[:, :, None] * pushed[:, None, :])
     return out
 
 

@@ -25,6 +25,7 @@ from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.tracking import tracked
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
@@ -64,7 +65,8 @@ def compare(
     Returns:
         The comparison table, one row per level, horizon, axis and place: `rmse` (over the horizon) with the
         95 % interval of a block bootstrap, `noise_floor`, `share` of the unexplained error, and the `rank` of
-        the places that hold most of it; `at_horizon` is the error at the end of the predictions, `weight`
+        the places that hold most of it; `rows` are its samples, and an axis without any has no row;
+        `at_horizon` is the error at the end of the predictions, `weight`
         that of the axis.  Rows of the level `yardstick` are of the simple predictors that `by` names, those
         of the level `recording` the noise of each channel and the sample time of each session.  With
         `against` also `before`, the earlier rmse.
@@ -75,7 +77,7 @@ def compare(
     report = progress or (lambda words, share: None)
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
-    record, model = recording(vehicle, raw), candidate(vehicle)
+    record, model = tracked(vehicle, recording(vehicle, raw)), candidate(vehicle)
     report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
     yardstick = yardstick or Yardstick.fitted(vehicle, record)
@@ -113,11 +115,14 @@ class _Lines:
 
     def __post_init__(self) -> None:
         misfit = self.misfit
-        excess = misfit.weight * (misfit.squares - misfit.noise)
+        # A sample of a slow sensor stands for the rows around it.
+        number = misfit.numbers.sum(axis=0)
+        self.weight = misfit.weight * np.where(number > 0.0, misfit.rows.sum() / np.maximum(number, 1.0), 0.0)
+        excess = self.weight * (misfit.squares - misfit.noise)
         sums = excess.sum(axis=0)
         blocks = int(misfit.block.max()) + 1
         self.drawn = draws(blocks, self.seed) if blocks > 1 else None
-        clear = misfit.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
+        clear = self.weight * (misfit.squares - (1.0 + NOISE_KNOWN) * misfit.noise)
         sure = clear.sum(axis=0) > 0.0
         if self.drawn is not None:
             by_block = _by_block(clear, np.zeros(len(clear), np.int64), 1, misfit.block)[:, 0]
@@ -131,9 +136,12 @@ class _Lines:
         misfit = self.misfit
         if whole:
             everything = Family("all", ("all",), np.zeros(len(misfit.rows), np.int64), doing=False)
-            ends = [math.nan] * 7 if misfit.end is None else np.sqrt(_all_too(misfit.end**2, misfit.weight))
-            for line, end in zip(self._family(everything), ends, strict=True):
-                yield line | {"at_horizon": float(end)}
+            ends = dict.fromkeys(misfit.axes, math.nan)
+            if misfit.end is not None:
+                together = _all_too(np.nan_to_num(misfit.end) ** 2, misfit.weight)
+                ends = dict(zip(misfit.axes, np.sqrt(together).tolist(), strict=True))
+            for line in self._family(everything):
+                yield line | {"at_horizon": ends[line["axis"]]}
         for family in found:
             yield from self._family(family)
 
@@ -146,25 +154,25 @@ class _Lines:
     def _family(self, family: Family) -> Iterator[Line]:
         """Every condition, axis by axis and all axes together."""
         misfit, count = self.misfit, len(family.words)
-        rows = _by_block(misfit.rows[:, None], family.code, count, misfit.block)
-        squares, noise = (
-            _all_too(_by_block(values, family.code, count, misfit.block), misfit.weight)
-            for values in (misfit.squares, misfit.noise)
+        rows, squares, noise = (
+            _by_block(values, family.code, count, misfit.block)
+            for values in (misfit.numbers, misfit.squares, misfit.noise)
         )
         low, high = self._interval(rows, squares)
+        rmse, floor = (self._root(sums.sum(axis=0), rows.sum(axis=0)) for sums in (squares, noise))
         number = rows.sum(axis=0)
-        rmse, floor = (np.sqrt(sums.sum(axis=0) / np.maximum(number, 1.0)) for sums in (squares, noise))
+        number = np.hstack([number, number.max(axis=1, keepdims=True)])
         share = self._shares(family)
         axes = zip(misfit.axes, (*misfit.units, misfit.units[0]), (*misfit.weight, math.nan), strict=True)
         for i, (axis, unit, weight) in enumerate(axes):
-            for code in np.flatnonzero(number[:, 0]):
+            for code in np.flatnonzero(number[:, i]):
                 yield {
                     "level": misfit.level,
                     "horizon": math.nan if misfit.horizon is None else misfit.horizon,
                     "axis": axis,
                     "by": family.by,
                     "place": phrase([(family.words[code], family.doing)]),
-                    "rows": int(number[code, 0]),
+                    "rows": int(number[code, i]),
                     "rmse": float(rmse[code, i]),
                     "low": float(low[code, i]),
                     "high": float(high[code, i]),
@@ -179,17 +187,23 @@ class _Lines:
     def _interval(self, rows: Array, squares: Array) -> tuple[Array, Array]:
         """Bootstrap interval of the rmse of each condition and axis, (K, A) each; NaN where there is none."""
         blocks, count, axes = squares.shape
-        nothing = np.full((count, axes), np.nan)
+        nothing = np.full((count, axes + 1), np.nan)
         if self.drawn is None:
             return nothing, nothing
-        number = self.drawn @ rows[:, :, 0]
-        sums = (self.drawn @ squares.reshape(blocks, -1)).reshape(SAMPLES, count, axes)
+        number, sums = (
+            (self.drawn @ values.reshape(blocks, -1)).reshape(SAMPLES, count, axes)
+            for values in (rows, squares)
+        )
         low, high = nothing, nothing.copy()
-        for code in np.flatnonzero((rows[:, :, 0] > 0.0).sum(axis=0) > 1):
-            there = number[:, code] > 0.0
-            drawn = np.sqrt(sums[there, code] / number[there, code, None])
-            low[code], high[code] = interval(drawn)
+        for code in np.flatnonzero(((rows > 0.0).any(axis=2)).sum(axis=0) > 1):
+            there = (number[:, code] > 0.0)[:, rows[:, code].any(axis=0)].all(axis=1)
+            if there.any():
+                low[code], high[code] = interval(self._root(sums[there, code], number[there, code]))
         return low, high
+
+    def _root(self, sums: Array, number: Array) -> Array:
+        """Root mean squares of sums (..., A) over so many samples, and of all axes together, (..., A + 1)."""
+        return np.sqrt(_all_too(sums / np.maximum(number, 1.0), self.misfit.weight))
 
     def _shares(self, family: Family) -> Array:
         """Share of the unexplained error of every condition on every axis and on all of them, (K, A + 1).
@@ -237,8 +251,12 @@ def _recorded(record: Recording, motion: Motion, names: Sequence[str]) -> Iterat
         return key | nothing | {"rmse": size, "noise_floor": size, "share": 0.0, "rank": None, "unit": unit}
 
     units = (*POSE_UNITS, *VELOCITY_UNITS)
-    for axis, unit, sigma in zip((*POSE, *VELOCITY), units, motion.sigma.tolist(), strict=True):
-        yield line(axis, "all", "all", record.rows, sigma, unit)
+    samples = np.full(len(units), record.rows) if record.seen is None else record.seen.sum(axis=0)
+    for i, (axis, unit, sigma) in enumerate(
+        zip((*POSE, *VELOCITY), units, motion.sigma.tolist(), strict=True)
+    ):
+        if samples[i]:
+            yield line(axis, "all", "all", int(samples[i]), sigma, unit)
     lengths = np.diff(record.segments)[:, 0]
     for name in dict.fromkeys(names):
         rows = sum(int(length) for length, one in zip(lengths, names, strict=True) if one == name)

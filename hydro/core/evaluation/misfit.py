@@ -52,7 +52,8 @@ from hydro.core.identification.multiple_shooting import (
     residuals,
 )
 from hydro.core.recording import smoothing
-from hydro.core.recording.arrays import Recording, noise
+from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
+from hydro.core.recording.filling import slope_noise, unshown
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.frames import quaternion_from_euler
 
@@ -88,6 +89,7 @@ class Misfit:
         units: Their units.
         weight: What a square on each axis counts for beside the others, (A,): see `evaluation.weights`.
         rows: Rows compared in each piece, (P,).
+        counts: Samples compared in each piece, (P, A); None where every row has one of every axis.
         squares: Sums of squared errors, (P, A).
         noise: The same of what noise alone does, (P, A).
         block: Block of each piece, (P,).
@@ -104,6 +106,14 @@ class Misfit:
     noise: Array
     block: Rows
     end: Array | None = None
+    counts: Array | None = None
+
+    @property
+    def numbers(self) -> Array:
+        """Samples of each piece and axis, (P, A)."""
+        if self.counts is not None:
+            return self.counts
+        return np.repeat(self.rows[:, None], len(self.units), axis=1)
 
 
 @dataclass(frozen=True)
@@ -114,7 +124,7 @@ class Motion:
         eta: Pose with unwrapped angles, (N, 6).
         nu: Velocity as logged, (N, 6).
         nu_dot: Its derivative, (N, 6).
-        sigma: Noise of the twelve channels.
+        sigma: Noise of the twelve channels; 0 of one without samples.
         uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
             its ends, (2, 12).
         pose: Smoother of the pose.
@@ -137,6 +147,9 @@ class Motion:
             DataError: A segment has a single row, or none has eight.
         """
         sigma = noise(record)
+        never = np.zeros(CHANNELS, bool) if record.seen is None else ~record.seen.any(axis=0)
+        doubt = _doubt(record, sigma)
+        sigma[never] = LEAST_NOISE
         angles = record.eta.copy()
         for start, stop in record.segments:
             angles[start:stop, 3:] = np.unwrap(angles[start:stop, 3:], axis=0)
@@ -146,6 +159,8 @@ class Motion:
         nu, nu_dot = np.moveaxis(smoothing.smooth(record.nu, record.segments, velocity), 2, 0)
         left = np.hstack([angles - eta, record.nu - nu]).var(axis=0)
         uncertainty = _uncertainty(np.stack([_weights(pose), _weights(velocity)]), sigma, left)
+        sigma[never] = 0.0
+        uncertainty[:, never] = doubt[never]
         return cls(
             eta=np.ascontiguousarray(eta),
             nu=np.ascontiguousarray(nu),
@@ -182,12 +197,13 @@ def force(
     rng = np.random.default_rng(seed)
     found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
     # The smoothers are linear: what they make of noise is added to what they made of the recording.
-    extra = rng.standard_normal((record.rows, CHANNELS)) * motion.sigma
+    extra = drawn_between(rng.standard_normal((record.rows, CHANNELS)) * motion.sigma, record)
     pose = motion.eta + smoothing.smooth(extra[:, :6], record.segments, motion.pose)[:, :, 0]
     nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
     noisy = replace(record, nu=record.nu + extra[:, 6:])
     floor = missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
     rows = pieces.total(np.ones(record.rows))
+    shown = None if record.seen is None else record.seen[:, 6:]
     whole = Misfit(
         "force",
         None,
@@ -195,17 +211,19 @@ def force(
         WRENCH_UNITS,
         (weights or Weights.of(model)).force,
         rows,
-        pieces.total(next(_bands(found, record, [SLOW_BAND])) ** 2),
-        pieces.total(next(_bands(floor, record, [SLOW_BAND])) ** 2),
+        pieces.total(_counted(next(_bands(found, record, [SLOW_BAND])) ** 2, shown)),
+        pieces.total(_counted(next(_bands(floor, record, [SLOW_BAND])) ** 2, shown)),
         pieces.block,
+        counts=None if shown is None else pieces.total(shown.astype(float)),
     )
     count = len(BANDS)
     banded = replace(
         whole,
         rows=np.tile(rows, count),
-        squares=np.concatenate([pieces.total(band**2) for band in _bands(found, record, BANDS)]),
-        noise=np.concatenate([pieces.total(band**2) for band in _bands(floor, record, BANDS)]),
+        squares=np.concatenate([pieces.total(_counted(b**2, shown)) for b in _bands(found, record, BANDS)]),
+        noise=np.concatenate([pieces.total(_counted(b**2, shown)) for b in _bands(floor, record, BANDS)]),
         block=np.tile(pieces.block, count),
+        counts=None if whole.counts is None else np.tile(whole.counts, (count, 1)),
     )
     code = np.repeat(np.arange(count), len(rows))
     return whole, banded, Family("frequency", tuple(words for words, _, _ in BANDS), code, doing=False)
@@ -241,10 +259,13 @@ def replay(
     weights = weights or Weights.of(model)
     rows, sums, floor = (pieces.total(part) for part in (found.compared, found.squares, found.noise))
     block = pieces.segment if horizon is None else pieces.block
+    counts = None if found.counted is None else pieces.total(found.counted.astype(float))
 
     def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
         parts = (rows, sums[:, of], floor[:, of], block, found.end[of])
-        return Misfit("replay", horizon, axes, units, weight, *parts)
+        return Misfit(
+            "replay", horizon, axes, units, weight, *parts, None if counts is None else counts[:, of]
+        )
 
     return (
         misfit((*VELOCITY, "all"), VELOCITY_UNITS, weights.velocity, slice(6, 12)),
@@ -259,13 +280,16 @@ class _Predictions(NamedTuple):
         compared: 1 where a prediction was compared with the row, (N,).
         squares: Its squared errors, pose and then velocity, (N, 12).
         noise: The same of what noise alone does.
-        end: Root mean square errors in the last row of the predictions, (12,).
+        end: Root mean square errors in the last row of the predictions, or of their last samples, (12,); NaN
+            of a channel without samples.
+        counted: Which rows are samples of each channel, (N, 12); None where all are.
     """
 
     compared: Array
     squares: Array
     noise: Array
     end: Array
+    counted: Mask | None
 
 
 def _predictions(
@@ -301,7 +325,7 @@ def _predictions(
     def predict(part: Rows) -> Array:
         there, shots, rows = shots_of(part)
         errors[rows], compared[rows] = _bounded(residuals(there, shots)), 1.0
-        return errors[rows[:, -1]]
+        return last_samples(errors[rows], None if record.seen is None else record.seen[rows])
 
     def disturb(part: Rows, draws: range) -> None:
         there, shots, rows = shots_of(part)
@@ -321,7 +345,53 @@ def _predictions(
     scale = typical / np.maximum(sums.sum(axis=1), 1e-300)
     floor[compared > 0.0] *= np.repeat(scale, lengths, axis=0)
     floor[compared > 0.0] += motion.sigma**2
-    return _Predictions(compared, errors**2, floor, np.sqrt(np.mean(np.concatenate(ends) ** 2, axis=0)))
+    counted = None if record.seen is None else record.seen & (compared > 0.0)[:, None]
+    end = root_mean_square(np.concatenate(ends))
+    return _Predictions(compared, _counted(errors**2, counted), _counted(floor, counted), end, counted)
+
+
+def last_samples(errors: Array, seen: Mask | None) -> Array:
+    """Errors (S, K, C) of S predictions at their last rows, or at their last samples; NaN without any."""
+    if seen is None:
+        return np.asarray(errors[:, -1])
+    last = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
+    found = np.take_along_axis(errors, last[:, None], axis=1)[:, 0]
+    return np.where(seen.any(axis=1), found, np.nan)
+
+
+def root_mean_square(errors: Array) -> Array:
+    """Of each column of (S, C), NaN left out; NaN where there is nothing else."""
+    there = np.isfinite(errors)
+    squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
+    return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
+
+
+def _doubt(record: Recording, sigma: Array) -> Array:
+    """Standard deviation of what fills channels without samples, (12,): of slopes by noise of the pose."""
+    pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
+    doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
+    if record.seen is None or record.doubt is None:
+        return doubt
+    dark = np.any([unshown(record.seen[a:b]) for a, b in record.segments], axis=0)
+    return np.where(dark, record.doubt, doubt)
+
+
+def _counted(values: Array, seen: Mask | None) -> Array:
+    """Values (N, C) where there is a sample, 0 elsewhere."""
+    return values if seen is None else values * seen
+
+
+def drawn_between(noise: Array, record: Recording) -> Array:
+    """Noise of samples (N, 12) as rows without one have it: on lines between those beside them."""
+    if record.seen is None:
+        return noise
+    out = np.zeros_like(noise)
+    for start, stop in record.segments:
+        rows = np.arange(start, stop)
+        for i, seen in enumerate(record.seen[start:stop].T):
+            if seen.any():
+                out[start:stop, i] = np.interp(rows, rows[seen], noise[start:stop, i][seen])
+    return out
 
 
 def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:

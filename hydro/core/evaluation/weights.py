@@ -42,7 +42,7 @@ class Weights(NamedTuple):
 
     @classmethod
     def read(cls, comparison: pl.DataFrame) -> Weights:
-        """Those that a comparison was made with."""
+        """Those that a comparison was made with; 0 of an axis that it has no errors of."""
         rows = comparison.filter(pl.col("level").is_in(["force", "replay"]), by="all")
         known = dict(rows.select("axis", "weight").drop_nulls().iter_rows())
-        return cls(*(np.array([known[axis] for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))
+        return cls(*(np.array([known.get(axis, 0.0) for axis in axes]) for axes in (WRENCH, VELOCITY, POSE)))

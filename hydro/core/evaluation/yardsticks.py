@@ -17,10 +17,11 @@ import polars as pl
 from scipy.optimize import nnls
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.evaluation.misfit import BEYOND, Misfit, Motion, laid
+from hydro.core.evaluation.misfit import BEYOND, Misfit, Motion, laid, last_samples, root_mean_square
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.weights import Weights
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.tracking import tracked
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import configuration_matrix, thrusts
@@ -81,7 +82,7 @@ class Yardstick:
         Raises:
             DataError: They do not fit each other.
         """
-        return cls.fitted(vehicle, recording(vehicle, raw))
+        return cls.fitted(vehicle, tracked(vehicle, recording(vehicle, raw)))
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
@@ -118,9 +119,11 @@ class Yardstick:
         found = []
         for name, there in predicted.items():
             error = np.clip(there - record.nu[rows], -BEYOND[6:], BEYOND[6:])
-            squares = np.zeros((record.rows, 6))
-            squares[rows] = error**2
-            end = np.sqrt(np.mean(error[:, -1] ** 2, axis=0))
+            squares, seen = np.zeros((record.rows, 6)), None
+            if record.seen is not None:
+                seen = record.seen[rows][..., 6:]
+            squares[rows] = error**2 if seen is None else error**2 * seen
+            end = root_mean_square(last_samples(error, seen))
             found.append((name, replace(velocity, level=LEVEL, squares=pieces.total(squares), end=end)))
         return found
 

@@ -36,8 +36,10 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.identification.visibility import of_recording
 from hydro.core.logs.axis_faults import require_as_called
-from hydro.core.recording.filling import unseen
+from hydro.core.recording.arrays import Recording
 from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.sensor_faults import (
     Corrected,
@@ -60,6 +62,8 @@ OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for we
 LEAST_SIGMA = 1e-6
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
+BETTER = 9.0  # squared residual of a shot by which another beginning must be better
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
@@ -168,7 +172,8 @@ def fit(
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
     progress = progress or (lambda words, share: None)
     log = sound(vehicle, raw)
-    record = log.record
+    record = tracked(vehicle, log.record)
+    blind = record is not log.record
     unknown = free(vehicle, effects, reach=record.eta[:, :3])
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
@@ -179,21 +184,22 @@ def fit(
         late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
             entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
         )
-        shots = multiple_shooting.make_shots(
-            record, lead=LONGEST_SENSOR_DELAY if late else 0.0, sigma=noise, most=most
-        )
+        lead = LONGEST_SENSOR_DELAY if late else 0.0
+        seconds = shot_seconds(record)
+        shots = multiple_shooting.make_shots(record, seconds=seconds, lead=lead, sigma=noise, most=most)
         share = shots.share
         values, problem = _aimed(unknown, values, shots)
     values, normal, problem = _settle(unknown, values, problem, progress)
+    if blind and isinstance(problem, OutputError):
+        values, normal, problem = _begun_anew(unknown, log.record, values, normal, problem, shots.sigma)
     kept, normal, problem = _passive(unknown, values, normal, problem)
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
     progress("done", 1.0)
     found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    blind = unseen(record.seen)
     told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
-    warnings = (*blind, *told, *reduced, *found.warnings)
+    warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
 
 
@@ -287,15 +293,23 @@ def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Arr
 
 
 def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
-    """Where output error begins: as equation error says, unless its motion diverges."""
+    """Where output error begins: as equation error says, unless its motion diverges.
+
+    Where samples do not show all of the motion, equation error balances what was filled in: then it begins
+    with the values that predict best.
+    """
+    tried = []
     for begin in (values, *unknown.starts):
         problem = OutputError.of(shots, unknown.at(begin))
-        if np.isfinite(
-            multiple_shooting.cost(
-                multiple_shooting.prepare(candidate(unknown.at(begin)), shots), problem.shots
-            )
-        ):
-            return begin, problem
+        prepared = multiple_shooting.prepare(candidate(unknown.at(begin)), shots)
+        cost = multiple_shooting.cost(prepared, problem.shots)
+        if np.isfinite(cost):
+            tried.append((cost, begin, problem))
+            if shots.seen is None:
+                break
+    if tried:
+        _, begin, problem = min(tried, key=lambda one: one[0])
+        return begin, problem
     raise DataError(
         "the vehicle's predicted motion diverges within a shot; check its damping, or fit "
         f"{LINEAR_DAMPING.name} too"
@@ -316,6 +330,31 @@ def _settle(
         if not changed:
             break
     return values, over_standard_errors(unknown, values, normal, problem), problem
+
+
+def _begun_anew(
+    unknown: Free, record: Recording, values: Array, normal: Normal, problem: Problem, sigma: Array
+) -> tuple[Array, Normal, Problem]:
+    """The same from beginnings that the fitted vehicle makes, shot by shot, while that finds better ones.
+
+    Linear steps do not lead a beginning that no sample shows back from where the first values placed it.
+    """
+    for _ in range(BEGUN_ANEW):
+        assert isinstance(problem, OutputError)
+        vehicle, old = unknown.at(values), problem.shots
+        fresh = multiple_shooting.begun_at(old, tracked(vehicle, record))
+        alone = Free(vehicle, (), (np.zeros(0),), frozenset())
+        _, _, found = descend(alone, np.zeros(0), OutputError.of(fresh, vehicle), ITERATIONS)
+        assert isinstance(found, OutputError)
+        prepared = multiple_shooting.prepare(candidate(vehicle), old)
+        before, after = (multiple_shooting.costs(prepared, shots) for shots in (old, found.shots))
+        better = after < before - BETTER
+        if not better.any():
+            break
+        first = np.where(better[:, None], found.shots.first, old.first)
+        begun = OutputError(replace(old, first=first, sigma=sigma))
+        values, normal, problem = _settle(unknown, values, begun, lambda words, share: None)
+    return values, normal, problem
 
 
 def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Normal, Problem]:

@@ -242,6 +242,13 @@ def select(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
     return replace(shots, **{name: getattr(shots, name)[kept] for name in parts})
 
 
+def begun_at(shots: Shots, record: Recording) -> Shots:
+    """The same shots, begun where the smoothed motion of another filling of their recording has them."""
+    eta, nu = smoothed(record)
+    calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
+    return replace(shots, first=calm[shots.starts], eta=eta, nu=nu)
+
+
 def corrected_first(shots: Shots, model: Candidate) -> Shots:
     """The same shots, begun with the velocity that the candidate's log would have misread as it did."""
     first = shots.first.copy()

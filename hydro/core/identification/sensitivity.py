@@ -33,6 +33,9 @@ from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
 from hydro.core.vehicle.thrusters import same_states
 
+FARTHEST = 1e3
+"""What is known of a beginning anyway [m, rad, m/s, rad/s]."""
+
 
 @dataclass(frozen=True)
 class Moved:
@@ -134,6 +137,31 @@ def linearise(
     compared = shots.seen[:, shots.lead :].sum(axis=1)
     freedom = np.maximum(compared.sum(axis=1) - used, 1.0)
     return Normal(gram, freedom, channels, follow, compared.sum(axis=0))
+
+
+def beginnings(base: Prepared, shots: Shots) -> Array:
+    """Standard deviation to which the samples of a shot place its beginning, the median of all shots, (12,).
+
+    Position [m], small rotation [rad], velocity [m/s] and rates [rad/s]; at most FARTHEST.
+
+    Args:
+        base: The candidate.
+        shots: The shots.
+    """
+    varied = _varied(Moved(base, (), np.zeros(0)), ())
+    errors = np.empty((len(shots.starts), CHANNELS))
+    for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
+        part = slice(begin, begin + SHOTS_TOGETHER)
+        states, columns = _predicted(base, varied, shots, part, 0)
+        logged = shots.measured[part][:, shots.lead :]
+        columns = columns[:, shots.lead :]
+        _weigh(states[:, shots.lead :], logged, 1.0 / shots.sigma, columns[..., :-1], columns[..., -1])
+        if (counted := shots.weights(part)) is not None:
+            columns[~counted] = 0.0
+        flat = np.nan_to_num(columns[..., :-1].reshape(len(states), -1, CHANNELS))
+        information = flat.transpose(0, 2, 1) @ flat + FARTHEST**-2 * np.eye(CHANNELS)
+        errors[part] = np.sqrt(np.einsum("sii->si", np.linalg.inv(information)))
+    return np.asarray(np.median(errors, axis=0))
 
 
 def _same_motion(base: Prepared, other: Prepared) -> bool:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import (
     Candidate,
@@ -30,6 +30,7 @@ from hydro.core.identification.candidate import (
 from hydro.core.identification.multiple_shooting import evenly
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.recording.arrays import Recording, noise, smoothed
+from hydro.core.recording.filling import unshown
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
@@ -52,8 +53,9 @@ class Windows:
         test: phi at the rows of a window, times dt, (L,).
         slope: phi' likewise, (L,).
         whitener: W with W^T W the inverse covariance of a window's residuals, (9, 9).
-        freedom: Independent equations in a window.
+        freedom: Independent equations in a window, or in each, (W,).
         share: Of all windows that the recording has room for.
+        known: Weight of each equation by what samples show of it, (W, 9); None where all are samples.
     """
 
     record: Recording
@@ -64,8 +66,9 @@ class Windows:
     test: Array
     slope: Array
     whitener: Array
-    freedom: int
+    freedom: int | Array
     share: float
+    known: Array | None = None
 
     @classmethod
     def of(cls, record: Recording, sigma: Array | None = None, most: int | None = None) -> Windows:
@@ -97,6 +100,8 @@ class Windows:
         first = room[evenly(room.size, most)]
         rows = np.unique(first[:, None] + np.arange(length))
         overlapping = float(np.mean(np.diff(first) == step)) if first.size > 1 else 0.0
+        freedom = round(EQUATIONS - SHARED * overlapping)
+        weights = None if record.seen is None else _known(record, first[:, None] + np.arange(length))
         return cls(
             record=record,
             eta=eta,
@@ -106,8 +111,9 @@ class Windows:
             test=test,
             slope=slope,
             whitener=np.diag(1.0 / np.maximum(spread, 1e-6)),
-            freedom=round(EQUATIONS - SHARED * overlapping),
+            freedom=freedom if weights is None else np.maximum(freedom * (weights > 0.0).mean(axis=1), 1.0),
             share=first.size / room.size,
+            known=weights,
         )
 
     def residuals(self, vehicle: Vehicle) -> Array:
@@ -129,8 +135,17 @@ class Windows:
         error = -np.einsum("l,wli->wi", self.slope, states[window]) - np.einsum(
             "l,wli->wi", self.test, rates[window]
         )
-        whitened: Array = error @ self.whitener.T
-        return whitened
+        return self.counted(error @ self.whitener.T)
+
+    @property
+    def shown(self) -> Mask:
+        """Which of the six balances some window shows, (6,)."""
+        known = np.ones((1, EQUATIONS)) if self.known is None else self.known
+        return np.asarray((known[:, :6] > 0.0).any(axis=0))
+
+    def counted(self, whitened: Array) -> Array:
+        """Whitened residuals or answers (..., W, k), k at most 9, by what samples show of each equation."""
+        return whitened if self.known is None else whitened * self.known[:, : whitened.shape[-1]]
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """The least-squares problem about a vehicle; the residual counts as measured less predicted."""
@@ -158,7 +173,26 @@ class Windows:
 
     def reweighted(self, normal: Normal) -> tuple[Windows, bool]:
         """Weights from what is left."""
-        rms = np.sqrt(normal.channels.mean(axis=0))
+        squares = normal.channels.sum(axis=0)
+        counted = len(normal.channels) if self.known is None else (self.known**2).sum(axis=0)
+        rms = np.sqrt(squares / np.maximum(counted, 1.0))
         if (rms < 1.15).all():
             return self, False
         return replace(self, whitener=np.diag(1.0 / np.maximum(rms, 1.0)) @ self.whitener), True
+
+
+def _known(record: Recording, rows: Rows) -> Array:
+    """Weight of each equation of windows with these rows (W, L): root of the share of rows with a sample.
+
+    None where a channel is filled with what a model makes of it, nor of the kinematics where position or
+    velocity is no sample, for one of the two was made of the other.
+    """
+    assert record.seen is not None
+    share = record.seen[rows].mean(axis=1)
+    balance = share[:, 6:].copy()
+    for start, stop in record.segments:
+        here = (rows[:, 0] >= start) & (rows[:, 0] < stop)
+        never, filled = ~record.seen[start:stop, 6:].any(axis=0), unshown(record.seen[start:stop])[6:]
+        balance[np.ix_(here, never)] = 1.0 - filled[never]
+    placed = share[:, :3] * share[:, 6:9].min(axis=1, keepdims=True)
+    return np.asarray(np.sqrt(np.hstack([balance, placed])))

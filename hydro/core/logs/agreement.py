@@ -3,7 +3,8 @@
 Whatever forces act, the body origin moves as d(position)/dt = R v, and the body turns as dR/dt = R S(omega)
 (Fossen 2011, sec. 2.2).  Both are integrated over windows of a second, so that noise averages out: the change
 of the position against the mean of R v, the turn of R against the mean of omega.  A wrong frame, unit or sign
-breaks them by as much as the vehicle moves.
+breaks them by as much as the vehicle moves.  Of a log that lacks a sensor, or the horizontal position, only
+those rows of the identities are looked at that it has both sides of.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.logs import conventions
 from hydro.core.logs.alternatives import BODIES
 from hydro.core.logs.conventions import SessionLog
@@ -28,6 +29,8 @@ MOST_WINDOWS = 300
 """Windows taken, evenly spread over the log."""
 CLEARLY = 0.3
 """How far above the surface nothing under water is [m]."""
+SETTLED = 0.01
+"""Share that an identity is said to leave unexplained where the log has not both of its sides."""
 RESOLUTION: Array = np.array([1e-4, 1e-5])
 """Differences of velocity [m/s] and rate [rad/s] that do not matter."""
 
@@ -46,6 +49,21 @@ def windows(times: Sequence[Array], dt: float) -> list[Array]:
         np.array([t[k : k + steps + 1] for session, k in taken if session == number]).reshape(-1, steps + 1)
         for number, t in enumerate(times)
     ]
+
+
+def testable(given: LogMap) -> Mask:
+    """Which components of translation and rotation a log has both sides of, (6,)."""
+    placed, turned = given.position, given.attitude is not None
+    level = placed is not None and bool(placed.columns)
+    moves = turned and given.velocity is not None and placed is not None
+    spins = turned and given.rates is not None
+    return np.array([moves and level, moves and level, moves, spins, spins, spins])
+
+
+def tested(given: LogMap) -> tuple[bool, bool]:
+    """Whether a log has both sides of some row of translation, and of rotation."""
+    both = testable(given)
+    return bool(both[:3].any()), bool(both[3:].any())
 
 
 class Evidence:
@@ -115,10 +133,18 @@ class Evidence:
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
-        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s]."""
-        translation = self.travel(given.position) - self.moving(given.attitude, given.velocity, rule)
-        rotation = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
-        return np.hstack([translation, rotation])
+        """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s].
+
+        0 where the log lacks one side.
+        """
+        out = np.zeros((len(self.t), 6))
+        of = testable(given)
+        if given.position is not None and given.attitude is not None and given.velocity is not None:
+            moving = self.moving(given.attitude, given.velocity, rule)
+            out[:, :3] = (self.travel(given.position) - moving) * of[:3]
+        if given.attitude is not None and given.rates is not None:
+            out[:, 3:] = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
+        return out
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """RMS of the residuals, (2,): [m/s] and [rad/s]."""
@@ -130,21 +156,28 @@ class Evidence:
 
         Shares, for a log read in millimetres throughout has small errors too.
         """
-        return np.asarray(np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION))
+        shares = np.hypot(self.errors(given), RESOLUTION) / np.hypot(self.motion(given), RESOLUTION)
+        return np.where(tested(given), shares, SETTLED)
 
     def motion(self, given: LogMap) -> Array:
         """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
-        seen = np.stack([self.travel(given.position), self.turning(given.attitude)], axis=1)
+        seen = np.zeros((len(self.t), 2, 3))
+        if given.position is not None:
+            seen[:, 0] = self.travel(given.position) * testable(given)[:3]
+        if given.attitude is not None:
+            seen[:, 1] = self.turning(given.attitude)
         return np.asarray(np.sqrt((seen**2).sum(axis=2).mean(axis=0)))
 
     def misfit(self, given: LogMap) -> float:
         """One figure for both identities, the mean logarithm of their shares."""
         return float(np.log(self.shares(given)).mean())
 
-    def upright(self, block: Attitude) -> bool:
-        """Whether the vehicle's down axis mostly points down."""
-        return bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
+    def upright(self, block: Attitude | None) -> bool:
+        """Whether the vehicle's down axis mostly points down, for all that is known."""
+        return block is None or bool(self.attitude(block)[..., 2, 2].mean() > 0.0)
 
-    def above_water(self, block: Position) -> float:
-        """Share of the rows in which the body origin is clearly above the surface."""
+    def above_water(self, block: Position | None) -> float:
+        """Share of the rows in which the body origin is clearly above the surface; 0 where it is unknown."""
+        if block is None:
+            return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())

@@ -9,19 +9,19 @@ from typing import Any
 import msgspec
 
 from hydro.core.logs.logmap import (
-    Attitude,
+    BLOCKS,
+    Block,
     Column,
     LogMap,
     Number,
     Position,
     Rates,
     Velocity,
+    blocks_of,
     measured,
     named,
 )
 
-Block = Position | Attitude | Velocity | Rates
-BLOCKS = ("position", "attitude", "velocity", "rates")
 WORLDS = ("NED", "ENU", "NWU")
 BODIES = ("FRD", "FLU")
 FLIP_COST = 1.5  # of reversing one column, in settings: to exchange frames is the more usual mistake
@@ -102,16 +102,17 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
     The attitude's world and body also change together: ROS's ENU and FLU are easily taken for NED and FRD.
     """
     found: dict[str, list[Change]] = {name: [] for name in BLOCKS}
-    for name, changes in found.items():
-        block = getattr(declared, name)
+    for name, block in blocks_of(declared).items():
+        changes = found[name]
         for key, values in _choices(block).items():
             others = [value for value in values if value != getattr(block, key)]
             changes += [Change(name, ((key, value),)) for value in others]
+    turned = declared.attitude
     both = [
         Change("attitude", (("world", world), ("body", body)))
         for world in WORLDS
         for body in BODIES
-        if world != declared.attitude.world and body != declared.attitude.body
+        if turned is not None and world != turned.world and body != turned.body
     ]
     found["attitude"] += both
     return found
@@ -120,9 +121,8 @@ def frame_changes(declared: LogMap) -> dict[str, list[Change]]:
 def flips(declared: LogMap) -> list[Change]:
     """Each column of pose and velocity reversed, but a quaternion's: nobody mistakes one sign of those."""
     found = []
-    for name in BLOCKS:
-        block = getattr(declared, name)
-        if name != "attitude" or declared.attitude.quaternion is None:
+    for name, block in blocks_of(declared).items():
+        if getattr(block, "quaternion", None) is None:
             found += [Change(name, flip=i) for i in range(len(measured(block)))]
     return found
 
@@ -131,8 +131,8 @@ def exchanges(declared: LogMap) -> list[Change]:
     """Each two columns of a block exchanged, but a quaternion's, whose layout says their order."""
     return [
         Change(name, exchange=pair)
-        for name in BLOCKS
-        for pair in combinations(range(len(getattr(declared, name).columns or ())), 2)
+        for name, block in blocks_of(declared).items()
+        for pair in combinations(range(len(block.columns or ())), 2)
     ]
 
 
@@ -175,8 +175,8 @@ def _negated(source: Number) -> Column:
 def difference(declared: LogMap, found: LogMap) -> list[Change]:
     """What leads from one map to another: per block its settings in one change, reversals, exchanges."""
     changes = []
-    for name in BLOCKS:
-        was, now = getattr(declared, name), getattr(found, name)
+    for name, was in blocks_of(declared).items():
+        now = getattr(found, name)
         settings = [
             (key, getattr(now, key)) for key in _choices(was) if getattr(now, key) != getattr(was, key)
         ]

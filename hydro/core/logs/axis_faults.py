@@ -8,22 +8,23 @@ measured, nobody but the one who made the log can tell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import POSE, VELOCITY, Array, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.errors import DataError
-from hydro.core.logs import conventions
-from hydro.core.logs.agreement import Evidence, windows
+from hydro.core.logs.agreement import Evidence, testable, windows
 from hydro.core.logs.alternatives import Change, difference
 from hydro.core.logs.convention_check import LEAST_WINDOWS, MOSTLY, check, contradiction, rivals
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import Attitude, Commands, LogMap, Position, Rates, Time, Velocity
+from hydro.core.logs.importing import motion
+from hydro.core.logs.logmap import BLOCKS, Attitude, Commands, LogMap, Position, Rates, Time, Velocity
 from hydro.core.recording.arrays import Recording, noise
 from hydro.core.recording.sensor_faults import Fault
-from hydro.core.vehicle.frames import euler_from_rotation
 
 AS_CALLED = LogMap(
     time=Time("t"),
@@ -34,6 +35,7 @@ AS_CALLED = LogMap(
     commands=Commands(()),
 )
 """What the columns of a raw table mean: NED, FRD and SI."""
+COLUMNS = {"position": POSE[:3], "attitude": POSE[3:], "velocity": VELOCITY[:3], "rates": VELOCITY[3:]}
 MOVES: Array = np.full(6, 0.03)
 """Motion along or about an axis [m/s, rad/s] that a velocity at one value throughout contradicts,"""
 ABOVE_NOISE = 5.0
@@ -78,25 +80,39 @@ def axis_faults(raw: pl.DataFrame, record: Recording) -> AxisFaults | None:
         DataError: A velocity stands still throughout though the vehicle moves along it, or one of several
             columns is wrong and the recording does not show which.
     """
-    if record.seen is not None and not all(record.seen[a:b].any(axis=0).all() for a, b in record.segments):
-        return None
     logs = [_session(part) for part in raw.partition_by("session", maintain_order=True)]
     times = [log.t for log in logs]
-    taken = windows(times, record.dt)
+    taken, called = windows(times, record.dt), _sampled(logs)
     if sum(map(len, taken)) < LEAST_WINDOWS:
         return None
-    still = np.flatnonzero(np.ptp(record.nu, axis=0) == 0.0)
+    still = np.flatnonzero((np.ptp(record.nu, axis=0) == 0.0) & _judged(called))
     if still.size:
-        _require_measured(still, Evidence(logs, taken), record)
-    follows = check(logs, times, record.dt, AS_CALLED).follows
-    if follows == AS_CALLED:
+        _require_measured(still, Evidence(logs, taken), called, record)
+    follows = check(logs, times, record.dt, called).follows
+    if follows == called:
         return None
     evidence = Evidence(logs, taken)
-    changes = difference(AS_CALLED, follows)
+    changes = difference(called, follows)
     if len(changes) == 1:  # of several the others tell
-        follows = _only(evidence, follows)
-        changes = difference(AS_CALLED, follows)
-    return AxisFaults(follows, tuple(_fault(evidence, follows, change) for change in changes))
+        follows = _only(evidence, called, follows)
+        changes = difference(called, follows)
+    return AxisFaults(follows, tuple(_fault(evidence, called, follows, change) for change in changes))
+
+
+def _sampled(logs: Sequence[SessionLog]) -> LogMap:
+    """AS_CALLED without the blocks of which a column has no samples in some session."""
+    least = {name: min(len(log.channel(name).t) for log in logs) for name in (*POSE, *VELOCITY)}
+    lacking = [block for block, names in COLUMNS.items() if not all(least[name] for name in names)]
+    called = _without(AS_CALLED, lacking)
+    if "position" in lacking and least[POSE[2]]:
+        return msgspec.structs.replace(called, position=Position(depth=POSE[2]))
+    return called
+
+
+def _judged(called: LogMap) -> Mask:
+    """Which velocities are samples beside a pose that is, (6,)."""
+    whole = testable(called)
+    return np.concatenate([np.full(3, whole[:3].all()), whole[3:]])
 
 
 def require_as_called(raw: pl.DataFrame, record: Recording) -> None:
@@ -116,24 +132,22 @@ def require_as_called(raw: pl.DataFrame, record: Recording) -> None:
 
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
     """A raw table whose columns mean what a map says, in NED, FRD and SI; other blocks stay as they are."""
-    changed = {change.block for change in difference(AS_CALLED, given)}
+    called = _without(AS_CALLED, [name for name in BLOCKS if getattr(given, name) is None])
+    changed = {change.block for change in difference(called, given)}
+    names = [name for block in sorted(changed) for name in COLUMNS[block]]
     parts = []
     for part in raw.partition_by("session", maintain_order=True):
         log = _session(part)
-        R = conventions.attitude(log, given.attitude, log.t)
-        read = {
-            "position": (POSE[:3], conventions.position(log, given.position, log.t)),
-            "attitude": (POSE[3:], euler_from_rotation(R)),
-            "velocity": (VELOCITY[:3], conventions.velocity(log, given.velocity, log.t, R)),
-            "rates": (VELOCITY[3:], conventions.rates(log, given.rates, log.t)),
-        }
+        read = dict(zip((*POSE, *VELOCITY), motion(log, log.t, given).T, strict=True))
         columns = [
-            pl.Series(name, values)
-            for block in sorted(changed)
-            for name, values in zip(read[block][0], read[block][1].T, strict=True)
+            pl.when(part[name].is_not_null()).then(pl.Series(read[name])).alias(name) for name in names
         ]
         parts.append(part.with_columns(columns))
     return pl.concat(parts)
+
+
+def _without(given: LogMap, names: Sequence[str]) -> LogMap:
+    return msgspec.structs.replace(given, **dict.fromkeys(names))
 
 
 def _session(part: pl.DataFrame) -> SessionLog:
@@ -142,11 +156,14 @@ def _session(part: pl.DataFrame) -> SessionLog:
     return SessionLog(str(part["session"][0]), part["t"].cast(pl.Float64).to_numpy(), columns)
 
 
-def _require_measured(still: Rows, evidence: Evidence, record: Recording) -> None:
+def _require_measured(still: Rows, evidence: Evidence, called: LogMap, record: Recording) -> None:
     """Refuse velocities of one value throughout where the pose tells of motion along or about their axes."""
-    middle = evidence.attitude(AS_CALLED.attitude)[:, evidence.t.shape[1] // 2]
-    along = np.einsum("wij,wi->wj", middle, evidence.travel(AS_CALLED.position))
-    moves = np.std(np.hstack([along, evidence.turning(AS_CALLED.attitude)]), axis=0)
+    moves = np.zeros(6)
+    if called.attitude is not None:
+        moves[3:] = np.std(evidence.turning(called.attitude), axis=0)
+        if called.position is not None:
+            middle = evidence.attitude(called.attitude)[:, evidence.t.shape[1] // 2]
+            moves[:3] = np.std(np.einsum("wij,wi->wj", middle, evidence.travel(called.position)), axis=0)
     pose = noise(record)[:6]
     least = np.repeat([pose[:3].max(), pose[3:].max()], 3) * np.sqrt(2.0) / evidence.length
     for axis in still:
@@ -159,7 +176,7 @@ def _require_measured(still: Rows, evidence: Evidence, record: Recording) -> Non
             )
 
 
-def _only(evidence: Evidence, found: LogMap) -> LogMap:
+def _only(evidence: Evidence, called: LogMap, found: LogMap) -> LogMap:
     """The one reading that explains the motion.
 
     Of two that do, such as z or w reversed where the vehicle keeps level, the one under water.
@@ -167,21 +184,21 @@ def _only(evidence: Evidence, found: LogMap) -> LogMap:
     Raises:
         DataError: There are others, and depth does not part them.
     """
-    options = [found, *rivals(evidence, AS_CALLED, found)]
+    options = [found, *rivals(evidence, called, found)]
     dry = [evidence.above_water(option.position) > MOSTLY for option in options]
     wet = [option for option, above in zip(options, dry, strict=True) if not above]
     if (len(wet) == 1 and len(wet) < len(options)) or len(options) == 1:
         return (wet or options)[0]
-    changes = [difference(AS_CALLED, option)[0] for option in options]
-    claims = ", or ".join(change.claim(AS_CALLED) for change in changes)
-    advice = ", or ".join(change.advice(AS_CALLED) for change in changes)
+    changes = [difference(called, option)[0] for option in options]
+    claims = ", or ".join(change.claim(called) for change in changes)
+    advice = ", or ".join(change.advice(called) for change in changes)
     raise DataError(
         f"the velocities contradict the pose: {claims}; the recording does not show which: import it with "
         f"the right one ({advice})"
     )
 
 
-def _fault(evidence: Evidence, follows: LogMap, change: Change) -> Fault:
+def _fault(evidence: Evidence, called: LogMap, follows: LogMap, change: Change) -> Fault:
     """What one column or block means, by how much the motion says so, and how to import the log."""
-    message = f"{contradiction(evidence, AS_CALLED, follows, change)} when importing the log"
-    return Fault(change.columns(AS_CALLED), message)
+    message = f"{contradiction(evidence, called, follows, change)} when importing the log"
+    return Fault(change.columns(called), message)

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, windows
+from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, tested, windows
 from hydro.core.logs.alternatives import Change, cost, difference, exchanges, flips, frame_changes
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import LogMap, measured
@@ -41,7 +41,7 @@ class Verdict:
 
     Attributes:
         agreement: RMS difference of position's rate [m/s] and of attitude's rate [rad/s] from the logged
-            velocities, as declared.
+            velocities, as declared; NaN of what the log has not both sides of.
         contradictions: One line for each setting that the data contradict; empty where they agree.
         notes: Lines on what the test could not show, or what looks odd otherwise.
         follows: The map that the data follow; the declared one where nothing contradicts it.
@@ -67,12 +67,16 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         lacking = f"{LEAST_WINDOWS} windows of {COMPARED_SECONDS:g} s without a gap"
         note = f"frames and signs not tested: there are not {lacking}"
         return Verdict((np.nan, np.nan), (), (note,), declared)
+    if not any(tested(declared)):
+        note = "frames and signs not tested: position and attitude have no velocity and rates beside them"
+        return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
     found = _best(evidence, declared)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
     notes = [*_oddities(evidence, found), *_void(evidence, found)]
-    translation, rotation = (float(error) for error in evidence.errors(declared))
+    both = tested(declared)
+    translation, rotation = np.where(both, evidence.errors(declared), np.nan).tolist()
     return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
 
 
@@ -254,9 +258,10 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
 
 def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
     """What the test could not show: signs of axes that hardly moved, and velocities that made the pose."""
-    untested = []
+    untested, both = [], tested(found)
+    sides = [name for name, there in zip(("velocity", "rates"), both, strict=True) if there]
     for change in flips(found):
-        if change.block in ("velocity", "rates") and change.flip is not None:
+        if change.block in sides and change.flip is not None:
             c, error = _contrast(evidence, found, change.apply(found))
             if not (c < 1.0 - TELLING and c + TESTED * error < 0.5):
                 untested.append(measured(getattr(found, change.block))[change.flip].column)
@@ -264,10 +269,10 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
         yield f"too little motion to test the sign of {', '.join(untested)}"
     allowed = _least_errors(evidence, found)
     closest = np.min([evidence.errors(found, rule) for rule in evidence.rules], axis=0)
-    for reached, least, pose, source in zip(
-        closest, allowed, ("position", "attitude"), ("velocity", "rates"), strict=True
+    for there, reached, least, pose, source in zip(
+        both, closest, allowed, ("position", "attitude"), ("velocity", "rates"), strict=True
     ):
-        if reached < DEAD_RECKONED * least:
+        if there and reached < DEAD_RECKONED * least:
             yield (
                 f"the {pose} agrees with the {source} better than the noise of the {source} allows, as if it "
                 "was integrated from them: their frames belong together, but a wrong scale, bias or mounting "
@@ -278,14 +283,22 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
 def _least_errors(evidence: Evidence, found: LogMap) -> Array:
     """Errors that noise of the velocities alone leaves, (2,); 0 where they carry hardly any."""
     steps = evidence.t.shape[1] - 1
-    noise = np.array([_white(evidence.velocity(found.velocity)), _white(evidence.spinning(found.rates))])
+    noise = np.zeros(2)
+    if found.velocity is not None:
+        noise[0] = _white(evidence.velocity(found.velocity))
+    if found.rates is not None:
+        noise[1] = _white(evidence.spinning(found.rates))
     return np.where(noise > 3.0 * RESOLUTION, noise / np.sqrt(steps), 0.0)
 
 
 def _noise_of_pose(evidence: Evidence, found: LogMap) -> Array:
     """Errors that noise of position and attitude alone leaves, (2,): they count at both ends of a window."""
-    turns = _white(evidence.attitude(found.attitude).reshape(*evidence.t.shape, 9)) / np.sqrt(2.0)
-    noise: Array = np.array([_white(evidence.placed(found.position)), turns])
+    noise: Array = np.zeros(2)
+    if found.position is not None:
+        noise[0] = _white(evidence.placed(found.position))
+    if found.attitude is not None:
+        turned = evidence.attitude(found.attitude).reshape(*evidence.t.shape, 9)
+        noise[1] = _white(turned) / np.sqrt(2.0)
     return noise * float(np.sqrt(2.0) / evidence.length)
 
 

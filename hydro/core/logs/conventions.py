@@ -77,7 +77,7 @@ class SessionLog:
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
-    """Position of the body origin, NED [m], shape (N, 3)."""
+    """Position of the body origin, NED [m], shape (N, 3); north and east are 0 beside a depth alone."""
     axes, unit = AXES[block.world], UNITS[block.unit]
     vertical = block.depth if block.depth is not None else block.height
     values = np.zeros((len(at), 3))

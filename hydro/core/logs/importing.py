@@ -13,7 +13,7 @@ from hydro.core.columns import MOTION, Array, Mask, command_column, command_colu
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import Attitude, LogMap, Position, Rates, Velocity, command, measured
+from hydro.core.logs.logmap import Block, LogMap, blocks_of, command, measured
 from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
@@ -107,14 +107,12 @@ def raw_table(
 
 def _channels(log: SessionLog, meaning: LogMap) -> list[Channel]:
     """Every channel of pose and velocity of a session."""
-    blocks = (meaning.position, meaning.attitude, meaning.velocity, meaning.rates)
-    return [log.channel(source) for block in blocks for source in measured(block)]
+    return [log.channel(source) for block in blocks_of(meaning).values() for source in measured(block)]
 
 
 def _check_filled(channels: Sequence[Sequence[Channel]], meaning: LogMap) -> None:
     """Refuse a column of pose or velocity that has no numbers at all."""
-    blocks = (meaning.position, meaning.attitude, meaning.velocity, meaning.rates)
-    sources = [source.column for block in blocks for source in measured(block)]
+    sources = [source.column for block in blocks_of(meaning).values() for source in measured(block)]
     for number, name in enumerate(sources):
         if not any(len(given[number].t) for given in channels):
             raise DataError(f"column {name} has no number in any row; name another column in the map")
@@ -133,37 +131,48 @@ def _part(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
     """The rows of one session, and how many commands of each thruster were clipped."""
-    R = conventions.attitude(log, meaning.attitude, t)
-    numbers = np.hstack(
-        [
-            conventions.position(log, meaning.position, t),
-            euler_from_rotation(R),
-            conventions.velocity(log, meaning.velocity, t, R),
-            conventions.rates(log, meaning.rates, t),
-        ]
-    )
+    numbers = motion(log, t, meaning)
     drive, beyond = conventions.commands(log, meaning.commands, t, dt)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
     drives = pl.DataFrame(drive, schema=command_columns(drive.shape[1]))
-    motion = pl.DataFrame(numbers, schema=[*MOTION])
+    table = pl.DataFrame(numbers, schema=[*MOTION]).fill_nan(None)
     if not fill:
         seen = zip(MOTION, _sampled(log, t, meaning, dt).T, strict=True)
-        motion = motion.with_columns(
+        table = table.with_columns(
             pl.when(pl.Series(there)).then(name).alias(name) for name, there in seen if not there.all()
         )
-    wide = [motion, drives]
+    wide = [table, drives]
     return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
+
+
+def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:
+    """Pose and velocity at the times t (N,), (N, 12); NaN in the columns that the log has no sensor for."""
+    out, R = np.full((len(t), len(MOTION)), np.nan), np.tile(np.eye(3), (len(t), 1, 1))
+    if (placed := meaning.position) is not None:
+        first = 0 if placed.columns else 2
+        out[:, first:3] = conventions.position(log, placed, t)[:, first:]
+    if meaning.attitude is not None:
+        R = conventions.attitude(log, meaning.attitude, t)
+        out[:, 3:6] = euler_from_rotation(R)
+    if meaning.velocity is not None:
+        out[:, 6:9] = conventions.velocity(log, meaning.velocity, t, R)
+    if meaning.rates is not None:
+        out[:, 9:] = conventions.rates(log, meaning.rates, t)
+    return out
 
 
 def _sampled(log: SessionLog, t: Array, meaning: LogMap, dt: float) -> Mask:
     """In which rows the sensors behind each column of pose and velocity gave a sample, (N, 12)."""
+    nothing = np.zeros(len(t), bool)
 
-    def of(block: Position | Attitude | Velocity | Rates) -> list[Mask]:
-        return [_nearest(log.channel(source), t, dt) for source in measured(block)]
+    def of(block: Block | None) -> list[Mask]:
+        taken = () if block is None else measured(block)
+        return [_nearest(log.channel(source), t, dt) for source in taken]
 
     place, whole = of(meaning.position), [of(meaning.attitude), of(meaning.velocity), of(meaning.rates)]
-    level, down = place[0] & place[1], place[2]
-    parts = [np.logical_and.reduce(each) for each in whole]
+    level = place[0] & place[1] if len(place) > 1 else nothing
+    down = place[-1] if place else nothing
+    parts = [np.logical_and.reduce(each) if each else nothing for each in whole]
     return np.stack([level, level, down, *(part for part in parts for _ in range(3))], axis=1)
 
 

@@ -62,10 +62,10 @@ class Position(_Part, frozen=True):
     """Position of the body origin: three columns along the axes of `world`, or two and a depth or height.
 
     Two columns are the horizontal axes in the order of `world` (NED: north, east; ENU: east, north).  `depth`
-    is positive down, `height` positive up, both from the water's surface.
+    is positive down, `height` positive up, both from the water's surface; without columns it stands alone.
     """
 
-    columns: tuple[Number, ...]
+    columns: tuple[Number, ...] = ()
     world: World = "NED"
     unit: Literal["m", "cm", "mm"] = "m"
     depth: Number | None = None
@@ -122,17 +122,21 @@ class Commands(_Part, frozen=True):
     pwm: PulseWidths = PulseWidths()
 
 
-class LogMap(_Part, frozen=True):
-    """A map file."""
+class LogMap(_Part, frozen=True, kw_only=True):
+    """A map file; of position, attitude, velocity and rates those that the log has sensors for."""
 
     time: Time
-    position: Position
-    attitude: Attitude
-    velocity: Velocity
-    rates: Rates
+    position: Position | None = None
+    attitude: Attitude | None = None
+    velocity: Velocity | None = None
+    rates: Rates | None = None
     commands: Commands
     session: Session = Session()
     format: Literal["hydro-map/1"] = "hydro-map/1"
+
+
+Block = Position | Attitude | Velocity | Rates
+BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
 def named(source: Number) -> Column:
@@ -145,7 +149,13 @@ def command(source: str | Command) -> Command:
     return source if isinstance(source, Command) else Command(source)
 
 
-def measured(block: Position | Attitude | Velocity | Rates) -> tuple[Column, ...]:
+def blocks_of(given: LogMap) -> dict[str, Block]:
+    """The blocks of pose and velocity that a map has, by name."""
+    every: dict[str, Block | None] = {name: getattr(given, name) for name in BLOCKS}
+    return {name: block for name, block in every.items() if block is not None}
+
+
+def measured(block: Block) -> tuple[Column, ...]:
     """The columns that a block of pose or velocity takes, in its own order."""
     taken: list[Number] = list(block.columns or ())
     if isinstance(block, Attitude):

@@ -52,6 +52,7 @@ class Recording:
         seen: Which values of pose and velocity are samples, (N, 12); None where all are.
         sigma: Noise of channels that hold pseudo-observations (`recording.heavy_tails`), (12,), NaN of
             others; None where none does.
+        doubt: Standard deviation of what fills channels without samples, (12,), where a model has done so.
     """
 
     t: Array
@@ -64,6 +65,7 @@ class Recording:
     dt: float
     seen: Mask | None = None
     sigma: Array | None = None
+    doubt: Array | None = None
 
     @property
     def rows(self) -> int:

@@ -39,8 +39,12 @@ def pose_error(record: Recording, nu: Array) -> tuple[Array, Array]:
 def rate_bias(record: Recording) -> Array:
     """What p, q and r read too much all the time [rad/s], (3,); 0 where they do not plainly.
 
+    Nor where attitude or rates have no samples.
+
     A scale that is wrong errs with the rate, and is none of this: both are fitted at once.
     """
+    if record.seen is not None and not record.seen[:, [3, 4, 5, 9, 10, 11]].any(axis=0).all():
+        return np.zeros(3)
     _, turned = pose_error(record, record.nu)
     length = max(round(TURN_LENGTH / record.dt), 2)
     starts = np.concatenate([np.arange(a, b - length, length) for a, b in record.segments])

@@ -7,17 +7,14 @@ position that was never measured from the sum of the velocities.  What neither s
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
-from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.errors import DataError
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation, wrapped
 
 SLOPE_SECONDS = 0.5
 """Length of the cubic whose slope is a velocity."""
 ANGLES = slice(3, 6)
-POSES = 6
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
 def filled(motion: Array, bounds: Rows, dt: float) -> Array:
@@ -27,9 +24,6 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
         motion: Pose and velocity, NaN where there is no sample, (N, 12) [m, rad, m/s, rad/s].
         bounds: Segments [start, stop), (S, 2).
         dt: Sample time [s].
-
-    Raises:
-        DataError: A segment has no sample of an angle.
     """
     out = motion.copy()
     for start, stop in bounds:
@@ -37,32 +31,19 @@ def filled(motion: Array, bounds: Rows, dt: float) -> Array:
         seen = np.isfinite(part)
         for i in np.flatnonzero(seen.any(axis=0)):
             _draw_lines(part[:, i], seen[:, i], turns=bool(ANGLES.start <= i < ANGLES.stop))
-        if not seen[:, ANGLES].any(axis=0).all():
-            name = POSE[ANGLES][int(np.argmin(seen[:, ANGLES].any(axis=0)))]
-            raise DataError(
-                f"rows {start} to {stop - 1} have no sample of {name}, and forces act along the vehicle's "
-                "own axes: leave the rows out, or log its attitude too"
-            )
-        _derive(part, np.asarray(~seen.any(axis=0)), dt)
+        never = np.asarray(~seen.any(axis=0))
+        part[:, ANGLES][:, never[ANGLES]] = 0.0
+        _derive(part, never, dt)
     return out
 
 
-def unseen(seen: Mask | None) -> tuple[str, ...]:
-    """What a recording with samples `seen` (N, 12) cannot show, by axis, one line each."""
-    if seen is None:
-        return ()
-    never = np.asarray(~seen.any(axis=0))
-    lines = [
-        f"{axis} is not measured, neither as position nor as velocity: nothing that acts along it is shown"
-        for i, axis in enumerate(AXES)
-        if never[i] and never[POSES + i]
-    ]
-    names = np.array([*POSE, *VELOCITY])
-    for part, rest in ((slice(3), "velocity"), (slice(6, 9), "position"), (slice(9, 12), "attitude")):
-        if never[part].any():
-            rare = ", ".join(names[part][never[part]])
-            lines.append(f"no samples of {rare}: what would show there is known by {rest} alone")
-    return tuple(lines)
+def unshown(seen: Mask) -> Mask:
+    """Which channels of a segment neither samples (N, 12) nor slopes of those of the pose show, (12,)."""
+    never: Mask = np.logical_not(seen.any(axis=0))
+    tilted = never[ANGLES].any()
+    never[6:9] &= tilted or never[:3].any()
+    never[9:] &= tilted
+    return never
 
 
 def _draw_lines(values: Array, seen: Mask, turns: bool) -> None:
@@ -93,9 +74,19 @@ def _derive(part: Array, never: Mask, dt: float) -> None:
         part[:, :3][:, never[:3]] = path[:, never[:3]]
 
 
+def slope_noise(dt: float) -> float:
+    """Standard deviation of the slope of a pose with white noise of 1 [1/s]."""
+    return float(np.linalg.norm(savgol_coeffs(max(_width(dt), 5), 3, deriv=1, delta=dt)))
+
+
+def _width(dt: float) -> int:
+    """Rows of the cubic whose slope is a velocity."""
+    return 2 * round(0.5 * SLOPE_SECONDS / dt) + 1
+
+
 def _slope(values: Array, dt: float) -> Array:
     """Derivative of (n, k) along its rows, through local cubics."""
-    width = min(2 * round(0.5 * SLOPE_SECONDS / dt) + 1, (len(values) - 1) // 2 * 2 + 1)
+    width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
     if width < 5:
         return np.zeros_like(values)
     slope: Array = savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)

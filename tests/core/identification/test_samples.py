@@ -17,7 +17,7 @@ from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import fit
 from hydro.core.recording.arrays import noise, recording
-from hydro.core.recording.filling import filled, unseen
+from hydro.core.recording.filling import filled
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.simulation.simulate import simulate
 
@@ -73,10 +73,10 @@ def test_errors_grow_as_the_information_shrinks(flown, whole):
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (SPEEDS, "no samples of u, v, w"),
-        (VELOCITY, "no samples of u, v, w"),
-        (("x", "y", "z"), "no samples of x, y, z"),
-        (("x", "y"), "no samples of x, y: "),
+        (SPEEDS, "no velocity (u, v, w): the other sensors and the model show surge to"),
+        (VELOCITY, "no velocity (u, v, w): the other"),
+        (("x", "y", "z"), "no position (x, y, z): nothing shows north, east, depth"),
+        (("x", "y"), "no position (x, y): nothing shows north, east, nor"),
     ],
 )
 def test_what_one_sensor_does_not_show_another_does(flown, whole, names, words):
@@ -85,14 +85,6 @@ def test_what_one_sensor_does_not_show_another_does(flown, whole, names, words):
     assert found.chi2 == pytest.approx(1.0, abs=0.06)
     assert (found.standard_errors > 0.9 * whole.standard_errors).all()
     assert found.warnings[0].startswith(words)
-
-
-def test_an_axis_that_nothing_shows_is_told_first(flown):
-    record = recording(damped(), without(flown, "x", "y", "u", "v"))
-    first, second, *_ = unseen(record.seen)
-    assert first.startswith("surge is not measured")
-    assert second.startswith("sway is not measured")
-    assert unseen(None) == ()
 
 
 def test_the_cost_is_that_of_the_samples_alone(flown):
@@ -207,8 +199,7 @@ def test_an_angle_is_filled_the_short_way_round():
     np.testing.assert_allclose(found[:, 5], truth[:, 5], atol=1e-12)
 
 
-def test_without_an_attitude_there_are_no_axes():
+def test_an_attitude_that_nobody_measured_is_level():
     truth, bounds = motion()
-    truth[500:, 4] = np.nan
-    with pytest.raises(DataError, match="rows 500 to 899 have no sample of theta"):
-        filled(truth, bounds, 0.02)
+    truth[500:, 3:6] = np.nan
+    assert (filled(truth, bounds, 0.02)[500:, 3:6] == 0.0).all()

@@ -215,3 +215,30 @@ def test_a_quaternion_of_length_zero_is_refused():
     log, spec = logs.written(logs.raw(2.0), logs.Convention(angles="wxyz"))
     with pytest.raises(DataError, match="a quaternion of length 0 is no rotation"):
         raw_table([session(log.with_columns(q0=0.0, q1=0.0, q2=0.0, q3=0.0))], meaning(spec))
+
+
+@pytest.mark.parametrize(
+    ("blocks", "null"),
+    [
+        (("position", "attitude"), logs.NAMES[6:]),
+        (("velocity", "attitude"), (*logs.NAMES[:3], *logs.NAMES[9:])),
+        (("rates",), logs.NAMES[:9]),
+    ],
+)
+def test_what_a_log_has_no_sensor_for_is_null(blocks, null):
+    raw = logs.raw(4.0, 20.0)
+    log, spec = logs.written(raw, logs.Convention())
+    spec = {key: block for key, block in spec.items() if key in ("time", "session", "commands", *blocks)}
+    found = raw_table([session(log)], meaning(spec)).frame
+    nulls = {name for name in logs.NAMES if found[name].null_count() == found.height}
+    assert nulls == set(null)
+    rest = [name for name in logs.NAMES if name not in null]
+    np.testing.assert_allclose(found.select(rest).to_numpy(), raw.select(rest).to_numpy(), atol=1e-9)
+
+
+def test_a_depth_alone_is_no_position_at_the_origin():
+    raw = logs.raw(4.0, 20.0)
+    log, spec = logs.written(raw, logs.replace(logs.Convention(), depth="depth"))
+    found = raw_table([session(log)], meaning(spec, position={"depth": "up"})).frame
+    assert found["x"].null_count() == found["y"].null_count() == found.height
+    np.testing.assert_allclose(found["z"], raw["z"], atol=1e-9)

@@ -1,0 +1,261 @@
+"""The motion that a vehicle's model makes of samples which do not show it all: where predictions begin.
+
+Positions alone show no attitude, attitude and depth alone no surge or sway; but the commands are known, and
+what the model makes of them is near the truth for a while.  An extended Kalman filter goes over each segment
+in windows of half a second, each predicted by the model and corrected by its samples, and a Rauch-Tung-
+Striebel smoother goes back (Sarkka 2013, ch. 5 and 9).  Where no sample shows the heading, several are tried.
+
+What comes of it fills the channels that a segment never saw.  No likelihood has a term of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hydro.core.columns import Array, Mask, Rows
+from hydro.core.identification.candidate import Candidate, candidate, memories, rotor_states
+from hydro.core.identification.multiple_shooting import (
+    CHANNELS,
+    LONGEST_STEP,
+    SHOT_SECONDS,
+    Answers,
+    InitialStates,
+    Places,
+    deviate,
+    displaced,
+    shoot,
+)
+from hydro.core.recording.arrays import Recording, noise
+from hydro.core.recording.filling import unshown
+from hydro.core.simulation.dynamics import BODY
+from hydro.core.simulation.simulate import steps_of_row
+from hydro.core.simulation.variational_equation import Changes
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+
+BLIND_SECONDS = 5.0
+"""Length of a shot where its own samples do not show all of the motion: what it does not show decays."""
+LEAST_ROOM = 4.0
+"""Shots of that length that the longest stretch without a gap must have room for."""
+WINDOW = 0.5
+"""Length of a window [s]."""
+AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
+"""Standard deviation of the state at the beginning of a segment [m, rad, m/s, rad/s]."""
+ASTRAY = np.repeat([1e-3, 1e-3, 0.1, 0.2], 3)
+"""What the model errs in a second, as a random walk, likewise."""
+LEAST = np.repeat([0.01, 0.01, 0.02, 0.02], 3)
+"""Least noise of a sample beside it, for what the model errs within a window, likewise."""
+CORRECTIONS = 3
+"""Of a window by Gauss and Newton."""
+HEADINGS = 12
+TRIAL = 20.0
+"""How long each heading is tried [s]."""
+PSI = 5
+WILD = 1e3
+"""Size of a state beyond which a prediction is lost."""
+NOTHING = Changes(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros(0))
+
+
+class _Window(NamedTuple):
+    """One window of the filter.
+
+    Attributes:
+        first: Its first row in the recording.
+        state: At its beginning, with its samples, (13,).
+        spread: Covariance of that, (12, 12).
+        answer: How the end answers to the beginning, (12, 12).
+        ahead: State at the end, (13,).
+        ahead_spread: Covariance of that, (12, 12).
+    """
+
+    first: int
+    state: Array
+    spread: Array
+    answer: Array
+    ahead: Array
+    ahead_spread: Array
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """One segment to go over.
+
+    Attributes:
+        model: The vehicle.
+        record: The recording.
+        number: Of the segment.
+        logged: Measured states, (N, 13).
+        seen: Which of them are samples, (N, 12).
+        sigma: Their noise, (12,).
+        rotors: Lag states of the thrusters at every row, (N, n).
+        memory: Internal states, (N, states).
+    """
+
+    model: Candidate
+    record: Recording
+    number: int
+    logged: Array
+    seen: Mask
+    sigma: Array
+    rotors: Array
+    memory: Array
+
+    @property
+    def bounds(self) -> Rows:
+        """First and past-the-last row."""
+        bounds: Rows = self.record.segments[self.number]
+        return bounds
+
+    def predicted(self, state: Array, row: int, rows: int) -> tuple[Array, Array]:
+        """States (rows, 13) from one at a row on, and how they answer to it, (rows, 12, 12)."""
+        part = slice(self.number, self.number + 1)
+        places = Places(
+            self.record.commands,
+            self.record.t,
+            self.record.segments[part],
+            self.record.after_gap[part],
+            np.array([row]),
+            steps_of_row(self.record.dt, 1.0 / LONGEST_STEP),
+        )
+        states, answers = np.empty((1, rows, BODY)), np.empty((1, rows, CHANNELS, CHANNELS))
+        begin = InitialStates(state[None], self.rotors[row : row + 1], self.memory[row : row + 1])
+        ahead = np.zeros((1, self.memory.shape[1], 0))
+        shoot(self.model.program.flat, places, begin, states, Answers(NOTHING, ahead, answers))
+        return states[0], answers[0]
+
+
+def tracked(vehicle: Vehicle, record: Recording) -> Recording:
+    """The recording with the channels that a segment never saw filled as the vehicle's model has them.
+
+    It is returned as it is where every channel was seen, or the model does not follow the samples.
+
+    Args:
+        vehicle: The model.
+        record: The recording.
+    """
+    if record.seen is None:
+        return record
+    never = np.array([unshown(record.seen[a:b]) for a, b in record.segments])
+    if not never.any():
+        return record
+    model = candidate(vehicle)
+    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
+    sigma = np.maximum(noise(record), LEAST)
+    rotors, memory = rotor_states(model, record), memories(model, record, record.eta, record.nu)
+    motion, variances = np.hstack([record.eta, record.nu]), [AT_FIRST**2]
+    for number, (start, stop) in enumerate(record.segments):
+        if never[number].any():
+            here = _Segment(model, record, number, logged, record.seen, sigma, rotors, memory)
+            if (followed := _followed(here, never[number])) is not None:
+                states, variance = followed
+                variances.append(variance)
+                angles = euler_from_quaternion(states[:, 3:7])
+                found = np.hstack([states[:, :3], angles, states[:, 7:]])
+                motion[start:stop, never[number]] = found[:, never[number]]
+    eta, nu = np.ascontiguousarray(motion[:, :6]), np.ascontiguousarray(motion[:, 6:])
+    return replace(record, eta=eta, nu=nu, doubt=np.sqrt(np.mean(variances[1:] or variances, axis=0)))
+
+
+def shot_seconds(record: Recording) -> float:
+    """How long the shots of a recording should be [s]: longer where their beginnings show poorly.
+
+    Position is no matter: hardly a force depends on it.
+    """
+    if record.seen is None:
+        return SHOT_SECONDS
+    blind = any(unshown(record.seen[a:b])[3:].any() for a, b in record.segments)
+    room = float(np.diff(record.segments).max()) * record.dt
+    return BLIND_SECONDS if blind and room >= LEAST_ROOM * BLIND_SECONDS else SHOT_SECONDS
+
+
+def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
+    """States of every row of a segment, (n, 13), and their mean variance, (12,); None where it is lost."""
+    start, stop = here.bounds
+    begin = here.logged[start].copy()
+    spread = np.diag(AT_FIRST**2)
+    if never[PSI]:
+        until = min(start + round(TRIAL / here.record.dt), stop)
+        psi = np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
+        spread[PSI, PSI] = (np.pi / HEADINGS) ** 2
+        starts = np.repeat(begin[None], HEADINGS, axis=0)
+        starts[:, 3:7] = quaternion_from_euler(np.zeros(HEADINGS), np.zeros(HEADINGS), psi)
+        tried = [_filtered(here, each, spread, until)[1] for each in starts]
+        begin = starts[int(np.argmin(tried))]
+    windows, cost = _filtered(here, begin, spread, stop)
+    return _smoothed(here, windows) if np.isfinite(cost) else None
+
+
+def _filtered(here: _Segment, state: Array, spread: Array, stop: int) -> tuple[list[_Window], float]:
+    """Windows from the beginning of a segment to a row, and what their samples are off, squared."""
+    start, rows = int(here.bounds[0]), max(round(WINDOW / here.record.dt), 1)
+    windows, total = list[_Window](), 0.0
+    for first in range(start, stop, rows):
+        count = min(rows, stop - first)
+        corrected = _corrected(here, state, spread, first, count)
+        if corrected is None:
+            return windows, np.inf
+        window, cost = corrected
+        windows.append(window)
+        state, spread, total = window.ahead, window.ahead_spread, total + cost
+    return windows, total
+
+
+def _corrected(
+    here: _Segment, expected: Array, spread: Array, first: int, count: int
+) -> tuple[_Window, float] | None:
+    """A window with its samples, and what they and the expected state are off; None where it is lost.
+
+    The state at its beginning is the most likely one given both.
+    """
+    known = np.linalg.inv(spread)
+    seen, length = here.seen[first : first + count], min(count + 1, int(here.bounds[1]) - first)
+    state = expected
+    for _ in range(CORRECTIONS):
+        states, answers = here.predicted(state, first, length)
+        if not (np.abs(states) < WILD).all():
+            return None
+        error = np.empty((1, count, CHANNELS))
+        deviate(states[None, :count], here.logged[None, first : first + count], 1.0 / here.sigma, error)
+        columns = (answers[:count] / here.sigma[:, None])[seen]
+        information = known + columns.T @ columns
+        away = _apart(state, expected)
+        step = np.linalg.solve(information, columns.T @ error[0][seen] - known @ away)
+        cost = float((error[0][seen] ** 2).sum() + away @ known @ away)
+        state = displaced(state[None], step[None])[0]
+    states, answers = here.predicted(state, first, length)
+    if not (np.abs(states) < WILD).all():
+        return None
+    after = np.asarray(np.linalg.inv(information), np.float64)
+    ahead = answers[-1] @ after @ answers[-1].T + np.diag(ASTRAY**2) * count * here.record.dt
+    return _Window(first, state, after, answers[-1], states[-1], 0.5 * (ahead + ahead.T)), cost
+
+
+def _apart(state: Array, other: Array) -> Array:
+    """What has to be added to another state for this one: position, small rotation (body), nu, (12,)."""
+    out = np.empty((1, 1, CHANNELS))
+    deviate(other[None, None], state[None, None], np.ones(CHANNELS), out)
+    return np.asarray(out[0, 0])
+
+
+def _smoothed(here: _Segment, windows: list[_Window]) -> tuple[Array, Array]:
+    """States of every row of the segment, from the last window back, (n, 13); their mean variance, (12,)."""
+    start, stop = here.bounds
+    out, variances = np.empty((stop - start, BODY)), []
+    behind: tuple[Array, Array] | None = None
+    for window in reversed(windows):
+        state, spread = window.state, window.spread
+        if behind is not None:
+            gain = np.linalg.solve(window.ahead_spread, window.answer @ window.spread).T
+            step = gain @ _apart(behind[0], window.ahead)
+            state = displaced(state[None], step[None])[0]
+            spread = spread + gain @ (behind[1] - window.ahead_spread) @ gain.T
+        variances.append(np.diag(spread))
+        rows = min(max(round(WINDOW / here.record.dt), 1), stop - window.first)
+        states, _ = here.predicted(state, window.first, rows)
+        tame = (np.abs(states) < WILD).all()
+        out[window.first - start : window.first - start + rows] = states if tame else window.state
+        behind = state, spread
+    return out, np.maximum(np.mean(variances, axis=0), 0.0)

@@ -1,0 +1,79 @@
+"""What a recording shows of the motion, axis by axis, where sensors are missing.
+
+By Fisher's information: how well the samples of a shot, with its commands and the model, place each number of
+its beginning.  A velocity without samples may be known well by how position or attitude change; one that
+nothing answers to is not shown at all, and nor is what acts on it alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
+from hydro.core.identification import multiple_shooting, sensitivity
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.recording.arrays import Recording, recording
+from hydro.core.vehicle.description import Vehicle
+
+MOST_SHOTS = 60
+NOT_SHOWN = np.repeat([1.0, 0.5, 1.0, 0.5], 3)
+"""Standard deviation from which a number is said not to be shown [m, rad, m/s, rad/s]."""
+SENSORS = ("position", "attitude", "velocity", "rates of turn")
+AXES = (
+    ("north", "east", "depth"),
+    ("roll", "pitch", "heading"),
+    ("surge", "sway", "heave"),
+    ("roll rate", "pitch rate", "yaw rate"),
+)
+
+
+def not_shown(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[str, ...]:
+    """What a raw table cannot show, or shows by its other sensors alone; a line for each missing sensor.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or is shorter than a shot.
+    """
+    return of_recording(vehicle, recording(vehicle, raw))
+
+
+def of_recording(vehicle: Vehicle, record: Recording) -> tuple[str, ...]:
+    """The same of a recording that has been read."""
+    if record.seen is None or record.seen.any(axis=0).all():
+        return ()
+    never, known = np.logical_not(record.seen.any(axis=0)), _known(vehicle, record)
+    lines = []
+    for group, (sensor, axes) in enumerate(zip(SENSORS, AXES, strict=True)):
+        places = [3 * group + i for i in range(3) if never[3 * group + i]]
+        if places:
+            names = [axes[place % 3] for place in places]
+            lines.append(_line(sensor, places, names, known))
+    return tuple(lines)
+
+
+def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str:
+    """What is known of some numbers of one sensor without it."""
+    columns, units = (*POSE, *VELOCITY), (*POSE_UNITS, *VELOCITY_UNITS)
+    pairs = list(zip(places, names, strict=True))
+    dark = [name for place, name in pairs if not known[place] < NOT_SHOWN[place]]
+    light = [
+        f"{name} to {known[place]:.2g} {units[place]}"
+        for place, name in pairs
+        if known[place] < NOT_SHOWN[place]
+    ]
+    parts = [f"nothing shows {', '.join(dark)}, nor what acts there alone"] if dark else []
+    parts += [f"the other sensors and the model show {', '.join(light)}"] if light else []
+    return f"no {sensor} ({', '.join(columns[place] for place in places)}): {'; '.join(parts)}"
+
+
+def _known(vehicle: Vehicle, record: Recording) -> Array:
+    """Standard deviation to which the samples of a shot place its beginning, the median of all, (12,)."""
+    filled = tracked(vehicle, record)
+    shots = multiple_shooting.make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)
+    prepared = multiple_shooting.prepare(candidate(vehicle), shots)
+    return sensitivity.beginnings(prepared, shots)

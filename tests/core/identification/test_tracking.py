@@ -1,0 +1,99 @@
+"""Motion that no sensor gives, from the commands and a model: near the truth, and good enough to fit from."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+import synthetic
+from recordings import damped, moved, noisy
+
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.identification.fit import fit
+from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.identification.visibility import not_shown
+from hydro.core.identification.weak_form import Windows
+from hydro.core.recording.arrays import recording
+
+DEPTH_AND_ATTITUDE = ("z", "phi", "theta", "psi")
+TURN = 2.0  # rad that the whole world is turned by, so that the first heading is not the one to guess
+
+
+def only(raw: pl.DataFrame, *names: str) -> pl.DataFrame:
+    rest = [name for name in (*POSE, *VELOCITY) if name not in names]
+    return raw.with_columns(pl.lit(None, pl.Float64).alias(name) for name in rest)
+
+
+def wrong(share: float):
+    """The vehicle with another damping than it has."""
+    tables = [
+        table | {"diagonal": (share * np.array(table["diagonal"])).tolist()}
+        if "damping" in table["name"]
+        else table
+        for table in damped().effect
+    ]
+    return msgspec.structs.replace(damped(), effect=tuple(tables))
+
+
+@pytest.fixture(scope="module")
+def flown() -> pl.DataFrame:
+    return noisy(moved(damped(), rows=3000), 0)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    return moved(damped(), rows=3000).select(*POSE, *VELOCITY).to_numpy()
+
+
+@pytest.mark.parametrize(("share", "within"), [(1.0, 0.02), (0.8, 0.08)])
+def test_surge_and_sway_follow_from_depth_attitude_and_commands(flown, truth, share, within):
+    record = recording(wrong(share), only(flown, *DEPTH_AND_ATTITUDE))
+    found = tracked(wrong(share), record)
+    off = np.sqrt(((found.nu - truth[:, 6:]) ** 2).mean(axis=0))
+    before = np.sqrt(((record.nu - truth[:, 6:]) ** 2).mean(axis=0))
+    assert (off[:3] < within).all()
+    assert (off[:2] < 0.5 * before[:2]).all()
+    assert (found.doubt[6:9] > 0.3 * off[:3] * share).all()
+    np.testing.assert_array_equal(found.eta[:, 2:], record.eta[:, 2:])
+
+
+def test_heading_follows_from_position_and_commands(flown, truth):
+    c, s = np.cos(TURN), np.sin(TURN)
+    turned = flown.with_columns(x=c * pl.col("x") - s * pl.col("y"), y=s * pl.col("x") + c * pl.col("y"))
+    found = tracked(damped(), recording(damped(), only(turned, "x", "y", "z")))
+    off = np.angle(np.exp(1j * (found.eta[:, 3:] - truth[:, 3:6] - [0.0, 0.0, TURN])))
+    assert np.sqrt((off**2).mean(axis=0)).max() < 0.1
+
+
+def test_where_all_is_seen_nothing_is_made_of_the_model(flown):
+    whole = recording(damped(), flown)
+    assert tracked(damped(), whole) is whole
+    slopes = recording(damped(), only(flown, *POSE))
+    assert tracked(damped(), slopes) is slopes
+    assert shot_seconds(whole) == shot_seconds(slopes) < shot_seconds(recording(damped(), only(flown, "z")))
+
+
+@pytest.mark.parametrize("names", [DEPTH_AND_ATTITUDE, (*DEPTH_AND_ATTITUDE, "u", "v", "w"), ("x", "y", "z")])
+def test_a_fit_recovers_damping_from_what_there_is(flown, names):
+    found = fit(wrong(0.8), only(flown, *names), ["linear_damping", "quadratic_damping"])
+    true = np.concatenate([synthetic.LINEAR, synthetic.QUADRATIC])
+    off = np.abs(found.values - true) / found.standard_errors
+    assert (off[found.determined] < 3.5).all()
+    assert found.determined.sum() >= 6
+    assert found.chi2 == pytest.approx(1.0, abs=0.1)
+
+
+def test_equation_error_counts_no_balance_that_was_filled_in(flown):
+    record = recording(damped(), only(flown, *DEPTH_AND_ATTITUDE))
+    windows = Windows.of(tracked(damped(), record))
+    assert not windows.residuals(damped())[:, [0, 1, 2, 6, 7, 8]].any()
+    assert windows.shown.tolist() == [False] * 3 + [True] * 3
+
+
+def test_what_is_not_shown_is_told_sensor_by_sensor(flown):
+    position, velocity, rates = not_shown(damped(), only(flown, *DEPTH_AND_ATTITUDE))
+    assert position == "no position (x, y): nothing shows north, east, nor what acts there alone"
+    assert velocity.startswith("no velocity (u, v, w): the other sensors and the model show surge to ")
+    assert rates.startswith("no rates of turn (p, q, r): ")
+    assert not_shown(damped(), flown) == ()
