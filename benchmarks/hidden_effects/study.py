@@ -20,8 +20,9 @@ from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.evaluation.misfit import Motion, replay
 from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.replay_error import replay
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import OutputError

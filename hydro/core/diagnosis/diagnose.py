@@ -50,10 +50,11 @@ from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import UNDETERMINED, Fit, OutputError, with_uncertainty
+from hydro.core.identification.fit import UNDETERMINED, Fit, with_uncertainty
 from hydro.core.identification.fit import fit as equation_error
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
+from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice

@@ -22,11 +22,13 @@ from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Baseline, Outcome
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
-from hydro.core.evaluation.misfit import Misfit, Motion, force
+from hydro.core.evaluation.force_error import force
+from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces, families
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import OutputError
 from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.identification.output_error import OutputError
 from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion

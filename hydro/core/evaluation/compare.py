@@ -20,8 +20,11 @@ from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
-from hydro.core.evaluation.misfit import HORIZONS, Misfit, Motion, force, replay
+from hydro.core.evaluation.force_error import force
+from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Family, Pieces, families, phrase
+from hydro.core.evaluation.replay_error import HORIZONS, replay
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.identification.candidate import candidate

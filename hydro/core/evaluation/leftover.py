@@ -23,8 +23,9 @@ from hydro.core.effects.layout import ADDED_MASS, CURRENT, MOTION, POSITION, REL
 from hydro.core.effects.layout import VELOCITY as OVER_GROUND
 from hydro.core.effects.program import HEADER, Program, constants_of, start, wrench
 from hydro.core.errors import DataError
-from hydro.core.evaluation.misfit import Motion, missing_wrench
+from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import Candidate, candidate, true_velocity
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle

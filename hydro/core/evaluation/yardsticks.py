@@ -17,8 +17,10 @@ import polars as pl
 from scipy.optimize import nnls
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.evaluation.misfit import BEYOND, Misfit, Motion, laid, last_samples, root_mean_square
+from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.replay_error import BEYOND, laid, last_samples, root_mean_square
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.tracking import tracked

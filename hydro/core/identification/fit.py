@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Progress
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
-from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting, sensitivity, weak_form
+from hydro.core.identification import multiple_shooting, weak_form
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
@@ -34,6 +33,7 @@ from hydro.core.identification.levenberg_marquardt import (
     searched,
 )
 from hydro.core.identification.normal_equations import Normal, covariance
+from hydro.core.identification.output_error import OutputError, aimed
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
 from hydro.core.identification.tracking import shot_seconds, tracked
@@ -58,13 +58,9 @@ MOST_SHOTS = 1000
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN_ERRORS = 3.0
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
-OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
-LEAST_SIGMA = 1e-6
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
-OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
 BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
 BETTER = 9.0  # squared residual of a shot by which another beginning must be better
-FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
     "a passive hull can have"
@@ -181,14 +177,9 @@ def fit(
     values, problem, chi2 = _begin(unknown, windows, record.eta[:, :3])
     if method == "output":
         progress("output error", 0.2)
-        late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
-            entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
-        )
-        lead = LONGEST_SENSOR_DELAY if late else 0.0
-        seconds = shot_seconds(record)
-        shots = multiple_shooting.make_shots(record, seconds=seconds, lead=lead, sigma=noise, most=most)
+        shots = _shots(unknown, record, noise, most)
         share = shots.share
-        values, problem = _aimed(unknown, values, shots)
+        values, problem = aimed(unknown, values, shots)
     values, normal, problem = _settle(unknown, values, problem, progress)
     if blind and isinstance(problem, OutputError):
         values, normal, problem = _begun_anew(unknown, log.record, values, normal, problem, shots.sigma)
@@ -223,62 +214,17 @@ def _heavy(tails: Sequence[Tail]) -> tuple[str, ...]:
     return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
 
 
-@dataclass(frozen=True)
-class OutputError:
-    """Output error over shots, whose beginnings go along with the parameters."""
-
-    shots: multiple_shooting.Shots
-
-    @classmethod
-    def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
-        """Begin the shots as this vehicle's velocity log says."""
-        return cls(shots).at_measured_states(vehicle)
-
-    def at_measured_states(self, vehicle: Vehicle) -> OutputError:
-        """The problem with its shots begun as this vehicle's velocity log says."""
-        return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
-
-    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
-        """See `sensitivity.linearise`."""
-        prepared = multiple_shooting.prepare(candidate(base), self.shots)
-        others = [multiple_shooting.prepare(candidate(other), self.shots, prepared) for other in moved]
-        return sensitivity.linearise(prepared, others, steps, self.shots)
-
-    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
-        """Predict anew, from beginnings moved as the linearised problem would have them.
-
-        Where a shot ends far from what that problem expects, less of the way is tried, and none.
-        """
-        shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
-        farthest = FARTHEST * self.shots.trust
-        shift = np.clip(shift, -farthest, farthest)
-        first = multiple_shooting.displaced(self.shots.first, shift)
-        prepared, reached = (
-            multiple_shooting.prepare(candidate(vehicle), self.shots),
-            OFF * normal.expected(step),
-        )
-        costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
-        for part in SHORTER:
-            poor = ~(costs <= np.maximum(reached, normal.freedom))
-            if not poor.any():
-                break
-            less = multiple_shooting.displaced(self.shots.first[poor], part * shift[poor])
-            tried = replace(multiple_shooting.select(self.shots, poor), first=less)
-            again = multiple_shooting.costs(prepared.of(poor), tried)
-            better = np.flatnonzero(poor)[again < costs[poor]]
-            first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
-        return float(costs.sum()), OutputError(replace(self.shots, first=first))
-
-    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
-        """Noise of each channel as what is left in it: what the model does not explain weighs less."""
-        sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
-        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
-            return self, False
-        return self.weighed(sigma), True
-
-    def weighed(self, sigma: Array) -> OutputError:
-        """The problem with other deviations of its channels, (12,)."""
-        return OutputError(replace(self.shots, sigma=sigma))
+def _shots(
+    unknown: Free, record: Recording, noise: Array | None, most: int | None
+) -> multiple_shooting.Shots:
+    """Shots of a length that the samples allow, with what a late velocity log saw before them."""
+    late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
+        entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
+    )
+    lead = LONGEST_SENSOR_DELAY if late else 0.0
+    return multiple_shooting.make_shots(
+        record, seconds=shot_seconds(record), lead=lead, sigma=noise, most=most
+    )
 
 
 def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
@@ -290,30 +236,6 @@ def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Arr
     problem, _ = problem.reweighted(normal)
     values, _, problem = descend(unknown, values, problem, ITERATIONS)
     return values, problem, normal.chi2
-
-
-def _aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
-    """Where output error begins: as equation error says, unless its motion diverges.
-
-    Where samples do not show all of the motion, equation error balances what was filled in: then it begins
-    with the values that predict best.
-    """
-    tried = []
-    for begin in (values, *unknown.starts):
-        problem = OutputError.of(shots, unknown.at(begin))
-        prepared = multiple_shooting.prepare(candidate(unknown.at(begin)), shots)
-        cost = multiple_shooting.cost(prepared, problem.shots)
-        if np.isfinite(cost):
-            tried.append((cost, begin, problem))
-            if shots.seen is None:
-                break
-    if tried:
-        _, begin, problem = min(tried, key=lambda one: one[0])
-        return begin, problem
-    raise DataError(
-        "the vehicle's predicted motion diverges within a shot; check its damping, or fit "
-        f"{LINEAR_DAMPING.name} too"
-    )
 
 
 def _settle(

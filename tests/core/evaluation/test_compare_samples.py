@@ -11,8 +11,9 @@ from recordings import damped, moved, noisy
 
 from hydro.core.columns import POSE, VELOCITY, WRENCH
 from hydro.core.evaluation.compare import compare
-from hydro.core.evaluation.misfit import Motion, replay
 from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.replay_error import replay
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import candidate
 from hydro.core.recording.arrays import recording
 

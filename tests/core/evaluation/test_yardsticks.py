@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.evaluation.compare import compare
-from hydro.core.evaluation.misfit import Motion
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.yardsticks import CONSTANT, LEAST_SQUARES, ZERO, Damped, Yardstick, lost, march
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.simulate import simulate
@@ -172,8 +172,8 @@ def test_who_is_beaten_is_told_by_the_best_that_beat_it():
 
 def test_the_noise_floor_does_not_depend_on_chance(datasets):
     """Of a chaotic model the floor of 5 s ahead went up and down by a fifth with the seed."""
-    from hydro.core.evaluation.misfit import replay
     from hydro.core.evaluation.regimes import Pieces
+    from hydro.core.evaluation.replay_error import replay
     from hydro.core.identification.candidate import candidate
     from hydro.io import table
     from hydro.io import vehicle as files

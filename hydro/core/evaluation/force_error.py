@@ -1,0 +1,140 @@
+"""The force that a model leaves out of a recording, beside what noise alone would leave.
+
+The measured velocity less the integral of the model's acceleration along the smoothed motion changes only
+where the model's forces are wrong; its smoothed derivative times M is the wrench that is missing.  The
+smoother thus never blurs what the model knows, such as the jump of a thrust, and of a true model noise alone
+is left.  What changes faster than FASTEST is nearly all noise in any log: it counts among the bands of
+frequency only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.fft import dct, idct
+
+from hydro.core.columns import WRENCH, WRENCH_UNITS, Array
+from hydro.core.effects.layout import MASS_MATRIX
+from hydro.core.effects.program import constants_of
+from hydro.core.evaluation.misfit import Misfit, counted
+from hydro.core.evaluation.regimes import Family, Pieces
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.weights import Weights
+from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
+from hydro.core.identification.multiple_shooting import CHANNELS
+from hydro.core.recording import smoothing
+from hydro.core.recording.arrays import Recording
+
+FASTEST = 2.0
+"""Frequency of the fastest change of force that counts [Hz]."""
+BANDS = (
+    ("in motions slower than 10 s", 0.0, 0.1),
+    ("in motions of 2 to 10 s", 0.1, 0.5),
+    ("in motions of 0.5 to 2 s", 0.5, FASTEST),
+    ("in motions faster than 0.5 s", FASTEST, np.inf),
+)
+"""Bands of frequency [Hz], by the time that a motion takes."""
+SLOW_BAND = ("", 0.0, FASTEST)
+
+
+def force(
+    model: Candidate,
+    record: Recording,
+    motion: Motion,
+    pieces: Pieces,
+    seed: int,
+    weights: Weights | None = None,
+) -> tuple[Misfit, Misfit, Family]:
+    """The wrench ON the vehicle that the model leaves out.
+
+    Args:
+        model: The model.
+        record: The recording.
+        motion: Its smoothed motion.
+        pieces: What to sum over.
+        seed: Of the noise.
+        weights: Of the axes; by default by the model's own inertia.
+
+    Returns:
+        Squares of the wrench below FASTEST [N, N m]; squares of its part in each of BANDS, one band after
+        the other; and the family that tells the bands apart.
+    """
+    rng = np.random.default_rng(seed)
+    found = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+    # The smoothers are linear: what they make of noise is added to what they made of the recording.
+    extra = drawn_between(rng.standard_normal((record.rows, CHANNELS)) * motion.sigma, record)
+    pose = motion.eta + smoothing.smooth(extra[:, :6], record.segments, motion.pose)[:, :, 0]
+    nu = motion.nu + smoothing.smooth(extra[:, 6:], record.segments, motion.velocity)[:, :, 0]
+    noisy = replace(record, nu=record.nu + extra[:, 6:])
+    floor = missing_wrench(model, noisy, pose, np.ascontiguousarray(nu), motion.velocity) - found
+    rows = pieces.total(np.ones(record.rows))
+    shown = None if record.seen is None else record.seen[:, 6:]
+    whole = Misfit(
+        "force",
+        None,
+        (*WRENCH, "all"),
+        WRENCH_UNITS,
+        (weights or Weights.of(model)).force,
+        rows,
+        pieces.total(counted(next(_bands(found, record, [SLOW_BAND])) ** 2, shown)),
+        pieces.total(counted(next(_bands(floor, record, [SLOW_BAND])) ** 2, shown)),
+        pieces.block,
+        counts=None if shown is None else pieces.total(shown.astype(float)),
+    )
+    count = len(BANDS)
+    banded = replace(
+        whole,
+        rows=np.tile(rows, count),
+        squares=np.concatenate([pieces.total(counted(b**2, shown)) for b in _bands(found, record, BANDS)]),
+        noise=np.concatenate([pieces.total(counted(b**2, shown)) for b in _bands(floor, record, BANDS)]),
+        block=np.tile(pieces.block, count),
+        counts=None if whole.counts is None else np.tile(whole.counts, (count, 1)),
+    )
+    code = np.repeat(np.arange(count), len(rows))
+    return whole, banded, Family("frequency", tuple(words for words, _, _ in BANDS), code, doing=False)
+
+
+def missing_wrench(
+    model: Candidate, record: Recording, eta: Array, nu: Array, design: smoothing.Design
+) -> Array:
+    """The wrench ON the vehicle about CO that a model leaves out, row by row, (N, 6) [N, N m].
+
+    M times the smoothed derivative of measured less modelled velocity; the model accounts for its thrusters,
+    weight and buoyancy, effects and C(nu) of its whole mass matrix.
+    """
+    known = accelerations(model, record, eta, true_velocity(model, record, nu))
+    left = true_velocity(model, record, record.nu).copy()
+    for start, stop in record.segments:
+        within = known[start:stop]
+        left[start + 1 : stop] -= np.cumsum(0.5 * record.dt * (within[1:] + within[:-1]), axis=0)
+    missing = smoothing.smooth(left, record.segments, design)[:, :, 1]
+    mass = constants_of(model.program.flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
+    wrench: Array = missing @ mass.T
+    return wrench
+
+
+def _bands(wrench: Array, record: Recording, bands: Sequence[tuple[str, float, float]]) -> Iterator[Array]:
+    """Parts of a wrench (N, 6) in each band; segment by segment, as if each were followed by its mirror."""
+    spectra = [dct(wrench[a:b], axis=0, norm="ortho") for a, b in record.segments]
+    for _, low, high in bands:
+        out = np.empty_like(wrench)
+        for (a, b), spectrum in zip(record.segments, spectra, strict=True):
+            frequency = np.arange(b - a) / (2.0 * (b - a) * record.dt)
+            inside = (frequency >= low) & (frequency < high)
+            out[a:b] = idct(spectrum * inside[:, None], axis=0, norm="ortho")
+        yield out
+
+
+def drawn_between(noise: Array, record: Recording) -> Array:
+    """Noise of samples (N, 12) as rows without one have it: on lines between those beside them."""
+    if record.seen is None:
+        return noise
+    out = np.zeros_like(noise)
+    for start, stop in record.segments:
+        rows = np.arange(start, stop)
+        for i, seen in enumerate(record.seen[start:stop].T):
+            if seen.any():
+                out[start:stop, i] = np.interp(rows, rows[seen], noise[start:stop, i][seen])
+    return out

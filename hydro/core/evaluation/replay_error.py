@@ -1,0 +1,251 @@
+"""Errors of predictions of a recording, beside what noise alone makes of them.
+
+Predictions of a few seconds begin again and again along the recording, at the smoothed motion; and one
+prediction runs from the first row of every session to its last.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Mask, Rows
+from hydro.core.evaluation.misfit import Misfit, counted
+from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.weights import Weights
+from hydro.core.identification.candidate import Candidate
+from hydro.core.identification.multiple_shooting import (
+    CHANNELS,
+    Prepared,
+    Shots,
+    corrected_first,
+    displaced,
+    prepare,
+    residuals,
+)
+from hydro.core.recording.arrays import Recording
+from hydro.core.simulation.dynamics import BODY
+from hydro.core.vehicle.frames import quaternion_from_euler
+
+HORIZONS = (1.0, 5.0, 20.0)
+"""How far ahead predictions look [s]."""
+FASTEST = 2.0
+"""Frequency of the fastest change of force that counts [Hz]."""
+BANDS = (
+    ("in motions slower than 10 s", 0.0, 0.1),
+    ("in motions of 2 to 10 s", 0.1, 0.5),
+    ("in motions of 0.5 to 2 s", 0.5, FASTEST),
+    ("in motions faster than 0.5 s", FASTEST, np.inf),
+)
+"""Bands of frequency [Hz], by the time that a motion takes."""
+BEYOND = np.repeat([1e3, np.pi, 1e2, 1e2], 3)
+"""Errors count no more than this [m, rad, m/s, rad/s]: where a predicted motion diverges."""
+PREDICTIONS_TOGETHER = 64  # predictions of one piece of work
+DRAWS = (3, 16)  # of the uncertain beginning of a prediction, until they settle what noise does
+SETTLED = 0.2
+"""Standard error to which they do, over the squares of all predictions: a tenth of the errors."""
+
+
+def replay(
+    model: Candidate,
+    record: Recording,
+    motion: Motion,
+    pieces: Pieces,
+    horizon: float | None,
+    seed: int,
+    weights: Weights | None = None,
+) -> tuple[Misfit, Misfit] | None:
+    """Errors of predictions, root mean square over the horizon: of velocity, and of position and attitude.
+
+    Args:
+        model: The model.
+        record: The recording.
+        motion: Its smoothed motion, at which every prediction begins.
+        pieces: What to sum over.
+        horizon: Length of a prediction [s]; None for whole segments.
+        seed: Of the noise.
+        weights: Of the axes; by default by the model's own inertia.
+
+    Returns:
+        Squares of the velocity's errors, and of the errors of x, y, z in NED and of the rotation from the
+        predicted to the measured attitude about the body's axes, as `phi`, `theta`, `psi`; None where no
+        segment is as long as the horizon.
+    """
+    if (found := _predictions(model, record, motion, horizon, seed)) is None:
+        return None
+    weights = weights or Weights.of(model)
+    rows, sums, floor = (pieces.total(part) for part in (found.compared, found.squares, found.noise))
+    block = pieces.segment if horizon is None else pieces.block
+    counts = None if found.counted is None else pieces.total(found.counted.astype(float))
+
+    def misfit(axes: tuple[str, ...], units: tuple[str, ...], weight: Array, of: slice) -> Misfit:
+        parts = (rows, sums[:, of], floor[:, of], block, found.end[of])
+        return Misfit(
+            "replay", horizon, axes, units, weight, *parts, None if counts is None else counts[:, of]
+        )
+
+    return (
+        misfit((*VELOCITY, "all"), VELOCITY_UNITS, weights.velocity, slice(6, 12)),
+        misfit((*POSE, "pose"), POSE_UNITS, weights.pose, slice(0, 6)),
+    )
+
+
+class _Predictions(NamedTuple):
+    """Errors of all predictions of one horizon, row by row of the recording.
+
+    Attributes:
+        compared: 1 where a prediction was compared with the row, (N,).
+        squares: Its squared errors, pose and then velocity, (N, 12).
+        noise: The same of what noise alone does.
+        end: Root mean square errors in the last row of the predictions, or of their last samples, (12,); NaN
+            of a channel without samples.
+        counted: Which rows are samples of each channel, (N, 12); None where all are.
+    """
+
+    compared: Array
+    squares: Array
+    noise: Array
+    end: Array
+    counted: Mask | None
+
+
+def _predictions(
+    model: Candidate, record: Recording, motion: Motion, horizon: float | None, seed: int
+) -> _Predictions | None:
+    """Predict end to end along the recording; None where no segment is as long as the horizon."""
+    starts, segment, lengths = laid(record, horizon)
+    if not starts.size:
+        return None
+    logged, calm = _states(record.eta, record.nu), _states(motion.eta, motion.nu)
+    nothing = np.empty((len(starts), 0, BODY))
+    unit = np.ones(CHANNELS)
+    every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
+    every = corrected_first(every, model)
+    prepared = prepare(model, every)
+    compared = np.zeros(record.rows)
+    errors, floor = np.zeros((record.rows, CHANNELS)), np.zeros((record.rows, CHANNELS))
+    sums, typical = np.zeros((len(starts), DRAWS[-1], CHANNELS)), np.zeros((len(starts), CHANNELS))
+
+    def shots_of(part: Rows) -> tuple[Prepared, Shots, Rows]:
+        """Some predictions of one length, and their rows."""
+        rows = starts[part, None] + np.arange(lengths[part[0]])
+        there = replace(
+            every,
+            starts=starts[part],
+            segment=segment[part],
+            length=rows.shape[1],
+            first=every.first[part],
+            measured=logged[rows],
+        )
+        return Prepared(model, prepared.rotors[part], prepared.memory[part]), there, rows
+
+    def predict(part: Rows) -> Array:
+        there, shots, rows = shots_of(part)
+        errors[rows], compared[rows] = _bounded(residuals(there, shots)), 1.0
+        return last_samples(errors[rows], None if record.seen is None else record.seen[rows])
+
+    def disturb(part: Rows, draws: range) -> None:
+        there, shots, rows = shots_of(part)
+        rng = np.random.default_rng([seed, draws.start, part[0]])
+        for draw in draws:
+            change = (_bounded(residuals(there, _begun_elsewhere(shots, motion, rng))) - errors[rows]) ** 2
+            floor[rows] += change
+            sums[part, draw] = change.sum(axis=1)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        ends = list(pool.map(predict, _batches(lengths)))
+        open_, done = np.ones(len(starts), bool), 0
+        for most in DRAWS:
+            parts = [part[open_[part]] for part in _batches(lengths) if open_[part].any()]
+            list(pool.map(disturb, parts, itertools.repeat(range(done, most))))
+            open_, done = _settle(sums[:, :most], motion.sigma**2 * lengths.sum(), open_, typical), most
+    scale = typical / np.maximum(sums.sum(axis=1), 1e-300)
+    floor[compared > 0.0] *= np.repeat(scale, lengths, axis=0)
+    floor[compared > 0.0] += motion.sigma**2
+    seen = None if record.seen is None else record.seen & (compared > 0.0)[:, None]
+    end = root_mean_square(np.concatenate(ends))
+    return _Predictions(compared, counted(errors**2, seen), counted(floor, seen), end, seen)
+
+
+def last_samples(errors: Array, seen: Mask | None) -> Array:
+    """Errors (S, K, C) of S predictions at their last rows, or at their last samples; NaN without any."""
+    if seen is None:
+        return np.asarray(errors[:, -1])
+    last = seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
+    found = np.take_along_axis(errors, last[:, None], axis=1)[:, 0]
+    return np.where(seen.any(axis=1), found, np.nan)
+
+
+def root_mean_square(errors: Array) -> Array:
+    """Of each column of (S, C), NaN left out; NaN where there is nothing else."""
+    there = np.isfinite(errors)
+    squares, count = np.where(there, errors, 0.0) ** 2, there.sum(axis=0)
+    return np.where(count > 0, np.sqrt(squares.sum(axis=0) / np.maximum(count, 1)), np.nan)
+
+
+def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
+    """Write what noise does to the predictions that are open, (S,), and say which remain so.
+
+    It is the mean of the draws where they settle it, and the median where they do not: a few draws in which a
+    prediction diverges do not say what noise does to a recording.
+
+    Args:
+        sums: Squares by uncertain beginnings, of each prediction in each draw, (S, D, C).
+        known: What else noise adds to the squares of all predictions, (C,).
+        open_: Which predictions the draws are of.
+        typical: Written: what noise does to each, (S, C).
+    """
+    mean = np.where(open_[:, None], sums.mean(axis=1), typical)
+    error = np.std(sums, axis=1, ddof=1) / np.sqrt(sums.shape[1])
+    settled = error <= SETTLED * (mean.sum(axis=0) + known) / np.sqrt(len(sums))
+    typical[open_] = np.where(settled, mean, np.median(sums, axis=1))[open_]
+    still: Mask = open_ & ~settled.all(axis=1)
+    return still
+
+
+def _states(eta: Array, nu: Array) -> Array:
+    """Position, attitude as a quaternion and velocity, (N, 13)."""
+    return np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
+
+
+def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:
+    """First row, segment and rows of predictions: end to end over all segments, or one for each of them."""
+    if horizon is None:
+        begin, end = record.segments.T
+        return begin, np.arange(len(begin)), end - begin
+    length = round(horizon / record.dt) + 1
+    starts = [np.arange(a, b - length + 1, length, dtype=np.int64) for a, b in record.segments]
+    segment = np.repeat(np.arange(len(starts)), [part.size for part in starts])
+    return np.concatenate(starts), segment, np.full(len(segment), length)
+
+
+def _batches(lengths: Rows) -> list[Rows]:
+    """Runs of at most PREDICTIONS_TOGETHER predictions of one length."""
+    edges = [*np.flatnonzero(np.diff(lengths, prepend=-1)).tolist(), len(lengths)]
+    return [
+        np.arange(at, min(at + PREDICTIONS_TOGETHER, end))
+        for begin, end in itertools.pairwise(edges)
+        for at in range(begin, end, PREDICTIONS_TOGETHER)
+    ]
+
+
+def _begun_elsewhere(shots: Shots, motion: Motion, rng: np.random.Generator) -> Shots:
+    """The shots with beginnings as uncertain as the smoothed motion is."""
+    at_edge = shots.starts == shots.record.segments[shots.segment, 0]
+    shift = rng.standard_normal((len(shots.starts), CHANNELS)) * motion.uncertainty[np.where(at_edge, 0, 1)]
+    return replace(shots, first=displaced(shots.first, shift))
+
+
+def _bounded(error: Array) -> Array:
+    """Errors within BEYOND, the attitude's as a rotation vector, not twice a quaternion's vector part."""
+    out = np.nan_to_num(error, nan=np.inf)
+    half = np.clip(0.5 * np.linalg.norm(out[..., 3:6], axis=-1, keepdims=True), 0.0, 1.0)
+    out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)
+    bounded: Array = np.clip(out, -BEYOND, BEYOND)
+    return bounded

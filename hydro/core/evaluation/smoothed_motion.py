@@ -1,0 +1,111 @@
+"""The smoothed motion of a recording, and how uncertain it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.identification.multiple_shooting import CHANNELS
+from hydro.core.recording import smoothing
+from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
+from hydro.core.recording.filling import slope_noise, unshown
+
+IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The smoothed motion of a recording.
+
+    Attributes:
+        eta: Pose with unwrapped angles, (N, 6).
+        nu: Velocity as logged, (N, 6).
+        nu_dot: Its derivative, (N, 6).
+        sigma: Noise of the twelve channels; 0 of one without samples.
+        uncertainty: Standard deviation of the smoothed channels in the first row of a segment and far from
+            its ends, (2, 12).
+        pose: Smoother of the pose.
+        velocity: Smoother of the velocity.
+    """
+
+    eta: Array
+    nu: Array
+    nu_dot: Array
+    sigma: Array
+    uncertainty: Array
+    pose: smoothing.Design
+    velocity: smoothing.Design
+
+    @classmethod
+    def of(cls, record: Recording) -> Motion:
+        """Smooth a recording, its noise found from it.
+
+        Raises:
+            DataError: A segment has a single row, or none has eight.
+        """
+        sigma = noise(record)
+        never = np.zeros(CHANNELS, bool) if record.seen is None else ~record.seen.any(axis=0)
+        doubt = _doubt(record, sigma)
+        sigma[never] = LEAST_NOISE
+        angles = record.eta.copy()
+        for start, stop in record.segments:
+            angles[start:stop, 3:] = np.unwrap(angles[start:stop, 3:], axis=0)
+        pose = smoothing.estimate(angles, record.segments, record.dt, sigma[:6].tolist())
+        velocity = smoothing.estimate(record.nu, record.segments, record.dt, sigma[6:].tolist())
+        eta = smoothing.smooth(angles, record.segments, pose)[:, :, 0]
+        nu, nu_dot = np.moveaxis(smoothing.smooth(record.nu, record.segments, velocity), 2, 0)
+        left = np.hstack([angles - eta, record.nu - nu]).var(axis=0)
+        uncertainty = _uncertainty(np.stack([_weights(pose), _weights(velocity)]), sigma, left)
+        sigma[never] = 0.0
+        uncertainty[:, never] = doubt[never]
+        return cls(
+            eta=np.ascontiguousarray(eta),
+            nu=np.ascontiguousarray(nu),
+            nu_dot=np.ascontiguousarray(nu_dot),
+            sigma=sigma,
+            uncertainty=uncertainty,
+            pose=pose,
+            velocity=velocity,
+        )
+
+
+def _doubt(record: Recording, sigma: Array) -> Array:
+    """Standard deviation of what fills channels without samples, (12,): of slopes by noise of the pose."""
+    pose = np.repeat([sigma[:3].max(), sigma[3:6].max()], 3)
+    doubt = np.concatenate([sigma[:6], pose * slope_noise(record.dt)])
+    if record.seen is None or record.doubt is None:
+        return doubt
+    dark = np.any([unshown(record.seen[a:b]) for a, b in record.segments], axis=0)
+    return np.where(dark, record.doubt, doubt)
+
+
+def _weights(design: smoothing.Design) -> Array:
+    """Of a row's smoothed value: weight of its own measurement and sum of the squares of all weights.
+
+    In the first row of a segment, and far from its ends; (2, 2, 6).
+    """
+    impulse = np.zeros((2, 2 * IMPULSE_REACH + 1, 6))
+    impulse[0, 0] = impulse[1, IMPULSE_REACH] = 1.0
+    bounds = [[0, 2 * IMPULSE_REACH + 1]]
+    first, inner = (smoothing.smooth(one, bounds, design)[:, :, 0] for one in impulse)
+    squares = [(one**2).sum(axis=0) for one in (first, inner)]
+    return np.stack([np.stack([first[0], inner[IMPULSE_REACH]]), np.stack(squares)])
+
+
+def _uncertainty(weights: Array, sigma: Array, left: Array) -> Array:
+    """Standard deviation of the smoothed channels in the first row and in the middle, (2, 12).
+
+    Noise passes with the sum of squared weights.  What smoothing took away beyond its share of the noise was
+    motion, and is missing from the smoothed value.
+
+    Args:
+        weights: Of pose and velocity as `_weights` gives them, (2, 2, 2, 6).
+        sigma: Noise of the channels, (12,).
+        left: Variance of measured less smoothed, (12,).
+    """
+    own, passed = np.concatenate([weights[0], weights[1]], axis=2)
+    blurred = np.maximum(left - sigma**2 * (1.0 - 2.0 * own[1] + passed[1]), 0.0)
+    spread: Array = np.sqrt(sigma**2 * passed + blurred)
+    return spread

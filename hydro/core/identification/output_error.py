@@ -1,0 +1,108 @@
+"""Output error over short predictions whose beginnings go along with the parameters.
+
+Each prediction (a shot) begins where the smoothed log saw the vehicle; its beginning is estimated with the
+parameters, so that noise in it biases nothing (Jategaonkar 2015, ch. 4; Bock 1983 for the shots).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects.damping import LINEAR_DAMPING
+from hydro.core.errors import DataError
+from hydro.core.identification import multiple_shooting, sensitivity
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.parameters import Free
+from hydro.core.vehicle.description import Vehicle
+
+OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
+LEAST_SIGMA = 1e-6
+OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """Output error over shots, whose beginnings go along with the parameters."""
+
+    shots: multiple_shooting.Shots
+
+    @classmethod
+    def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
+        """Begin the shots as this vehicle's velocity log says."""
+        return cls(shots).at_measured_states(vehicle)
+
+    def at_measured_states(self, vehicle: Vehicle) -> OutputError:
+        """The problem with its shots begun as this vehicle's velocity log says."""
+        return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
+
+    def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
+        """See `sensitivity.linearise`."""
+        prepared = multiple_shooting.prepare(candidate(base), self.shots)
+        others = [multiple_shooting.prepare(candidate(other), self.shots, prepared) for other in moved]
+        return sensitivity.linearise(prepared, others, steps, self.shots)
+
+    def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
+        """Predict anew, from beginnings moved as the linearised problem would have them.
+
+        Where a shot ends far from what that problem expects, less of the way is tried, and none.
+        """
+        shift = normal.follow[..., -1] - normal.follow[..., :-1] @ step
+        farthest = FARTHEST * self.shots.trust
+        shift = np.clip(shift, -farthest, farthest)
+        first = multiple_shooting.displaced(self.shots.first, shift)
+        prepared, reached = (
+            multiple_shooting.prepare(candidate(vehicle), self.shots),
+            OFF * normal.expected(step),
+        )
+        costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
+        for part in SHORTER:
+            poor = ~(costs <= np.maximum(reached, normal.freedom))
+            if not poor.any():
+                break
+            less = multiple_shooting.displaced(self.shots.first[poor], part * shift[poor])
+            tried = replace(multiple_shooting.select(self.shots, poor), first=less)
+            again = multiple_shooting.costs(prepared.of(poor), tried)
+            better = np.flatnonzero(poor)[again < costs[poor]]
+            first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
+        return float(costs.sum()), OutputError(replace(self.shots, first=first))
+
+    def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
+        """Noise of each channel as what is left in it: what the model does not explain weighs less."""
+        sigma = np.maximum(self.shots.sigma * normal.rms, LEAST_SIGMA)
+        if (np.abs(sigma / self.shots.sigma - 1.0) < OTHERWISE_NOISY).all():
+            return self, False
+        return self.weighed(sigma), True
+
+    def weighed(self, sigma: Array) -> OutputError:
+        """The problem with other deviations of its channels, (12,)."""
+        return OutputError(replace(self.shots, sigma=sigma))
+
+
+def aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
+    """Where output error begins: as equation error says, unless its motion diverges.
+
+    Where samples do not show all of the motion, equation error balances what was filled in: then it begins
+    with the values that predict best.
+    """
+    tried = []
+    for begin in (values, *unknown.starts):
+        problem = OutputError.of(shots, unknown.at(begin))
+        prepared = multiple_shooting.prepare(candidate(unknown.at(begin)), shots)
+        cost = multiple_shooting.cost(prepared, problem.shots)
+        if np.isfinite(cost):
+            tried.append((cost, begin, problem))
+            if shots.seen is None:
+                break
+    if tried:
+        _, begin, problem = min(tried, key=lambda one: one[0])
+        return begin, problem
+    raise DataError(
+        "the vehicle's predicted motion diverges within a shot; check its damping, or fit "
+        f"{LINEAR_DAMPING.name} too"
+    )
