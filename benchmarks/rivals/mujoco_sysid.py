@@ -72,6 +72,7 @@ def scene(vehicle: Vehicle, dt: float, d: dict[str, Array]) -> mujoco.MjSpec:
     """The vehicle with changes `d`, as MJCF alone can describe it; z-up and FLU, stepped by `dt`."""
     plant, environment, hull = build(vehicle), vehicle.environment, vehicle.hull
     spec = mujoco.MjSpec()
+    spec.compiler.balanceinertia = True  # added inertia need not be that of a rigid body
     spec.option.timestep, spec.option.integrator = dt, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = [0.0, 0.0, -environment.gravity]
     spec.option.density, spec.option.viscosity = environment.water_density, VISCOSITY
