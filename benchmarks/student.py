@@ -73,7 +73,12 @@ def random_model(kind: str = "physfeat", widths: tuple[int, ...] = PHYSFEAT) -> 
     features = "physfeat" if kind == "physfeat" else "raw"
     architecture = {"model": kind, "features": features, "layers": widths, "activation": "silu"}
     return SimpleNamespace(
-        name=kind, architecture=architecture, tensors=tensors, scalers=scalers, subtract="inertia"
+        name=kind,
+        architecture=architecture,
+        tensors=tensors,
+        scalers=scalers,
+        subtract="inertia",
+        labelled=None,
     )
 
 

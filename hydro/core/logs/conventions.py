@@ -24,7 +24,7 @@ from hydro.core.logs.logmap import (
     command,
     named,
 )
-from hydro.core.logs.resample import Channel, channel, held, interpolated, same_sign, unwrapped
+from hydro.core.logs.resample import Channel, averaged, channel, interpolated, same_sign, unwrapped
 from hydro.core.vehicle.frames import HALF_TURN
 
 AXES: dict[str, Array] = {
@@ -115,7 +115,7 @@ def rates(log: SessionLog, block: Rates, at: Array) -> Array:
 
 
 def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Array, Mask]:
-    """Commands in [-1, 1], held from each to the next.
+    """Commands in [-1, 1], the mean over each row of what is held from each to the next.
 
     Returns:
         Commands of shape (N, n), and which of them lay beyond [-1, 1] and were clipped.
@@ -125,7 +125,8 @@ def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Ar
     """
     values = np.empty((len(at), len(block.columns)))
     for i, source in enumerate(map(command, block.columns)):
-        drive = _normalised(held(log.channel(source), at, dt), block)
+        given = log.channel(source)
+        drive = averaged(Channel(given.t, _normalised(given.values, block)), at, dt)
         if np.abs(drive).max(initial=0.0) > FAR_OUT:
             raise DataError(
                 f"column {source.column}, the command of thruster {i + 1}, reaches "

@@ -128,6 +128,31 @@ def held(each: Channel, at: Array, dt: float) -> Array:
     return np.asarray(each.values[np.maximum(latest, 0)])
 
 
+def averaged(each: Channel, at: Array, dt: float) -> Array:
+    """The mean over [t, t + dt) of what is held from each sample to the next, at each time t.
+
+    A row's command acts until the next row.  One that comes a moment after the row's time, as clocks jitter,
+    would be a whole row late if it were taken at that time alone; its mean keeps the impulse of a thrust.
+
+    Args:
+        each: The channel; its first sample is not later than the first of `at`.
+        at: Times [s].
+        dt: Sample time [s]; a hundredth of it forgives the rounding of times.
+    """
+    out, slack = held(each, at, dt), HELD_EARLY * dt
+    first = np.searchsorted(each.t, at + slack, side="right")
+    inside = np.searchsorted(each.t, at + dt - slack, side="left") > first
+    sums = np.concatenate([[0.0], np.cumsum(np.diff(each.t) * each.values[:-1])])
+
+    def integral(t: Array) -> Array:
+        sample = np.maximum(np.searchsorted(each.t, t, side="right") - 1, 0)
+        return np.asarray(sums[sample] + (t - each.t[sample]) * each.values[sample])
+
+    begin = np.maximum(at[inside], each.t[0])
+    out[inside] = (integral(at[inside] + dt) - integral(begin)) / (at[inside] + dt - begin)
+    return out
+
+
 def unwrapped(each: Channel, period: float) -> Channel:
     """An angle without its jumps by a whole turn of `period`."""
     return Channel(each.t, np.unwrap(each.values, period=period))

@@ -103,3 +103,29 @@ def test_a_quaternion_keeps_its_sign_from_sample_to_sample():
     assert found.shape == (4, 29)
     assert np.sum(found[:, 1:] * found[:, :-1], axis=0).min() > 0.99
     np.testing.assert_allclose(np.abs(found), np.abs(q[:, 1:]))
+
+
+@given(st.lists(st.floats(0.001, 0.3), min_size=3, max_size=40), st.integers(0, 2**32 - 1))
+def test_a_mean_over_rows_keeps_the_impulse(steps: list[float], seed: int) -> None:
+    t = np.concatenate([[0.0], np.cumsum(steps)])
+    each = resample.channel(t, np.random.default_rng(seed).uniform(-1.0, 1.0, t.size))
+    dt = 0.05
+    at = np.arange(int(t[-1] / dt)) * dt
+    if not at.size:
+        return
+    ends = np.concatenate([t[t < at[-1] + dt], [at[-1] + dt]])
+    impulse = float((np.diff(ends) * each.values[: ends.size - 1]).sum())
+    mean = resample.averaged(each, at, dt)
+    assert mean.sum() * dt == pytest.approx(impulse, abs=2.0 * resample.HELD_EARLY * dt * len(steps))
+    assert (np.abs(mean) <= np.abs(each.values).max() + 1e-12).all()
+
+
+def test_a_command_that_comes_a_moment_after_its_row_is_not_a_row_late() -> None:
+    rng, dt = np.random.default_rng(3), 0.05
+    at = np.arange(200) * dt
+    values = rng.uniform(-1.0, 1.0, at.size)
+    late = resample.channel(at + np.append(0.0, rng.uniform(0.0, 0.002, at.size - 1)), values)
+    assert np.abs(resample.averaged(late, at, dt) - values).max() < 0.04 * 2.0
+    assert np.abs(resample.held(late, at, dt) - values).max() > 0.5
+    exact = resample.channel(at, values)
+    np.testing.assert_array_equal(resample.averaged(exact, at, dt), values)
