@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from hydro.io import schema
-from hydro.io.schema import Field
+from hydro.io.schema_field import Field
 
 TYPES = {
     "float32": pl.Float32,

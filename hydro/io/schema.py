@@ -21,18 +21,18 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 import polars as pl
 
 from hydro.core.errors import DataError
 from hydro.io.files import shown
+from hydro.io.schema_field import Field, Part, Rows, broken
 
 _PACKAGED = Path(__file__).resolve().parents[1] / "_schemas"
 FOLDER = _PACKAGED if _PACKAGED.is_dir() else Path(__file__).resolve().parents[2] / "schemas"
@@ -69,75 +69,15 @@ is held to, and written as, the first that admits it, so that a table's bytes do
 added.  What a later version extends is of that version too, where it has as many.
 """
 
-Rows = npt.NDArray[np.intp]
 
-
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
-    """A part of a schema file; an unknown key is an error: it would be a rule that nobody checks."""
-
-
-_POLARS: dict[str, pl.DataType] = {
-    "string": pl.String(),
-    "boolean": pl.Boolean(),
-    "int64": pl.Int64(),
-    "float32": pl.Float32(),
-    "float64": pl.Float64(),
-}
-_POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
-"""The polars types by the names that schema files call them."""
-
-
-class Constraints(_Part, frozen=True):
-    """What the values of a column must satisfy.  Numbers must be finite besides, always."""
-
-    required: bool = False
-    unique: bool = False
-    minimum: float | None = None
-    maximum: float | None = None
-    min_length: int | None = None
-    pattern: str | None = None
-    enum: tuple[str, ...] | None = None
-
-
-class Field(_Part, frozen=True):
-    """One column, or with `repeat` several: what it is, in which unit and frame, and where it is defined."""
-
-    name: str
-    type: str
-    arrow_type: tuple[str, ...]
-    description: str
-    unit: str | None = None
-    frame: str | None = None
-    source: str | None = None
-    repeat: str | None = None
-    optional: bool = False
-    constraints: Constraints = Constraints()
-
-    def column(self, number: int) -> Field:
-        """The field of the `number`-th column of a repeated field."""
-        assert self.repeat is not None
-        name = self.name.replace(f"{{{self.repeat}}}", str(number))
-        return msgspec.structs.replace(self, name=name, repeat=None)
-
-    @property
-    def widest(self) -> pl.DataType:
-        """The last of the types accepted."""
-        return _POLARS[self.arrow_type[-1]]
-
-    @property
-    def label(self) -> str:
-        """The column's name with its unit, as error lines give it."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
-
-
-class Series(_Part, frozen=True):
+class Series(Part, frozen=True):
     """Rows of one recording share `key`, stand together, and `time` increases along them."""
 
     key: tuple[str, ...]
     time: str
 
 
-class _File(_Part, frozen=True):
+class _File(Part, frozen=True):
     """A schema file as it stands."""
 
     schema: str = msgspec.field(name="$schema")
@@ -232,7 +172,7 @@ class Schema:
         if frame.height == 0:
             raise DataError(f"{source}: no rows: a {self.kind} table needs at least one")
         for name, field in columns.items():
-            for rule, bad in _broken(field, frame[name]):
+            for rule, bad in broken(field, frame[name]):
                 self._refuse(frame, source, f"{field.label} must be {rule}", bad)
         if self.series is not None:
             self._check_series(frame, source)
@@ -404,47 +344,3 @@ def _them(names: list[str]) -> str:
 def _again(frame: pl.DataFrame, key: tuple[str, ...]) -> Rows:
     """Rows whose `key` another row had before."""
     return np.flatnonzero(~frame.select(pl.struct(key).is_first_distinct()).to_series().to_numpy())
-
-
-def _rows(broken: pl.Series) -> Rows:
-    """Rows where a polars test says true."""
-    return np.flatnonzero(broken.fill_null(False).to_numpy())
-
-
-def _broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """The rules that a column breaks, each with the rows that break it."""
-    rules = field.constraints
-    if rules.required and values.null_count():
-        yield "present", _rows(values.is_null())
-    if values.dtype == pl.String:
-        yield from _broken_texts(rules, values)
-    elif values.dtype.is_numeric():
-        yield from _broken_numbers(rules, values)
-    elif isinstance(values.dtype, pl.List) and values.dtype.inner.is_float():
-        yield "finite", np.flatnonzero([not numbers.is_finite().all() for numbers in values])
-    if rules.unique and values.n_unique() < len(values):
-        yield "unique", _rows(~values.is_first_distinct())
-
-
-def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """One pass for the least and one for the greatest; rows are looked for only when one of them is wrong."""
-    numbers = (values.drop_nulls() if values.null_count() else values).to_numpy()
-    if numbers.size == 0:
-        return
-    least, greatest = numbers.min(), numbers.max()  # a NaN anywhere makes both NaN
-    if not (np.isfinite(least) and np.isfinite(greatest)):
-        yield "finite", _rows(~values.is_finite())
-    if rules.minimum is not None and least < rules.minimum:
-        yield f"at least {rules.minimum:g}", _rows(values < rules.minimum)
-    if rules.maximum is not None and greatest > rules.maximum:
-        yield f"at most {rules.maximum:g}", _rows(values > rules.maximum)
-
-
-def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
-    """Length, pattern and the list of values allowed."""
-    if rules.min_length is not None:
-        yield f"at least {rules.min_length} character long", _rows(values.str.len_chars() < rules.min_length)
-    if rules.pattern is not None:
-        yield f"like {rules.pattern}", _rows(~values.str.contains(f"^(?:{rules.pattern})$"))
-    if rules.enum is not None:
-        yield f"one of {', '.join(rules.enum)}", _rows(~values.is_in(rules.enum))

@@ -17,24 +17,14 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.recording.arrays import LEAST_NOISE, Recording, channels, recording
+from hydro.core.recording.arrays import Recording, channels, recording
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
 from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observed
+from hydro.core.recording.jumps import jumping
 from hydro.core.recording.repeated_rows import repeated_rows, without_repeats
 from hydro.core.vehicle.description import Vehicle
 
 CHANNELS, RATES = (*POSE, *VELOCITY), VELOCITY[3:]
-NEIGHBOURS = 3
-"""Samples to each side that tell what a sample should be, by the cubic through them."""
-JUMP = 8.0
-"""Standard deviations that a sample must lie off that cubic to jump,"""
-ALONE = 10.0
-"""times what the samples around do, which lie as far off it where the motion has a corner,"""
-BACK = 2.0
-"""and times the way from the sample before to the one behind: what stays is no jump but a step."""
-SHARP = 0.8
-"""Part of it that must lie between two samples, on either side."""
-PASSES = 6
 LEAST_SAMPLES = 8
 BURSTS = (1, 2, 4)  # samples that jump together
 STANDS, LONGEST_CHANCE = 10, 5.0
@@ -105,25 +95,39 @@ def faults(record: Recording) -> Faults:
     """Find the readings of a recording that no motion makes."""
     found = Faults(*(np.zeros((record.rows, len(CHANNELS)), bool) for _ in range(3)))
     errors = pose_error(record, record.nu)
-    for i, parts in enumerate(channels(record)):
+    for i, (places, parts) in enumerate(_sampled(record)):
+        if not parts:
+            continue
         runs = [_runs(part) for part in parts]
         lengths = np.concatenate([np.diff(edges) for edges in runs])
         samples = [part[edges[:-1]] for part, edges in zip(parts, runs, strict=True)]
-        least = max(STANDS, LEAST_STILL / record.dt, LONGEST_CHANCE * float(np.quantile(lengths, 0.99)))
+        step = record.dt * max(
+            (float(np.median(np.diff(rows))) for rows in places if len(rows) > 1), default=1
+        )
+        least = max(STANDS, LEAST_STILL / step, LONGEST_CHANCE * float(np.quantile(lengths, 0.99)))
         values, count = np.unique(np.concatenate(samples), return_counts=True)
         fine = len(values) >= FINE * len(lengths)
         noisy = fine and _whiteness(samples) > WHITE
-        for (start, stop), part, edges in zip(record.segments, parts, runs, strict=True):
+        for rows, part, edges in zip(places, parts, runs, strict=True):
             long = np.repeat(np.diff(edges) >= least, np.diff(edges))
             if long.any() and not noisy:
-                long = _contradicted(errors[i // 3 % 2][start:stop], long)
-            found.stills[start:stop, i] = long
-            found.marks[start:stop, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
-        found.jumps[:, i] = _jumps(record, parts, found.all[:, i])
+                long = _contradicted(errors[i // 3 % 2][rows], long)
+            found.stills[rows, i] = long
+            found.marks[rows, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
+        found.jumps[:, i] = _jumps(places, parts, found.all[:, i])
     found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
-    if record.seen is not None:
-        found = Faults(found.jumps & record.seen, found.marks & record.seen, found.stills & record.seen)
     return found
+
+
+def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
+    """Of each channel, segment by segment, the rows of its samples and what they read; none without any."""
+    for i, parts in enumerate(channels(record)):
+        rows = [np.arange(start, stop) for start, stop in record.segments]
+        if record.seen is not None:
+            kept = [record.seen[those, i] for those in rows]
+            rows = [those[there] for those, there in zip(rows, kept, strict=True)]
+            parts = [part[there] for part, there in zip(parts, kept, strict=True)]
+        yield [those for those in rows if len(those)], [part for part in parts if len(part)]
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
@@ -295,18 +299,18 @@ def _contradicted(error: Array, still: Mask) -> Mask:
     return out
 
 
-def _jumps(record: Recording, parts: Sequence[Array], known: Mask) -> Mask:
-    """Which readings of a channel jump away and back, (N,); those that are faulty anyway do not count."""
-    out, apart = np.zeros(record.rows, bool), _apart(parts)
+def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask) -> Mask:
+    """Which readings of a channel jump away and back, (N,); those that are `known` as faulty do not count."""
+    out, apart = np.zeros(len(known), bool), _apart(parts)
     series = [
-        (start, *taken)
-        for (start, stop), part in zip(record.segments, parts, strict=True)
-        for taken in _samples(part, known[start:stop], apart)
+        (rows, *taken)
+        for rows, part in zip(places, parts, strict=True)
+        for taken in _samples(part, known[rows], apart)
     ]
-    found = _odd([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1])
-    for (start, first, last, _), odd in zip(series, found, strict=True):
+    found = jumping([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1])
+    for (rows, first, last, _), odd in zip(series, found, strict=True):
         for begin, end in zip(first[odd], last[odd], strict=True):
-            out[start + begin : start + end] = True
+            out[rows[begin:end]] = True
     return out
 
 
@@ -337,61 +341,3 @@ def _samples(part: Array, known: Mask, apart: int) -> Iterator[tuple[Rows, Rows,
         rows = np.arange(phase, len(part), apart)
         rows = rows[~known[rows]]
         yield np.maximum(rows - apart + 1, 0), np.minimum(rows + apart, len(part)), part[rows]
-
-
-def _odd(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
-    """Which samples of each series jump: again without those found, which spoil what is around them."""
-    values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
-    for stride in bursts:
-        for _ in range(PASSES):
-            compared = [_off_cubic(part, stride) for part in values]
-            usual, found = _usual(np.concatenate([off for off, _ in compared])), 0
-            for part, flags, (off, alone) in zip(values, odd, compared, strict=True):
-                new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
-                flags[new + NEIGHBOURS * stride] = True
-                part[new + NEIGHBOURS * stride] -= off[new]
-                found += new.size
-            if not found:
-                break
-    return odd
-
-
-def _usual(off: Array) -> float:
-    """Standard deviation by the median size, at least the least noise."""
-    return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
-
-
-def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
-    """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
-
-    Args:
-        y: Samples, (n,).
-        stride: From one of those around to the next: a burst of as many samples jumps as one.
-
-    Returns:
-        (n - 2 NEIGHBOURS stride,) each: nothing is said of those at both ends.
-    """
-    reach = NEIGHBOURS * stride
-    if len(y) <= 2 * reach:
-        return np.zeros(0), np.zeros(0, bool)
-    around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
-    left = around[:, ::stride] @ OFF.T
-    off, beside = left[:, NEIGHBOURS], np.delete(left, NEIGHBOURS, axis=1)
-    size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
-    edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
-    up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
-    sharp = np.minimum(up, down) > SHARP * size
-    return off, sharp & (size > ALONE * np.sqrt((beside**2).mean(axis=1))) & (size > BACK * way)
-
-
-def _off() -> Array:
-    """What 2 NEIGHBOURS + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
-    k = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
-    powers = np.vander(k, 4, increasing=True).astype(float)
-    through = np.zeros((len(k), len(k)))
-    through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])
-    off: Array = np.eye(len(k)) - through
-    return off
-
-
-OFF = _off()

@@ -120,3 +120,17 @@ def test_a_jump_of_a_heading_near_half_a_turn_is_bridged_across_it():
     mended = without_faults(synthetic.vehicle(), spoilt(raw, psi=broken)).raw
     turned = np.angle(np.exp(1j * (mended["psi"].to_numpy() - sound)))
     assert np.abs(turned).max() < 0.01
+
+
+def test_nothing_stands_still_behind_the_last_sample_of_a_slow_sensor():
+    """Rows between samples, and behind the last one, hold no reading at all; equal samples do."""
+    raw = log()
+    reads = pl.int_range(pl.len()).over("session") % 20 == 0
+    slow = raw.with_columns(pl.when(reads).then(name).alias(name) for name in "uvw")
+    assert without_faults(synthetic.vehicle(), slow).faults == ()
+    u = raw["u"].to_numpy().copy()
+    u[400:1000] = u[400]
+    frozen = slow.with_columns(pl.when(reads).then(pl.Series(u)).alias("u"))
+    (fault,) = without_faults(synthetic.vehicle(), frozen).faults
+    assert fault.columns == ("u",)
+    assert "stand still" in fault.message

@@ -1,0 +1,80 @@
+"""Samples that jump away from those around them and back, as no force makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hydro.core.columns import Array, Mask
+from hydro.core.recording.arrays import LEAST_NOISE
+
+NEIGHBOURS = 3
+"""Samples to each side that tell what a sample should be, by the cubic through them."""
+JUMP = 8.0
+"""Standard deviations that a sample must lie off that cubic to jump,"""
+ALONE = 10.0
+"""times what the samples around do, which lie as far off it where the motion has a corner,"""
+BACK = 2.0
+"""and times the way from the sample before to the one behind: what stays is no jump but a step."""
+SHARP = 0.8
+"""Part of it that must lie between two samples, on either side."""
+PASSES = 6
+
+
+def jumping(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
+    """Which samples of each series jump: again without those found, which spoil what is around them."""
+    values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
+    for stride in bursts:
+        for _ in range(PASSES):
+            compared = [_off_cubic(part, stride) for part in values]
+            usual, found = _usual(np.concatenate([off for off, _ in compared])), 0
+            for part, flags, (off, alone) in zip(values, odd, compared, strict=True):
+                new = np.flatnonzero((np.abs(off) > JUMP * max(usual, _usual(off))) & alone)
+                flags[new + NEIGHBOURS * stride] = True
+                part[new + NEIGHBOURS * stride] -= off[new]
+                found += new.size
+            if not found:
+                break
+    return odd
+
+
+def _usual(off: Array) -> float:
+    """Standard deviation by the median size, at least the least noise."""
+    return max(float(np.median(np.abs(off))) / 0.6745, LEAST_NOISE) if off.size else LEAST_NOISE
+
+
+def _off_cubic(y: Array, stride: int) -> tuple[Array, Mask]:
+    """How far each sample lies off the cubic through those around, and whether it does so alone and at once.
+
+    Args:
+        y: Samples, (n,).
+        stride: From one of those around to the next: a burst of as many samples jumps as one.
+
+    Returns:
+        (n - 2 NEIGHBOURS stride,) each: nothing is said of those at both ends.
+    """
+    reach = NEIGHBOURS * stride
+    if len(y) <= 2 * reach:
+        return np.zeros(0), np.zeros(0, bool)
+    around = np.lib.stride_tricks.sliding_window_view(y, 2 * reach + 1)
+    left = around[:, ::stride] @ OFF.T
+    off, beside = left[:, NEIGHBOURS], np.delete(left, NEIGHBOURS, axis=1)
+    size, way = np.abs(off), np.abs(around[:, reach + stride] - around[:, reach - stride])
+    edges = np.sign(off)[:, None] * np.diff(around[:, reach - stride : reach + stride + 1], axis=1)
+    up, down = edges[:, :stride].max(axis=1), -edges[:, stride:].min(axis=1)
+    sharp = np.minimum(up, down) > SHARP * size
+    return off, sharp & (size > ALONE * np.sqrt((beside**2).mean(axis=1))) & (size > BACK * way)
+
+
+def _off() -> Array:
+    """What 2 NEIGHBOURS + 1 samples leave of the cubic through all but the middle one, (7, 7)."""
+    k = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
+    powers = np.vander(k, 4, increasing=True).astype(float)
+    through = np.zeros((len(k), len(k)))
+    through[:, k != 0] = powers @ np.linalg.pinv(powers[k != 0])
+    off: Array = np.eye(len(k)) - through
+    return off
+
+
+OFF = _off()

@@ -1,0 +1,114 @@
+"""One column of a table, as a schema file describes it: its types, and the rules that its values keep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+Rows = npt.NDArray[np.intp]
+
+
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="camel"):
+    """A part of a schema file; an unknown key is an error: it would be a rule that nobody checks."""
+
+
+_POLARS: dict[str, pl.DataType] = {
+    "string": pl.String(),
+    "boolean": pl.Boolean(),
+    "int64": pl.Int64(),
+    "float32": pl.Float32(),
+    "float64": pl.Float64(),
+}
+_POLARS |= {f"list<{name}>": pl.List(dtype) for name, dtype in _POLARS.items()}
+"""The polars types by the names that schema files call them."""
+
+
+class Constraints(Part, frozen=True):
+    """What the values of a column must satisfy.  Numbers must be finite besides, always."""
+
+    required: bool = False
+    unique: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    min_length: int | None = None
+    pattern: str | None = None
+    enum: tuple[str, ...] | None = None
+
+
+class Field(Part, frozen=True):
+    """One column, or with `repeat` several: what it is, in which unit and frame, and where it is defined."""
+
+    name: str
+    type: str
+    arrow_type: tuple[str, ...]
+    description: str
+    unit: str | None = None
+    frame: str | None = None
+    source: str | None = None
+    repeat: str | None = None
+    optional: bool = False
+    constraints: Constraints = Constraints()
+
+    def column(self, number: int) -> Field:
+        """The field of the `number`-th column of a repeated field."""
+        assert self.repeat is not None
+        name = self.name.replace(f"{{{self.repeat}}}", str(number))
+        return msgspec.structs.replace(self, name=name, repeat=None)
+
+    @property
+    def widest(self) -> pl.DataType:
+        """The last of the types accepted."""
+        return _POLARS[self.arrow_type[-1]]
+
+    @property
+    def label(self) -> str:
+        """The column's name with its unit, as error lines give it."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+def broken(field: Field, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """The rules that a column breaks, each with the rows that break it."""
+    rules = field.constraints
+    if rules.required and values.null_count():
+        yield "present", _rows(values.is_null())
+    if values.dtype == pl.String:
+        yield from _broken_texts(rules, values)
+    elif values.dtype.is_numeric():
+        yield from _broken_numbers(rules, values)
+    elif isinstance(values.dtype, pl.List) and values.dtype.inner.is_float():
+        yield "finite", np.flatnonzero([not numbers.is_finite().all() for numbers in values])
+    if rules.unique and values.n_unique() < len(values):
+        yield "unique", _rows(~values.is_first_distinct())
+
+
+def _broken_numbers(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """One pass for the least and one for the greatest; rows are looked for only when one of them is wrong."""
+    numbers = (values.drop_nulls() if values.null_count() else values).to_numpy()
+    if numbers.size == 0:
+        return
+    least, greatest = numbers.min(), numbers.max()  # a NaN anywhere makes both NaN
+    if not (np.isfinite(least) and np.isfinite(greatest)):
+        yield "finite", _rows(~values.is_finite())
+    if rules.minimum is not None and least < rules.minimum:
+        yield f"at least {rules.minimum:g}", _rows(values < rules.minimum)
+    if rules.maximum is not None and greatest > rules.maximum:
+        yield f"at most {rules.maximum:g}", _rows(values > rules.maximum)
+
+
+def _broken_texts(rules: Constraints, values: pl.Series) -> Iterator[tuple[str, Rows]]:
+    """Length, pattern and the list of values allowed."""
+    if rules.min_length is not None:
+        yield f"at least {rules.min_length} character long", _rows(values.str.len_chars() < rules.min_length)
+    if rules.pattern is not None:
+        yield f"like {rules.pattern}", _rows(~values.str.contains(f"^(?:{rules.pattern})$"))
+    if rules.enum is not None:
+        yield f"one of {', '.join(rules.enum)}", _rows(~values.is_in(rules.enum))
+
+
+def _rows(broken: pl.Series) -> Rows:
+    """Rows where a polars test says true."""
+    return np.flatnonzero(broken.fill_null(False).to_numpy())
