@@ -1,7 +1,7 @@
 """Kept tables of the benchmarks where no model is exactly right, rivals beside the diagnosis.
 
-    python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet
-    python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet
+    python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
+    python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
 
 They are benchmarks/results/imperfect_base.csv and imperfect_logs.csv.  A rival states whatever it names; the
 file as given names nothing and lowers no error, which is the baseline.
@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import csv
 import datetime
-import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -116,11 +115,8 @@ def _rivals(others: pl.DataFrame) -> Iterator[Row]:
         yield {"by": name, **rival(part.to_dicts())}
 
 
-def origin(results: pl.DataFrame, command: str) -> Row:
+def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
     """Where the figures come from, as docs/generate_benchmarks.py reads it."""
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True, cwd=RESULTS
-    ).stdout.strip()
     seeds = f"{results['seed'].min()} to {results['seed'].max()}"
     return {
         **{"commit": commit, "recorded": "", "date": datetime.date.today().isoformat()},
@@ -133,12 +129,13 @@ def main() -> None:
     parser.add_argument("which", choices=("base", "logs"))
     parser.add_argument("results", type=Path)
     parser.add_argument("--rivals", type=Path, required=True)
+    parser.add_argument("--commit", required=True, help="of the code that was measured")
     chosen = parser.parse_args()
     results, others = pl.read_parquet(chosen.results), pl.read_parquet(chosen.rivals)
     rows = list({"base": base, "logs": logs}[chosen.which](results, others))
     command = f"python -m benchmarks.imperfect_{chosen.which} run --seconds {results['seconds'][0]:g}"
     columns = list(dict.fromkeys(name for row in rows for name in row))
-    whence = origin(results, command)
+    whence = origin(results, command, chosen.commit)
     with (RESULTS / f"imperfect_{chosen.which}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, [*columns, *whence], restval="")
         writer.writeheader()

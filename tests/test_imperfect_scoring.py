@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from benchmarks import imperfect_tables
 from benchmarks.imperfect_base import report, scoring, study
 from benchmarks.imperfect_logs import report as logs_report
 from benchmarks.imperfect_logs import study as logs_study
@@ -167,3 +168,30 @@ def test_the_report_of_spoilt_logs_pairs_seeds():
     paired = next(line for line in text.splitlines() if line.startswith("| filtered |") and "of 1)" in line)
     assert "(0 of 1)" in paired.split("|")[2]
     assert "(1 of 1)" in paired.split("|")[4]
+
+
+def test_kept_tables_have_the_file_as_given_as_their_baseline():
+    studies = pl.DataFrame(
+        [
+            row(finding("missing", "tether", confidence=1.0), before=1.0, after=0.5, oracle=0.4),
+            row(finding("suspect", "payload"), before=1.0, after=2.0, oracle=0.4),
+            row(NOTHING, kind="nothing", called=()),
+        ],
+        schema_overrides={"oracle": pl.Float64},
+    )
+    kinds = {"rival": "regression", "condition": "imperfect base", "failure": "", "share": 1.0, "cpu": 1.0}
+    named = {"misjudged": [], "called": ["tether"], "before": 1.0}
+    rivals = pl.DataFrame(
+        [
+            kinds | named | {"kind": "one", "named": "tether", "after": 0.5},
+            kinds | named | {"kind": "none", "named": "payload", "after": 3.0, "called": []},
+        ]
+    )
+    ours, theirs, best, given = imperfect_tables.base(studies, rivals)
+    assert ours["named first"].endswith("(1 of 2)")
+    assert ours["error after / before"].startswith("1.25, greater in 50.0 %")
+    assert theirs["named first"].endswith("(1 of 1)")
+    assert theirs["alarm, nothing hidden"].endswith("(1 of 1)")
+    assert best["error after / before"].startswith("0.40")
+    assert given["error after / before"] == "1.00"
+    assert given["nothing named"].endswith("(2 of 2)")
