@@ -1,7 +1,7 @@
-"""Write docs/benchmarks.md from its template and the kept results; `make docs` runs it and a test compares.
+"""Write docs/benchmarks.md and docs/imperfect.md from templates and the kept results, for `make docs`.
 
 A result table is benchmarks/results/NAME.csv: first what was measured, as it is to be read, then its
-origin. A line `{{table:NAME}}` of docs/benchmarks.template.md becomes the table with its origin above it.
+origin. A line `{{table:NAME}}` of docs/*.template.md becomes the table with its origin above it.
 """
 
 from __future__ import annotations
@@ -11,19 +11,18 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-PAGE = Path(__file__).with_name("benchmarks.md")
-TEMPLATE = Path(__file__).with_name("benchmarks.template.md")
+DOCS = Path(__file__).parent
+PAGES = ("benchmarks", "imperfect")
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 ORIGIN = ("commit", "recorded", "date", "command", "seeds")
 """The code that was measured, the commit that recorded the figure, its day, the command line, the seeds."""
 
 
-def page() -> str:
-    """The whole page."""
-    return re.sub(
-        r"^\{\{table:(\w+)\}\}$", lambda found: table(found[1]), TEMPLATE.read_text(), flags=re.MULTILINE
-    )
+def page(name: str) -> str:
+    """A whole page."""
+    template = (DOCS / f"{name}.template.md").read_text()
+    return re.sub(r"^\{\{table:(\w+)\}\}$", lambda found: table(found[1]), template, flags=re.MULTILINE)
 
 
 def results(name: str) -> list[dict[str, str]]:
@@ -66,4 +65,5 @@ def _unique(values: Iterable[str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
+    for each in PAGES:
+        (DOCS / f"{each}.md").write_text(page(each))
