@@ -71,8 +71,17 @@ def test_sindy_recovers_sparse_coefficients_and_names_terms(logs):
     assert np.isfinite(found.error(Replay(held_out, GIVEN), held_out))
 
 
+def mujocos():
+    """MuJoCo's rival, where the extra `mujoco[sysid]` is installed; without it the package is empty."""
+    for needed in ("absl", "tabulate", "colorama"):
+        pytest.importorskip(needed)
+    from benchmarks.rivals import mujoco_sysid
+
+    return mujoco_sysid
+
+
 def test_mujocos_rival_is_the_rigid_body_and_its_thrusters_where_there_is_no_water():
-    rival = pytest.importorskip("benchmarks.rivals.mujoco_sysid")
+    rival = mujocos()
     bare = vehicles.preset("bluerov2_heavy")
     for name in {str(table["name"]) for table in bare.effect}:
         bare = bare.without(name)
@@ -87,7 +96,7 @@ def test_mujocos_rival_is_the_rigid_body_and_its_thrusters_where_there_is_no_wat
 
 @pytest.mark.slow
 def test_mujocos_rival_predicts_better_for_its_fit(logs, monkeypatch):
-    rival = pytest.importorskip("benchmarks.rivals.mujoco_sysid")
+    rival = mujocos()
     monkeypatch.setattr(rival, "SHOTS", 8)
     monkeypatch.setattr(rival, "ITERATIONS", 3)
     measured, held_out = logs

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.errors import DataError
-from hydro.core.evaluation import failure_regimes, misfit
+from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.regimes import Family, Pieces, conditions, families, phrase
+from hydro.core.evaluation.replay_error import BEYOND, replay
+from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import candidate
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -336,8 +338,8 @@ def test_a_motion_without_bounds_counts_at_its_bound():
     wild = damped({"name": "linear_damping", "diagonal": [-9e3] * 6})
     raw = moved(damped(), rows=300, sessions=1)
     record = recording(damped(), raw)
-    both = misfit.replay(candidate(wild), record, misfit.Motion.of(record), Pieces.of(record), None, 0)
+    both = replay(candidate(wild), record, Motion.of(record), Pieces.of(record), None, 0)
     assert both is not None
     for one in both:
         assert np.isfinite(one.squares).all()
-        assert (np.sqrt(one.squares.sum(axis=0) / one.rows.sum()) <= misfit.BEYOND.max()).all()
+        assert (np.sqrt(one.squares.sum(axis=0) / one.rows.sum()) <= BEYOND.max()).all()
