@@ -145,7 +145,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     """The ladder, what was added, what the last diagnosis says, and where the files are."""
     import polars as pl
 
-    from hydro.core.diagnosis.explain import DATASETS, HORIZON
+    from hydro.core.diagnosis.explain import DATASETS
     from hydro.report import ladder, yardsticks
     from hydro.report.diagnosis import lines
 
@@ -153,7 +153,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     every = pl.concat(step.ladder for step in steps)
     for dataset in DATASETS:
         if not every.filter(dataset=dataset).is_empty():
-            print_table(ladder.errors(every, dataset), ladder.TITLES[dataset].format(HORIZON), console)
+            print_table(ladder.errors(every, dataset), ladder.title(every, dataset), console)
     simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
     if told := yardsticks.sentence(simple):
         console.print(told)

@@ -8,20 +8,27 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.report import words
 
 TITLES = {
-    "fit": "Errors of predictions {:g} s ahead on the data: u v w [m/s], p q r [rad/s], all [m/s]",
+    "fit": "Errors of predictions {:g} s ahead on the data: {}",
     "holdout": "The same on held-out data, to which nothing was fitted",
 }
 SHORT = {"fit": "data", "holdout": "held out"}
 AS_GIVEN = "as given"
 PLAIN_ERRORS = 3.0
 """Standard errors that an entry of a list must differ from 0 by to be shown."""
+
+
+def title(ladder: pl.DataFrame, dataset: str) -> str:
+    """The title of the table of `errors`, with its units."""
+    moving = "all" in measured(ladder.filter(dataset=dataset))
+    units = "u v w [m/s], p q r [rad/s], all [m/s]" if moving else "x y z [m], phi theta psi [rad], pose [m]"
+    return TITLES[dataset].format(HORIZON, units)
 
 
 def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.DataFrame:
@@ -34,23 +41,32 @@ def errors(ladder: pl.DataFrame, dataset: str, horizon: float = HORIZON) -> pl.D
 
     Returns:
         `step` with what it added; root mean square errors of u v w [m/s], p q r [rad/s], and `all`, of all
-        together as one speed [m/s].
+        together as one speed [m/s]; without velocities of x y z [m], phi theta psi [rad] and `pose` [m].
     """
     rows = ladder.filter(pl.col("horizon") == horizon, dataset=dataset)
-    rows = rows.filter(pl.col("axis").is_in([*VELOCITY, "all"])).with_columns(
+    axes = measured(rows)
+    rows = rows.filter(pl.col("axis").is_in(axes)).with_columns(
         name=pl.format("{} {}", "step", pl.col("effect").replace("", AS_GIVEN))
     )
     last = rows.filter(pl.col("step") == pl.col("step").max())
     simple = [
         last.with_columns(name=pl.lit(name), rmse=column(name))
         for name in PREDICTORS
-        if column(name) in rows.columns
+        if column(name) in rows.columns and last[column(name)].count()
     ]
     noise = last.with_columns(name=pl.lit("noise alone"), rmse="noise_floor")
     wide = pl.concat([rows, *simple, noise]).pivot(
         on="axis", index="name", values="rmse", maintain_order=True
     )
-    return wide.select(pl.col("name").alias("step"), *VELOCITY, "all")
+    return wide.select(pl.col("name").alias("step"), *axes)
+
+
+def measured(rows: pl.DataFrame) -> tuple[str, ...]:
+    """The axes of a ladder that a table shows: of velocity; of the pose where no velocity was measured."""
+    there = set(rows["axis"].unique())
+    if "all" in there:
+        return tuple(axis for axis in (*VELOCITY, "all") if axis in there)
+    return tuple(axis for axis in (*POSE, "pose") if axis in there)
 
 
 def by_dataset(rows: pl.DataFrame) -> Iterator[tuple[str, str, pl.DataFrame]]:
@@ -71,8 +87,12 @@ def headline(rows: pl.DataFrame) -> str:
         rows: Rows of the step in the ladder table.
     """
     number, effect = rows.select("step", "effect").row(0)
-    found = rows.filter(axis="all", horizon=HORIZON).select("dataset", "rmse", "noise_floor").rows()
-    told = ", ".join(f"{SHORT[name]} {rmse:#.3g} m/s (noise {noise:#.2g})" for name, rmse, noise in found)
+    ahead = rows.filter(horizon=HORIZON)
+    whole = measured(ahead)[-1:] or ("all",)
+    found = ahead.filter(axis=whole[0]).select("dataset", "rmse", "unit", "noise_floor").rows()
+    told = ", ".join(
+        f"{SHORT[name]} {rmse:#.3g} {unit} (noise {noise:#.2g})" for name, rmse, unit, noise in found
+    )
     return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}"
 
 

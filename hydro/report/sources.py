@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.core.errors import DataError
 from hydro.io import table
 from hydro.io.files import explained
@@ -68,9 +69,14 @@ def gather(places: Sequence[str | Path | BinaryIO]) -> Sources:
 
     Raises:
         DataError: A folder has nothing to report on, a file is of another kind or broken, a study's
-            table is there twice, or two artefacts are of different vehicles.
+            table is there twice, or a comparison is of a recording without velocity.
     """
     found = [one for place in places for one in _read(place)]
+    for one in found:
+        if one.artefact.kind == "comparison" and not (one.artefact.frame["axis"] == VELOCITY[0]).any():
+            raise DataError(
+                f"{one.name}: its recording lacks velocities, of which the page is made; see `hydro show`"
+            )
     of = {kind: tuple(one for one in found if one.artefact.kind == kind) for kind in REPORTED_KINDS}
     single = {kind: _single(kind, of[kind]) for kind in SINGLE}
     return Sources(of["comparison"], of["diagnosis"], replays=of["replay"], metrics=of["metrics"], **single)
