@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.recording.arrays import Recording, channels, recording
+from hydro.core.recording.arrays import Recording, channels, recording, samples
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
 from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observed
 from hydro.core.recording.jumps import jumping
@@ -100,14 +100,14 @@ def faults(record: Recording) -> Faults:
             continue
         runs = [_runs(part) for part in parts]
         lengths = np.concatenate([np.diff(edges) for edges in runs])
-        samples = [part[edges[:-1]] for part, edges in zip(parts, runs, strict=True)]
+        readings = [part[edges[:-1]] for part, edges in zip(parts, runs, strict=True)]
         step = record.dt * max(
             (float(np.median(np.diff(rows))) for rows in places if len(rows) > 1), default=1
         )
         least = max(STANDS, LEAST_STILL / step, LONGEST_CHANCE * float(np.quantile(lengths, 0.99)))
-        values, count = np.unique(np.concatenate(samples), return_counts=True)
+        values, count = np.unique(np.concatenate(readings), return_counts=True)
         fine = len(values) >= FINE * len(lengths)
-        noisy = fine and _whiteness(samples) > WHITE
+        noisy = fine and _whiteness(readings) > WHITE
         for rows, part, edges in zip(places, parts, runs, strict=True):
             long = np.repeat(np.diff(edges) >= least, np.diff(edges))
             if long.any() and not noisy:
@@ -121,12 +121,9 @@ def faults(record: Recording) -> Faults:
 
 def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
     """Of each channel, segment by segment, the rows of its samples and what they read; none without any."""
-    for i, parts in enumerate(channels(record)):
-        rows = [np.arange(start, stop) for start, stop in record.segments]
-        if record.seen is not None:
-            kept = [record.seen[those, i] for those in rows]
-            rows = [those[there] for those, there in zip(rows, kept, strict=True)]
-            parts = [part[there] for part, there in zip(parts, kept, strict=True)]
+    every = [np.arange(start, stop) for start, stop in record.segments]
+    for i, parts in enumerate(samples(record)):
+        rows = every if record.seen is None else [those[record.seen[those, i]] for those in every]
         yield [those for those in rows if len(those)], [part for part in parts if len(part)]
 
 
