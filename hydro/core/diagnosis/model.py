@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, descend
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Prior, Problem, descend
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
 from hydro.core.vehicle.description import Vehicle
@@ -77,7 +77,13 @@ class Model:
 
 
 def fit_model(
-    vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array, iterations: int, share: float = SLOW
+    vehicle: Vehicle,
+    effects: Wanted,
+    problem: Problem,
+    reach: Array,
+    iterations: int,
+    share: float = SLOW,
+    known: Callable[[Free], Prior] | None = None,
 ) -> Model:
     """Fit effects to the shots from the values that they have; with none, the vehicle as it is.
 
@@ -88,6 +94,7 @@ def fit_model(
         reach: Positions of the recording, (N, 3), among which an anchor is looked for.
         iterations: Steps at most; with 0 the values stay as they are.
         share: Of what is left: a step that would take less ends the fit.
+        known: What is known of the entries beforehand; by default, little.
 
     Raises:
         Diverges: The predicted motion does.
@@ -96,8 +103,10 @@ def fit_model(
         model = as_it_is(vehicle, problem)
     else:
         unknown = free(vehicle, effects, reach=reach)
+        prior = known(unknown) if known is not None else None
+        begin = unknown.starts[0]
         try:
-            values, normal, problem = descend(unknown, unknown.starts[0], problem, iterations, COARSE, share)
+            values, normal, problem = descend(unknown, begin, problem, iterations, COARSE, share, prior)
         except np.linalg.LinAlgError as error:
             raise Diverges(f"no step leads on from the values of {', '.join(map(str, effects))}") from error
         model = Model(unknown, values, problem, normal)

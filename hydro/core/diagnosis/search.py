@@ -41,6 +41,12 @@ VISIBLE = 0.005
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST_FINDINGS = 4
+RIGHT = 2.0
+"""Mean squared residual in units of the noise of a model that may be right: then likelihood names effects,"""
+ALMOST_ALL = 0.9
+"""and where so much of the error is explained; else what transfers to other data does."""
+EACH = 0.25
+"""Part of the error that findings must explain on average for the search to go on."""
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
 
@@ -160,6 +166,16 @@ class Search:
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
         most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
         return self.visible(gain) and bool(lower or most or gain >= MATERIAL * first)
+
+    def explained(self, model: Model) -> float:
+        """Part of the error beyond the noise that a model explains of what the file's own effects leave."""
+        first = self.baseline.refitted
+        return (first.normal.cost - model.normal.cost) / max(first.excess, 1e-9)
+
+    def wrong(self, outcome: Outcome) -> bool:
+        """Whether no model that was found is right, though there is something to find."""
+        model, there = outcome.model, bool(outcome.found) or outcome.last.significant
+        return there and model.normal.chi2 > RIGHT and not self.explained(model) >= ALMOST_ALL
 
     def visible(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""
@@ -312,6 +328,8 @@ class Search:
                 return Outcome(model, tuple(found), screening)
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
+            if model.normal.chi2 > RIGHT and self.explained(model) < EACH * len(found):
+                return Outcome(model, tuple(found), screening)
 
     def reconsider(self, outcome: Outcome) -> Outcome:
         """Drop what the others have made needless, and swap what another effect does better in its place."""

@@ -12,7 +12,7 @@ from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import COASTING, DRIFT
-from hydro.core.effects.record import Advice, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.record import ABSORBED, Advice, Effect, Identification, Index, Parameter, Rest, Role
 from hydro.core.effects.units import of_mass, of_moment
 
 LINEAR = ("N s/m", "N s", "N m s")
@@ -151,6 +151,7 @@ EFFECTS = (
         definition="-D[i,j] nu_r[j] for (1,5), (5,1), (2,4), (4,2), (1,3), (3,1)",
         source="Fossen (2011), section 6.4 (off-diagonal entries)",
         excitation="yaw without sway and sway without yaw, and likewise heave with pitch, sway with roll",
+        identification=Identification(absorbs=ABSORBED),
         lookalikes=("body_lift", "crossflow_drag", "added_mass_coupling", "sensor_lever_arm"),
         parameters=tuple(Parameter(f"D{i}{j}", ("N s",), f"D[{i},{j}]") for i, j in COUPLED),
         kernel=coupled,
@@ -164,6 +165,7 @@ EFFECTS = (
         definition="-D[i,j] abs(nu_r[j]) nu_r[i] for the six axes i and the three speeds j, j not i",
         source="Fossen (2011), section 6.4 (abs(nu)^T D_n nu, its terms that only oppose motion)",
         excitation="surge, sway, heave and turns at once, in pairs and at several speeds",
+        identification=Identification(absorbs=ABSORBED),
         lookalikes=("quadratic_damping", "body_lift", "crossflow_drag", "linear_damping"),
         parameters=tuple(
             Parameter(

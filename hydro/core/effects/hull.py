@@ -8,7 +8,17 @@ from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
 from hydro.core.effects.parting import DRIFT
-from hydro.core.effects.record import Advice, Effect, Index, Limits, Parameter, Rest, Role
+from hydro.core.effects.record import (
+    ABSORBED,
+    Advice,
+    Effect,
+    Identification,
+    Index,
+    Limits,
+    Parameter,
+    Rest,
+    Role,
+)
 from hydro.core.effects.units import of_mass, of_mixed
 
 SECTIONS = 32
@@ -79,6 +89,7 @@ EFFECTS = (
         definition="dY = -1/2 rho Cd_y H abs(s_H) s_H dx, dZ likewise of W, s_W; N = int x dY, M = -int x dZ",
         source="Hoerner (1965); Fossen (2011), section 6.4.3",
         excitation="sway together with yaw, heave together with pitch rate, at strong drift angles",
+        identification=Identification(absorbs=ABSORBED),
         lookalikes=("quadratic_damping", "coupled_damping", "cross_axis_drag"),
         parameters=(
             Parameter(
@@ -103,6 +114,7 @@ EFFECTS = (
         definition="-|u_r| L nu_r in Y, N of v_r, r and in Z, M of w_r, q",
         source="Prestero (2001), chapter 4 (body and fin lift); Hoerner (1965)",
         excitation="drift and turns at speed, ahead and astern",
+        identification=Identification(absorbs=ABSORBED),
         lookalikes=("added_mass_coriolis", "coupled_damping", "cross_axis_drag"),
         parameters=tuple(
             Parameter(

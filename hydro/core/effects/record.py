@@ -129,6 +129,10 @@ Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
 """Shapes of an effect on a vehicle, with the positions (N, 3) of the recording where they are known."""
 
 
+ABSORBED = 0.3
+"""What formulas of drag and lift absorb of a hull of panels: the median of ten bases."""
+
+
 @dataclass(frozen=True)
 class Identification:
     """How an effect is looked for in a recording; as it is, one that is linear in all of its parameters.
@@ -141,6 +145,8 @@ class Identification:
         starts: Tables to begin from where one beginning is not as good as another.
         coarse: A few shapes that tell whether an effect that is not linear is worth a closer look.
         fine: More of them, which tell where to begin.
+        absorbs: Share of the error of data it was not fitted to that it removes of hulls no formula
+            describes, where nothing is missing but a formula.
     """
 
     form: str | None = None
@@ -149,6 +155,7 @@ class Identification:
     starts: Callable[[Vehicle, Array | None], list[Table]] | None = None
     coarse: Shapes | None = None
     fine: Shapes | None = None
+    absorbs: float = 0.0
 
     @property
     def linear(self) -> bool:

@@ -18,7 +18,7 @@ how much (`_reach`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -38,6 +38,28 @@ PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 ROUNDS, SAME = 5, 0.75  # of steps and standard errors; what is no change of a step
 ERRORS = 26.0**0.5  # standard errors that a derivative is taken over
 FINER = 2.0**0.5  # from one distance to the next at which a standard error is looked for
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of parameters beforehand: a normal distribution, in units of the entries' scales.
+
+    Attributes:
+        centre: Its mean, (P,).
+        information: Inverse of its variances, (P,), in units of the least-squares problem's information.
+    """
+
+    centre: Array
+    information: Array
+
+    @classmethod
+    def weak(cls, start: Array) -> Prior:
+        """PRIOR scales about where a fit begins, (P,) in scales."""
+        return cls(start, np.full(len(start), PRIOR**-2))
+
+    def cost(self, x: Array) -> float:
+        """What values (P,) in scales cost by it."""
+        return float((self.information * (x - self.centre) ** 2).sum())
 
 
 class Problem(Protocol):
@@ -60,24 +82,26 @@ def descend(
     iterations: int,
     enough: float = ENOUGH,
     share: float = 0.0,
+    prior: Prior | None = None,
 ) -> tuple[Array, Normal, Problem]:
     """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
 
-    It ends where a step would lower the cost by less than `enough` residuals' worth, or by less than a share
-    of what there is beyond the noise.
+    `prior` is what is known of the values; by default, little.  It ends where a step would lower the cost by
+    less than `enough` residuals' worth, or by less than a share of what there is beyond the noise.
     """
     scales = unknown.scales
     low, high = (bound / scales for bound in unknown.bounds)
-    begin = x = start / scales
-    damping, reached, prior = 1e-6, np.inf, np.full(len(x), PRIOR**-2)
+    x = start / scales
+    prior = prior or Prior.weak(x)
+    damping, reached, known = 1e-6, np.inf, prior.information
     normal = linearised(unknown, x, problem)
     for _ in range(iterations):
-        matrix = normal.matrix.sum(axis=0) + np.diag(prior)
-        score = normal.score.sum(axis=0) - prior * (x - begin)
+        matrix = normal.matrix.sum(axis=0) + np.diag(known)
+        score = normal.score.sum(axis=0) - known * (x - prior.centre)
         worth = max(enough * max(1.0, normal.chi2), share * (normal.cost - normal.residuals))
         # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
         here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
-        before = here + float((prior * (x - begin) ** 2).sum())
+        before = here + prior.cost(x)
         after, stride = stayed, np.zeros(len(x))
         while damping < GIVEN_UP:
             step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
@@ -86,7 +110,7 @@ def descend(
                 break
             trial = unknown.within((x + step) * scales)
             cost, along = problem.cost(unknown.at(trial), step, normal)
-            if cost + float((prior * (x + step - begin) ** 2).sum()) < before:
+            if cost + prior.cost(x + step) < before:
                 after, stride = along, step
                 break
             damping = max(damping * 10.0, 1e-4)

@@ -1,0 +1,240 @@
+"""Names by transfer: what an effect removes of the error on data that it was not fitted to.
+
+Where no model reaches the noise, likelihoods compare how well wrong models bend, and the most flexible wins.
+Physics holds elsewhere too: an effect that is there removes error in sessions and in regimes of motion that
+had no part in its values, and one that merely absorbs the hull's own error does not.
+
+Every effect is fitted together with the file's own, from the values of the file, which hold to what is known
+of them.  The squared residual is tempered: divided by its own mean and by the length for which errors of a
+model last, so that what is known weighs something beside ten thousands of numbers that err alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hydro.core.columns import Array, Progress, Rows
+from hydro.core.diagnosis.confidence import folds
+from hydro.core.diagnosis.model import Diverges, Model, fit_model, repeated_effects
+from hydro.core.diagnosis.search import Baseline, Search
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.levenberg_marquardt import Prior
+from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.parameters import Free
+from hydro.core.identification.prior import deviations, in_file
+from hydro.core.identification.suspects import suspects
+from hydro.core.vehicle.description import Vehicle
+
+CORRELATED = 10.0
+"""Numbers of a shot that err alike where a model is wrong."""
+SUSPECT = 2.0
+"""Standard deviation of an effect that may be missing, in scales about its absence."""
+SURVEY_SHOTS = 80
+"""Shots on which all effects are fitted."""
+STEPS = 6
+"""Of a fit in the survey."""
+KEPT = 1.0 / 3.0
+"""Part of an effect's information that must remain where a regime is left out."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect, fitted together with the file's own.
+
+    Attributes:
+        effect: Its name.
+        own: Whether the file has it.
+        model: The vehicle with it, or with its own values anew.
+        sessions: Share of the error of left-out sessions or stretches that it removes.
+        regimes: The same of left-out regimes of motion.
+        wins: For every session or stretch, the squared residual that it removes there.
+    """
+
+    effect: str
+    own: bool
+    model: Model
+    sessions: float
+    regimes: float
+    wins: Array
+
+    @property
+    def score(self) -> float:
+        """The lesser of both, beyond what such an effect absorbs of a hull that no formula describes."""
+        absorbed = CATALOGUE[self.effect].identification.absorbs
+        return (min(self.sessions, self.regimes) - absorbed) / (1.0 - absorbed)
+
+
+@dataclass(frozen=True)
+class Survey:
+    """All effects of the catalogue about one file.
+
+    Attributes:
+        refitted: The file's own effects, fitted within what is known of them.
+        rivals: Every effect that could be fitted, the best by its score first.
+    """
+
+    refitted: Model
+    rivals: tuple[Rival, ...]
+
+    def tied(self, quarter: float = 0.25) -> tuple[Rival, ...]:
+        """The best, and those that remove more than it in a quarter of the sessions or more."""
+        best, *others = self.rivals
+        near = [one for one in others if (one.wins > best.wins).mean() >= quarter and one.score > 0.0]
+        return (best, *near)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of the entries of a fit, for a file and a mean squared residual.
+
+    Attributes:
+        file: The vehicle file.
+        temper: Mean squared residual per number, at least 1.
+        released: Effects of the file that may have any plausible values.
+    """
+
+    file: Vehicle
+    temper: float
+    released: frozenset[str] = frozenset()
+
+    def __call__(self, unknown: Free) -> Prior:
+        """Normal priors about the values of the file, and about the absence of what it has not."""
+        scales = unknown.scales
+        spread = deviations(self.file, unknown.entries) / scales
+        names = np.array([entry.effect for entry in unknown.entries])
+        new = np.array([not self.file.effects(name) or name in self.released for name in names], bool)
+        spread[new] = SUSPECT
+        centre = unknown.within(in_file(self.file, unknown.entries)) / scales
+        return Prior(centre, CORRELATED * self.temper * spread**-2.0)
+
+
+def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
+    """Fit every effect of the catalogue together with the file's own, and score it by what transfers.
+
+    Args:
+        baseline: The vehicle file and the shots, begun where the recording saw the vehicle.
+        progress: Called with a few words and the share of the work done.
+    """
+    file, own, reach = baseline.vehicle, baseline.effects, baseline.log.positions
+    problem = some(baseline.problem, SURVEY_SHOTS)
+    labels = (sessions_of(problem.shots), regimes_of(problem.shots))
+    refitted, known = tempered(file, own, problem, reach)
+    rivals = []
+    for name in own:
+        try:
+            held = fit_model(file, [n for n in own if n != name], problem, reach, STEPS, known=known)
+        except Diverges:
+            continue
+        rivals.append(_rival(name, refitted, held, known, labels, own=True))
+    candidates = _beginnings(baseline, refitted, known)
+    for number, (name, table) in enumerate(candidates.items()):
+        if progress is not None:
+            progress(f"{name} on data that it was not fitted to", number / len(candidates))
+        released = Known(file, known.temper, frozenset({name}))
+        try:
+            model = fit_model(file, [*own, table], problem, reach, STEPS, known=released)
+        except Diverges:
+            continue
+        rivals.append(_rival(name, model, refitted, released, labels, own=bool(file.effects(name))))
+    return Survey(refitted, tuple(sorted(rivals, key=lambda one: -one.score)))
+
+
+def tempered(file: Vehicle, own: Sequence[str], problem: OutputError, reach: Array) -> tuple[Model, Known]:
+    """The file's own effects fitted within what is known of them, from the values of the file.
+
+    The temper is that of what the fit itself leaves: found twice.
+    """
+    model = fit_model(file, [], problem, reach, 0)
+    for _ in range(2):
+        known = Known(file, max(model.normal.chi2, 1.0))
+        model = fit_model(file, list(own), problem, reach, STEPS, known=known)
+    return model, Known(file, max(model.normal.chi2, 1.0))
+
+
+def some(problem: OutputError, most: int) -> OutputError:
+    """The problem with at most so many of its shots, spread evenly."""
+    kept = np.zeros(len(problem.shots.starts), bool)
+    kept[multiple_shooting.evenly(len(kept), most)] = True
+    return OutputError(multiple_shooting.select(problem.shots, kept))
+
+
+def sessions_of(shots: Shots) -> Rows:
+    """What is left out together first: sessions, or stretches where there are few."""
+    return folds(shots.record.session[shots.segment])
+
+
+def regimes_of(shots: Shots) -> Rows:
+    """Regime of motion of each shot: its largest mean velocity, in units of the log's, and its sign, (S,)."""
+    nu = shots.measured[..., 7:]
+    with np.errstate(invalid="ignore"):
+        size = np.sqrt(np.nanmean(nu**2, axis=(0, 1))) + 1e-12
+        mean = np.nan_to_num(np.nanmean(nu, axis=1) / size)
+    axis = np.abs(mean).argmax(axis=1)
+    return np.asarray(2 * axis + (mean[np.arange(len(mean)), axis] > 0.0), np.int64)
+
+
+def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
+    """Squared residual of each shot, predicted by one Gauss-Newton step to the fit to all other folds, (S,).
+
+    NaN where the other folds keep less than KEPT of the information on the entries `new`.
+    """
+    normal, prior = model.normal, known(model.unknown)
+    costs, seen = np.array(normal.gram[:, -1, -1]), ~normal.lost
+    matrix, score = normal.matrix, normal.score
+    shown = np.einsum("sii->si", matrix)[:, list(new)].sum(axis=1)
+    total, pull = matrix[seen].sum(axis=0) + np.diag(prior.information), score[seen].sum(axis=0)
+    pull = pull - prior.information * (model.values / model.unknown.scales - prior.centre)
+    for number in np.unique(fold):
+        out = (fold == number) & seen
+        if len(new) and shown[seen & ~out].sum() < KEPT * shown[seen].sum():
+            costs[out] = np.nan
+            continue
+        rest, left = total - matrix[out].sum(axis=0), pull - score[out].sum(axis=0)
+        step = np.linalg.solve(rest, left)
+        costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step
+    costs[~seen] = np.nan
+    return costs
+
+
+def _rival(
+    name: str, model: Model, without: Model, known: Known, labels: tuple[Rows, Rows], *, own: bool
+) -> Rival:
+    """An effect scored against the model without it, or with the values that the file has of it."""
+    new = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
+    shares: list[float] = []
+    gained: Array = np.zeros(0)
+    for fold in labels:
+        before = left_out(without, known, fold) if without.unknown.entries else without.costs
+        after = left_out(model, known, fold, new)
+        both = np.isfinite(before) & np.isfinite(after)
+        excess = (before - without.normal.freedoms)[both].sum()
+        shares.append(float((before - after)[both].sum() / excess) if excess > 0.0 else 0.0)
+        if not gained.size:
+            gained = np.asarray(
+                np.bincount(fold[both], (before - after)[both], minlength=int(fold.max()) + 1), float
+            )
+    return Rival(name, own, model, shares[0], shares[1], gained)
+
+
+def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
+    """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
+    file, own = baseline.vehicle, baseline.effects
+    tried = suspects(file, without=[*own, *repeated_effects(file)], reach=baseline.log.positions)
+    screening = Search(baseline).linearise(refitted, tried)
+    matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
+    weight = CORRELATED * known.temper
+    held = np.concatenate([known(refitted.unknown).information, np.zeros(len(matrix) - len(screening.own))])
+    tables = {}
+    for name, (suspect, columns) in screening.ranked.items():
+        both, new = [*screening.own, *columns], len(screening.own)
+        prior = held[both]
+        prior[new:] = weight * SUSPECT**-2
+        step = np.linalg.solve(matrix[np.ix_(both, both)] + np.diag(prior), score[both])
+        tables[name] = {**suspect.begin(step[new:]), "name": name}
+    return tables

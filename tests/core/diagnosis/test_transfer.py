@@ -1,0 +1,82 @@
+"""Left-out errors against ridge regressions that were never shown them, and what a score is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.transfer import KEPT, Rival, left_out
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification.levenberg_marquardt import Prior
+from hydro.core.identification.normal_equations import Normal
+
+SHOTS, ROWS, COLUMNS = 40, 30, 3
+FOLD = np.repeat(np.arange(4), 10)
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """Entries of which only the scales matter."""
+
+    scales: np.ndarray
+
+
+def drawn(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    columns = rng.standard_normal((SHOTS, ROWS, COLUMNS))
+    return columns, columns @ [0.5, -0.3, 0.2] + rng.standard_normal((SHOTS, ROWS))
+
+
+def ridge(columns: np.ndarray, error: np.ndarray, prior: Prior) -> np.ndarray:
+    flat = columns.reshape(-1, COLUMNS)
+    matrix = flat.T @ flat + np.diag(prior.information)
+    return np.linalg.solve(matrix, flat.T @ error.ravel() + prior.information * prior.centre)
+
+
+def model(columns: np.ndarray, error: np.ndarray, prior: Prior, scales: np.ndarray) -> Model:
+    """At its ridge estimate; the entries' values are in their own units."""
+    found = ridge(columns, error, prior)
+    both = np.concatenate([columns, (error - columns @ found)[..., None]], axis=-1)
+    gram = both.transpose(0, 2, 1) @ both
+    normal = Normal(gram, ROWS, gram[:, -1:, -1], np.zeros((SHOTS, 0, COLUMNS + 1)))
+    return Model(Scaled(scales), found * scales, None, normal)
+
+
+@pytest.mark.parametrize("weight", [1e-3, 200.0])
+def test_costs_are_those_of_ridge_regressions_without_the_fold(weight):
+    columns, error = drawn()
+    prior = Prior(np.array([1.0, 0.0, -1.0]), weight * np.array([1.0, 2.0, 3.0]))
+    fitted = model(columns, error, prior, np.array([1.0, 10.0, 0.1]))
+    found = left_out(fitted, lambda unknown: prior, FOLD)
+    for number in range(4):
+        out = number == FOLD
+        known = ridge(columns[~out], error[~out], prior)
+        expected = ((error[out] - columns[out] @ known) ** 2).sum(axis=1)
+        np.testing.assert_allclose(found[out], expected, rtol=1e-9)
+
+
+def test_a_fold_that_has_most_of_the_information_does_not_count():
+    columns, error = drawn()
+    columns[FOLD == 2, :, 0] *= 20.0
+    prior = Prior(np.zeros(COLUMNS), np.full(COLUMNS, 1e-3))
+    fitted = model(columns, error, prior, np.ones(COLUMNS))
+    shown = (columns[..., 0] ** 2).sum(axis=1)
+    assert shown[FOLD != 2].sum() < KEPT * shown.sum()
+    found = left_out(fitted, lambda unknown: prior, FOLD, new=[0])
+    assert np.isnan(found[FOLD == 2]).all()
+    assert np.isfinite(found[FOLD != 2]).all()
+
+
+def test_what_absorbs_a_hull_must_remove_more_than_that():
+    absorbing = [name for name, one in CATALOGUE.items() if one.identification.absorbs > 0.0]
+    assert absorbing
+    for name in absorbing:
+        share = CATALOGUE[name].identification.absorbs
+        at = Rival(name, False, None, share, 1.0, np.zeros(0))
+        assert at.score == pytest.approx(0.0)
+        assert Rival(name, False, None, 1.0, 1.0, np.zeros(0)).score == pytest.approx(1.0)
+    other = next(name for name in CATALOGUE if name not in absorbing)
+    assert Rival(other, False, None, 0.4, 0.2, np.zeros(0)).score == pytest.approx(0.2)
