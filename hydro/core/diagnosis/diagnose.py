@@ -29,7 +29,7 @@ from hydro.core.diagnosis.confidence import (
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import aliases, undetermined
-from hydro.core.diagnosis.imperfect import by_transfer
+from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import (
     SLOW,
@@ -113,23 +113,6 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
     return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found))
-
-
-def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
-    """What is said then, see `diagnosis.imperfect`."""
-    named = by_transfer(baseline, lambda words, share: progress(words, 0.4 + 0.5 * share))
-    progress("verdicts", 0.9)
-    last = replace(outcome, model=named.model, found=(), fit=named.fit)
-    remaining = unexplained(baseline, last)
-    findings = [*named.findings, *remaining]
-    if baseline.warnings:
-        words = "; ".join(baseline.warnings)
-        findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
-    progress("done", 1.0)
-    models = (baseline.given, named.refitted, named.model)
-    given, refitted, found = (model.normal.chi2 for model in models)
-    fitted = named.fit.vehicle if named.fit else named.model.vehicle
-    return Diagnosis((*baseline.log.faults, *findings), fitted, (given, refitted, found))
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:

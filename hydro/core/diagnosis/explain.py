@@ -10,6 +10,7 @@ that were fitted to the recording.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +39,8 @@ RISE = 1.02
 """Held-out error over that of the step before from which a step counts as a step too far."""
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
+LIKELY = 0.3
+"""Confidence from which a suspect makes a step where nothing is stated: its score is one of data left out."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts that something is left which no effect explains."""
 DATASETS = ("fit", "holdout")
@@ -182,11 +185,20 @@ def _finding(step: Step) -> dict[str, Table]:
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "")
     missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()
+    if not missing:
+        missing = _likely(with_values, {table["name"] for table in step.tables})
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
     if not missing and {table["name"] for table in step.tables}.issuperset(retuned):
         return {}
     wanted = [*missing[:1], *retuned]
     return {table["name"]: table for table in tables(step.diagnosis, wanted)}
+
+
+def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
+    """Suspects by transfer, which no test of chance is behind, that have not been fitted in the step."""
+    by_transfer = pl.col("p_value").is_null() & (pl.col("confidence") >= LIKELY)
+    names = findings.filter(by_transfer, verdict="suspect").sort("rank")["effect"].to_list()
+    return [name for name in names if name not in fitted]
 
 
 def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:

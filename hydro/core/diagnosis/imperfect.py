@@ -7,23 +7,32 @@ hull's own error until a recording from before the change parts the two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
-from hydro.core.diagnosis.findings import SURE, Finding
-from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import Baseline
-from hydro.core.diagnosis.transfer import Known, Rival, Survey, survey, tempered
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
+from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
+from hydro.core.diagnosis.search import Baseline, Outcome
+from hydro.core.diagnosis.sensor_tests import shown
+from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
+from hydro.core.diagnosis.unexplained import unexplained
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.normal_equations import block_length
+from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""
 MOVED = 2.0
 """Standard deviations of what is known of a value by which a fit must move it to be a finding."""
+NEARLY = 0.7
+"""Part of the score of what is named from which others are told beside it."""
 STEPS = 12
 """Of the last fit."""
 
@@ -45,23 +54,85 @@ class Named:
     refitted: Model
 
 
+def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
+    """What is said then, see `diagnosis.imperfect`: after what kinematics alone shows of the velocity log."""
+    misread = list(_misread(baseline, outcome))
+    read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in misread])
+    there = replace(baseline, vehicle=read, effects=tuple(_others(baseline.effects, misread)))
+    named = by_transfer(there, lambda words, share: progress(words, 0.4 + 0.5 * share))
+    progress("verdicts", 0.9)
+    last = replace(outcome, model=named.model, found=(), fit=named.fit)
+    findings = [*misread, *named.findings, *unexplained(baseline, last)]
+    if baseline.warnings and findings:
+        words = "; ".join(baseline.warnings)
+        findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
+    progress("done", 1.0)
+    models = (baseline.given, named.refitted, named.model)
+    given, refitted, found = (model.normal.chi2 for model in models)
+    fitted = named.fit.vehicle if named.fit else named.model.vehicle
+    return Diagnosis((*baseline.log.faults, *findings), fitted, (given, refitted, found))
+
+
+def _others(effects: Sequence[str], findings: Sequence[Finding]) -> list[str]:
+    """Names of effects that no finding is of."""
+    named = {one.effect for one in findings}
+    return [name for name in effects if name not in named]
+
+
+def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+    """Errors of the velocity log that joined the search and that kinematics shows, with its values."""
+    first, dt = baseline.refitted, baseline.log.record.dt
+    for one in outcome.found:
+        test = baseline.sensors.get(one.effect)
+        if test is None or not shown(test):
+            continue
+        values = {key: value for key, value in test.table.items() if key != "name"}
+        gain = (first.normal.cost - one.rivals[one.effect].normal.cost) / max(first.excess, 1e-9)
+        yield Finding(
+            "retune" if baseline.vehicle.effects(one.effect) else "missing",
+            one.effect,
+            (one.effect,),
+            float(np.clip(gain, 0.0, 1.0)),
+            confidence=1.0 - test.p_value,
+            p_value=test.p_value,
+            parameters=values,
+            standard_errors=test.errors,
+            advice=f"{advice.adding(one.effect, values, dt)}; kinematics alone shows it, whatever forces act",
+        )
+
+
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change that removes most of the error of data that it was not fitted to."""
+    fine = baseline.problem
+    baseline = replace(baseline, problem=resolved(fine))
     surveyed = survey(baseline, progress)
-    refitted, known = tempered(baseline.vehicle, baseline.effects, baseline.problem, baseline.log.positions)
-    for place, rival in enumerate(surveyed.rivals):
+    effects, reach = baseline.effects, baseline.log.positions
+    refitted, known = tempered(baseline.vehicle, effects, baseline.problem, reach)
+    for rival in surveyed.rivals:
         if rival.score < NAMED:
             break
         if rival.own and not _moved(rival, baseline):
             continue
         try:
             model = _to_the_end(rival, baseline, known)
+            without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
         fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
-        finding = _finding(rival, surveyed, place, baseline, model, fit, refitted)
+        model, refitted, without = (_in_noise(one, fine) for one in (model, refitted, without))
+        finding = _finding(rival, surveyed, model, without, fit, baseline.log.record.dt)
         return Named((finding,), model, fit, refitted)
+    refitted = _in_noise(refitted, fine)
     return Named((), refitted, None, refitted)
+
+
+def _in_noise(model: Model, fine: OutputError) -> Model:
+    """The model with its residuals in units of the noise again."""
+    problem = cast(OutputError, model.problem).weighed(fine.shots.sigma)
+    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    if not names:
+        return as_it_is(model.vehicle, problem)
+    return fit_model(model.vehicle, names, problem, np.zeros((1, 3)), 0)
 
 
 def _moved(rival: Rival, baseline: Baseline) -> bool:
@@ -81,40 +152,29 @@ def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     return fit_model(rival.model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
 
 
-def _finding(
-    rival: Rival,
-    surveyed: Survey,
-    place: int,
-    baseline: Baseline,
-    model: Model,
-    fit: Fit,
-    refitted: Model,
-) -> Finding:
-    """The naming, with its share of the error beyond the noise that the file's own effects leave."""
+def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
+    """The model without the effect, or with the values that the file has of it."""
+    if not rival.own:
+        return refitted
+    others = [name for name in baseline.effects if name != rival.effect]
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.positions, STEPS, known=known)
+
+
+def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: Fit, dt: float) -> Finding:
+    """The naming, with its share of the error beyond the noise that the model without it leaves."""
     pieces = max(block_length(model.normal.score), 1)
-    share, low, high = explained_share(refitted.costs - model.costs, refitted.excesses, pieces)
+    share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     table = next(one for one in fit.tables() if one["name"] == rival.effect)
     values = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
     others = [one for one in surveyed.rivals if one is not rival]
-    sure = by_transfer_confidence(rival.score, max((one.score for one in others), default=0.0))
-    words = (
-        advice.retuning(rival.effect, None)
-        if rival.own
-        else advice.adding(rival.effect, values, baseline.log.record.dt)
-    )
-    words += (
-        f"; fitted to the rest it removes {max(rival.score, 0.0):.0%} of the error of left-out sessions and "
-        f"regimes, and {model.normal.chi2:.3g} of the noise remain: the hull's own error may pass for it. A "
-        "recording from before the change (`--before`) parts the two"
-    )
-    near = [one.effect for one in others if one.score > 0.7 * rival.score and one.score >= NAMED]
-    if near:
-        words += f"; nearly as well: {', '.join(near)}"
-    verdict = ("retune" if rival.own else "missing") if sure >= SURE else "suspect"
-    if verdict == "suspect":
-        words = advice.suspecting(rival.effect, words)
+    sure = by_transfer_confidence(rival.score)
+    in_file = bool(model.vehicle.effects(rival.effect)) and rival.own
+    words = advice.retuning(rival.effect) if in_file else advice.adding(rival.effect, values, dt)
+    near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]
+    words += _standing(rival, model, near)
+    stated = sure >= SURE
     return Finding(
-        verdict,  # type: ignore[arg-type]
+        ("retune" if in_file else "missing") if stated else "suspect",
         rival.effect,
         (rival.effect,),
         share,
@@ -123,5 +183,15 @@ def _finding(
         sure,
         parameters=values,
         standard_errors=dict(table["standard_error"]),
-        advice=words,
+        advice=words if stated else advice.suspecting(rival.effect, words),
     )
+
+
+def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:
+    """How far the name is to be believed, in words."""
+    words = (
+        f"; fitted to the rest it removes {rival.score:.0%} of the error of sessions and regimes left out. "
+        f"{model.normal.chi2:.3g} of the noise remain, which is the hull's own error or more that is "
+        "missing: a recording from before the change (`--before`) parts the two"
+    )
+    return f"{words}; nearly as good: {', '.join(near)}" if near else words

@@ -99,6 +99,13 @@ class KinematicTest:
         return {"name": self.effect, name: value}
 
     @property
+    def errors(self) -> dict[str, Any]:
+        """The standard errors of `table`, by parameter."""
+        name = ENTRIES[self.effect][0]
+        number = CATALOGUE[self.effect].parameter(name).shape == ()
+        return {name: float(self.standard_error[0]) if number else self.standard_error.tolist()}
+
+    @property
     def p_value(self) -> float:
         """Probability that chance alone would show as much."""
         return self.chance(np.zeros_like(self.estimate))

@@ -39,6 +39,11 @@ SURVEY_SHOTS = 80
 """Shots on which all effects are fitted."""
 STEPS = 6
 """Of a fit in the survey."""
+AS_GOOD = 0.98
+"""Part of the best score from which an effect of fewer entries is named in its place."""
+RESOLUTION = np.repeat([0.01, 0.005, 0.01, 0.005], 3)
+"""Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
+filtered log only smoother."""
 KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
 
@@ -53,7 +58,6 @@ class Rival:
         model: The vehicle with it, or with its own values anew.
         sessions: Share of the error of left-out sessions or stretches that it removes.
         regimes: The same of left-out regimes of motion.
-        wins: For every session or stretch, the squared residual that it removes there.
     """
 
     effect: str
@@ -61,7 +65,11 @@ class Rival:
     model: Model
     sessions: float
     regimes: float
-    wins: Array
+
+    @property
+    def entries(self) -> int:
+        """How many numbers it has."""
+        return sum(entry.effect == self.effect for entry in self.model.unknown.entries)
 
     @property
     def score(self) -> float:
@@ -76,17 +84,12 @@ class Survey:
 
     Attributes:
         refitted: The file's own effects, fitted within what is known of them.
-        rivals: Every effect that could be fitted, the best by its score first.
+        rivals: Every effect that could be fitted, the best by its score first; of those that are as good, the
+            one of fewest entries.
     """
 
     refitted: Model
     rivals: tuple[Rival, ...]
-
-    def tied(self, quarter: float = 0.25) -> tuple[Rival, ...]:
-        """The best, and those that remove more than it in a quarter of the sessions or more."""
-        best, *others = self.rivals
-        near = [one for one in others if (one.wins > best.wins).mean() >= quarter and one.score > 0.0]
-        return (best, *near)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,11 @@ class Known:
         spread[new] = SUSPECT
         centre = unknown.within(in_file(self.file, unknown.entries)) / scales
         return Prior(centre, CORRELATED * self.temper * spread**-2.0)
+
+
+def resolved(problem: OutputError) -> OutputError:
+    """The problem with no channel weighed by less than RESOLUTION."""
+    return problem.weighed(np.maximum(problem.shots.sigma, RESOLUTION))
 
 
 def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
@@ -142,7 +150,18 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         except Diverges:
             continue
         rivals.append(_rival(name, model, refitted, released, labels, own=bool(file.effects(name))))
-    return Survey(refitted, tuple(sorted(rivals, key=lambda one: -one.score)))
+    return Survey(refitted, ranked(rivals))
+
+
+def ranked(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
+    """By score; but first, of those that are as good as the best, the one of fewest entries."""
+    order = sorted(rivals, key=lambda one: -one.score)
+    near = [one for one in order if one.score >= AS_GOOD * order[0].score > 0.0]
+    if near:
+        simplest = min(near, key=lambda one: one.entries)
+        order.remove(simplest)
+        order.insert(0, simplest)
+    return tuple(order)
 
 
 def tempered(file: Vehicle, own: Sequence[str], problem: OutputError, reach: Array) -> tuple[Model, Known]:
@@ -207,19 +226,14 @@ def _rival(
 ) -> Rival:
     """An effect scored against the model without it, or with the values that the file has of it."""
     new = [i for i, entry in enumerate(model.unknown.entries) if entry.effect == name]
-    shares: list[float] = []
-    gained: Array = np.zeros(0)
+    shares = []
     for fold in labels:
         before = left_out(without, known, fold) if without.unknown.entries else without.costs
         after = left_out(model, known, fold, new)
         both = np.isfinite(before) & np.isfinite(after)
         excess = (before - without.normal.freedoms)[both].sum()
         shares.append(float((before - after)[both].sum() / excess) if excess > 0.0 else 0.0)
-        if not gained.size:
-            gained = np.asarray(
-                np.bincount(fold[both], (before - after)[both], minlength=int(fold.max()) + 1), float
-            )
-    return Rival(name, own, model, shares[0], shares[1], gained)
+    return Rival(name, own, model, shares[0], shares[1])
 
 
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
