@@ -119,13 +119,16 @@ def _print_effect(effect: Effect) -> None:
             "unit": describe.unit(parameter),
             "numbers": describe.size(parameter),
             "bounds": describe.bounds(parameter),
+            "plausible": describe.plausible(parameter),
             "if left out": describe.when_left_out(effect, parameter),
             "meaning": parameter.meaning,
         }
         for parameter in effect.parameters
     ]
     print_table(pl.DataFrame(parameters), "")
-    typer.echo(f"\nneeds: {effect.excitation}")
+    sources = dict.fromkeys(one.plausible.source for one in effect.parameters if one.plausible)
+    typer.echo(f"\nplausible by: {'; '.join(sources)}")
+    typer.echo(f"needs: {effect.excitation}")
     typer.echo(f"easily mistaken for: {', '.join(effect.lookalikes)}")
     typer.echo(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
     typer.echo(describe.toml(effect), nl=False)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
-from hydro.core.effects.record import Effect, Role
+from hydro.core.effects.record import Effect, Parameter, Role
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
 FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
+
+ROUNDING = 1e-6
+"""Of half a plausible range: an end that was rounded is within it."""
 
 
 def with_role(role: Role) -> tuple[str, ...]:
@@ -109,6 +113,41 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
         if effect.sensor is not None:
             effect.sensor(parameters, log)
     return log
+
+
+def implausible(vehicle: Vehicle, names: Sequence[str] | None = None) -> list[str]:
+    """Values of a vehicle's effects that lie beyond their plausible ranges, a sentence for each parameter.
+
+    Args:
+        vehicle: The vehicle.
+        names: Effects that are looked at; by default all.
+    """
+    found = []
+    for table in vehicle.effect:
+        if names is None or table["name"] in names:
+            given = [one for one in CATALOGUE[table["name"]].parameters if one.name in table]
+            found += [words for one in given if (words := _beyond(table, one, vehicle))]
+    return found
+
+
+def _beyond(table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle) -> str:
+    """That an entry of a parameter lies beyond what is plausible, the farthest; empty where none does."""
+    if parameter.plausible is None:
+        return ""
+    values, farthest, words = np.asarray(table[parameter.name], float), 1.0, ""
+    for index in np.ndindex(*values.shape):
+        low, high = parameter.plausible.at(index, vehicle)
+        value, middle, half = float(values[index]), 0.5 * (low + high), 0.5 * (high - low)
+        away = abs(value - middle) / half if half else math.inf
+        if away > max(farthest, 1.0 + ROUNDING):
+            farthest = away
+            place = "".join(f"[{i}]" for i in index)
+            unit = f" {parameter.unit_at(index)}".replace(" 1", "")
+            words = (
+                f"{table['name']}.{parameter.name}{place} = {value:.3g}{unit} is "
+                f"implausible: {low:.3g} to {high:.3g} is what physics leaves ({parameter.plausible.words})"
+            )
+    return words
 
 
 def _require_possible(table: Array) -> None:

@@ -15,6 +15,7 @@ from hydro.core.columns import Array
 from hydro.core.effects.units import Size, dimension, plain_size
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import Plausible
 
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
@@ -65,6 +66,7 @@ class Parameter:
             follow from the unit (`core.effects.units`).
         limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
         symmetric: Whether a matrix has only the entries on and above its diagonal for free.
+        plausible: What physics leaves to it: a value beyond is not believed without being told.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Parameter:
     scale: tuple[Size | None, ...] = ()
     limits: Limits | None = None
     symmetric: bool = False
+    plausible: Plausible | None = None
 
     def __post_init__(self) -> None:
         """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""

@@ -341,8 +341,10 @@ def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, 
     ]
     if at_bound:
         warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
+    fitted = unknown.at(values)
+    warnings += implausible(fitted, [entry.effect for entry in unknown.entries])
     return Fit(
-        vehicle=unknown.at(values),
+        vehicle=fitted,
         free=unknown,
         values=values,
         standard_errors=errors,
