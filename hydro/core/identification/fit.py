@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Progress
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, weak_form
 from hydro.core.identification.candidate import candidate
