@@ -10,6 +10,7 @@ import typer
 
 from hydro.commands.shell import (
     STREAM,
+    Known,
     Measured,
     ModelFile,
     Output,
@@ -19,6 +20,7 @@ from hydro.commands.shell import (
     read,
     shows_table,
     tell_not_shown,
+    vehicle_to_fit,
     write,
 )
 
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = STREAM,
+    known: Known = None,
     output: Output = STREAM,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
@@ -40,23 +43,22 @@ def diagnose(
     The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
     leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
     the effects it could be confused with, its values with standard errors, and what to do or to fly next.
-    Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add writes them into the
-    file.
+    What the file holds as `known`, or --known names, is not re-estimated; where the recording contradicts it
+    clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
+    writes them into the file.
     """
-    from hydro.core import effects
     from hydro.core.diagnosis.diagnose import diagnose as compute
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 
-    known, text = vehicles.read(vehicle)
-    with about(str(vehicle)):
-        effects.validate(known)
+    vehicles.read(vehicle)
     source = read(measured, "raw")
+    start, text = vehicle_to_fit(vehicle, known, source)
     with about(measured):
-        tell_not_shown(known, source.frame)
+        tell_not_shown(start, source.frame)
     with about(measured), progress("diagnose") as update:
         found = compute(
-            known,
+            start,
             source.frame,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )

@@ -9,6 +9,7 @@ import typer
 
 from hydro.commands.shell import (
     STREAM,
+    Known,
     Measured,
     ModelFile,
     about,
@@ -17,6 +18,7 @@ from hydro.commands.shell import (
     progress,
     read,
     tell_not_shown,
+    vehicle_to_fit,
 )
 from hydro.core.errors import DataError
 
@@ -44,6 +46,7 @@ def explain(
             help="Another recording, to which nothing is fitted: it shows whether a step generalises.",
         ),
     ] = None,
+    known: Known = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
@@ -58,19 +61,17 @@ def explain(
     leftover.parquet, the force left over against velocity; sessions.parquet lists what was recorded. The same
     study in the same folder resumes where it stopped; another one replaces it.
     """
-    from hydro.core import effects
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
     from hydro.io import vehicle as vehicles
     from hydro.io.study import Study
 
-    known, text = vehicles.read(vehicle)
-    with about(str(vehicle)):
-        effects.validate(known)
+    vehicles.read(vehicle)
     source = read(measured, "raw")
-    other = None if holdout is None else _held_out(holdout, source, known)
+    start, text = vehicle_to_fit(vehicle, known, source)
+    other = None if holdout is None else _held_out(holdout, source, start)
     with about(measured):
-        tell_not_shown(known, source.frame)
+        tell_not_shown(start, source.frame)
     study = Study(folder, text, source, other)
     study.open()
     steps = study.done()
@@ -84,7 +85,7 @@ def explain(
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
         frame = None if other is None else other.frame
-        for step in compute(known, source.frame, holdout=frame, done=list(steps), progress=advance):
+        for step in compute(start, source.frame, holdout=frame, done=list(steps), progress=advance):
             steps.append(step)
             study.save_step(steps)
             _tell(step)

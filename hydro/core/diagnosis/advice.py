@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+import msgspec
+
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.prior import Change
+from hydro.core.effects.catalogue import implausible
+from hydro.core.identification.prior import ABSURD, Change
+from hydro.core.vehicle.description import Vehicle
 
 ADD = "add it with `hydro add`"
 TOLD = 1.0
-"""Standard deviations of what is known of a value from which the size of its change is told,"""
-ABSURD = 4.0
-"""and beyond which it is not believed."""
+"""Standard deviations of what is known of a value from which the size of its change is told."""
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -86,6 +90,34 @@ def retuning(effect: str, change: Change | None = None) -> str:
     return (
         f"{told}. That is beyond belief: it may stand for something that the file lacks; "
         "do not add it unless you know that the file's value is wrong"
+    )
+
+
+def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
+    """The finding with a word in its advice on values that lie beyond what physics leaves to them.
+
+    Args:
+        finding: It, with or without values.
+        vehicle: The vehicle that they are for.
+    """
+    if not finding.parameters:
+        return finding
+    table = {"name": finding.effect, **finding.parameters}
+    beyond = implausible(msgspec.structs.replace(vehicle, effect=(table,)))
+    return replace(finding, advice="; ".join([finding.advice, *beyond]))
+
+
+def contradicting(change: Change, share: float) -> str:
+    """That a recording contradicts a value which is held as known.
+
+    Args:
+        change: The entry that it would take farthest.
+        share: Part of the error beyond the noise that other values would explain.
+    """
+    return (
+        f"held as known and not re-estimated, but the recording contradicts it: {change.entry.name} "
+        f"{change.given:.3g} would have to be {change.value:.3g}, and that would explain {share:.0%} of the "
+        "error; what is found beside it may stand for this"
     )
 
 

@@ -204,7 +204,9 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
     compared = [comparison]
     if holdout is not None:
         compared.append(compare(vehicle, holdout, yardstick=yardstick, progress=_part(progress, 0.5, 0.6)))
-    diagnosis = diagnose_log(vehicle, log, progress=_part(progress, 0.6, 1.0))
+    # Standard errors from this recording are no second opinion on it.
+    plain = extended(file, [_bare(table) for table in fitted])
+    diagnosis = diagnose_log(plain, log, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
         added,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
-from hydro.core.effects.record import Effect, Parameter, Role
+from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
@@ -113,6 +114,40 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
         if effect.sensor is not None:
             effect.sensor(parameters, log)
     return log
+
+
+def wholly_known(vehicle: Vehicle, name: str) -> bool:
+    """Whether a vehicle has an effect and holds all of it as known."""
+    return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
+
+
+def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
+    """What to put into the tables of a vehicle to hold effects, or some parameters of them, as known.
+
+    Args:
+        vehicle: The vehicle.
+        names: `effect` or `effect.parameter`.
+
+    Returns:
+        For each effect that is named, `name` and `known`.
+
+    Raises:
+        DataError: The vehicle has no effect, or the effect no parameter, of a name.
+    """
+    held = dict[str, frozenset[str]]()
+    for text in names:
+        name, _, parameter = text.partition(".")
+        there = {str(table["name"]): CATALOGUE[str(table["name"])] for table in vehicle.effect}
+        choices = [f"{one}.{p.name}" for one, effect in there.items() for p in effect.parameters]
+        if text not in (*there, *choices):
+            near = difflib.get_close_matches(text, (*there, *choices), 1)
+            hint = f"did you mean {near[0]}?" if near else f"its effects are {', '.join(there) or 'none'}"
+            raise DataError(f"known: the vehicle has no effect {text}; {hint}")
+        every = frozenset(one.name for one in there[name].parameters)
+        before = held.get(name, there[name].known(vehicle.effects(name)[0]))
+        held[name] = before | ({parameter} if parameter else every)
+    whole = {name: every >= {one.name for one in CATALOGUE[name].parameters} for name, every in held.items()}
+    return [{"name": name, "known": whole[name] or sorted(some)} for name, some in held.items()]
 
 
 def implausible(vehicle: Vehicle, names: Sequence[str] | None = None) -> list[str]:

@@ -115,7 +115,7 @@ class Free:
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """The entries of named effects, free.
+    """The entries of named effects, free, but for what the vehicle file holds as known.
 
     Args:
         vehicle: The vehicle.
@@ -246,14 +246,15 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Free entries of a complete table; a symmetric matrix has those on and above its diagonal."""
+    """Free entries of a complete table: not what is known; of a symmetric matrix the upper triangle."""
     record, found = CATALOGUE[table["name"]], []
+    known = record.known(next(iter(vehicle.effects(record.name)), {}))
     search, others = record.identification, _rest(vehicle, rest)
     for parameter in record.parameters:
         if parameter.name not in table:
             continue
         for index in np.ndindex(*np.shape(table[parameter.name])):
-            if parameter.symmetric and index[0] > index[1]:
+            if (parameter.symmetric and index[0] > index[1]) or parameter.name in known:
                 continue
             scale = parameter.scale_at(index, vehicle)
             low, high = parameter.low, parameter.high
