@@ -75,7 +75,8 @@ def fit(
     says which motion would determine it. A standard error that the file states beside a value makes it
     another estimate, unless it comes from this very recording; what is `known` is not re-estimated. Values
     that contradict the file's, or lie beyond what physics leaves to them, are told. A log whose columns are
-    not what they are called, reversed, exchanged or in degrees, is refused. Where a sensor's noise has heavy tails, outliers count for less.
+    not what they are called, reversed, exchanged or in degrees, is refused. Where a sensor's noise has heavy
+    tails, outliers count for less.
     """
     import numpy as np
 
