@@ -15,6 +15,7 @@ from hydro.commands.shell import (
     ModelFile,
     Output,
     about,
+    estimates_beside,
     person,
     progress,
     read,
@@ -23,13 +24,16 @@ from hydro.commands.shell import (
     vehicle_to_fit,
     write,
 )
+from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
     from hydro.core.diagnosis.findings import Diagnosis
+    from hydro.core.simulation.estimates import Estimates
     from hydro.io.provenance import Provenance
+    from hydro.io.table import Artefact
 
 
 def diagnose(
@@ -45,10 +49,10 @@ def diagnose(
     the effects it could be confused with, its values with standard errors, and what to do or to fly next.
     What the file holds as `known`, or --known names, is not re-estimated; where the recording contradicts it
     clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
-    writes them into the file.
+    writes them into the file. Beside the table that -o names lies the covariance of all values.
     """
     from hydro.core.diagnosis.diagnose import diagnose as compute
-    from hydro.io import table
+    from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
 
     vehicles.read(vehicle)
@@ -74,6 +78,8 @@ def diagnose(
         vehicle_text=text,
     )
     write(made, output)
+    if found.estimates is not None and output != STREAM:
+        covariance.write(found.estimates, output, stage="diagnose", inputs=[source], vehicle_text=text)
 
 
 def add(
@@ -101,12 +107,13 @@ def add(
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
-    added only by its name.
+    added only by its name. Where the covariance of the values lies beside DIAGNOSIS, that of the added ones
+    is written beside the file that -o names; a diagnosis from a pipe has none.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles
 
-    _, text = vehicles.read(vehicle)
+    known, text = vehicles.read(vehicle)
     source = read(diagnosis, "diagnosis")
     with about(diagnosis):
         found = tables(source.frame, effect)
@@ -118,8 +125,27 @@ def add(
     if output == STREAM:
         vehicles.parse(text)
         sys.stdout.write(text)
-    else:
-        vehicles.write(text, output)
+        return
+    estimates = None if diagnosis == STREAM else estimates_beside(diagnosis)
+    earlier = estimates_beside(vehicle, known)
+    vehicles.write(text, output)
+    if estimates is not None:
+        added = estimates.of_effects([table["name"] for table in found])
+        _write_covariance(added.after(earlier), output, source, text)
+
+
+def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
+    """Write the covariance of what was added beside the file; of no other values than the file's.
+
+    Raises:
+        DataError: it is of another diagnosis than the one that was read.
+    """
+    from hydro.io import covariance
+    from hydro.io import vehicle as vehicles
+
+    if other := estimates.disagreement(vehicles.parse(text)):
+        raise DataError(f"the covariance beside the diagnosis is not of its values: {other}; diagnose again")
+    covariance.write(estimates, output, stage="add", inputs=[source], vehicle_text=text)
 
 
 def _recording(provenance: Provenance) -> str:

@@ -56,10 +56,12 @@ def explain(
     when nothing is significant and material, when a step makes the predictions of the held-out recording
     worse, or after six steps.
 
-    DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, ladder.parquet, the
-    errors of all steps, and of the first and the best step replay.parquet, measured and predicted motion, and
-    leftover.parquet, the force left over against velocity; sessions.parquet lists what was recorded. The same
-    study in the same folder resumes where it stopped; another one replaces it.
+    DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, with the covariance
+    of its values in vehicle-K.covariance.parquet, ladder.parquet, the errors of all steps, and of the first
+    and the best step replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
+    against velocity; bands.parquet has the 95 % bands of the best step's predictions, and sessions.parquet
+    lists what was recorded. The same study in the same folder resumes where it stopped; another one replaces
+    it.
     """
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
@@ -90,6 +92,7 @@ def explain(
             study.save_step(steps)
             _tell(step)
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))})
+        _save_bands(study, best(steps))
     _print(study, steps, best(steps), ending(steps))
 
 
@@ -116,6 +119,21 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
         for name, frame in zip(DATASETS, given, strict=False)
     ]
     study.save("sessions", pl.concat(listed), **({NO_FORCES: why} if why else {}))
+
+
+def _save_bands(study: Study, step: Step) -> None:
+    """Write the bands of the step's predictions; none of a file that nothing was fitted in."""
+    from hydro.core.evaluation.rolling_prediction import FEW_DRAWS, restarted_bands
+
+    if step.estimates is None:
+        return
+    shown = study.holdout or study.measured
+    try:
+        frame = restarted_bands(step.vehicle, step.estimates, shown.frame)
+    except DataError as error:
+        typer.echo(f"hydro: no bands: {error}", err=True)
+        return
+    study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
 def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:

@@ -76,19 +76,21 @@ def fit(
     another estimate, unless it comes from this very recording; what is `known` is not re-estimated. Values
     that contradict the file's, or lie beyond what physics leaves to them, are told. A log whose columns are
     not what they are called, reversed, exchanged or in degrees, is refused. Where a sensor's noise has heavy
-    tails, outliers count for less.
+    tails, outliers count for less. Beside the file that -o names, such as vehicle.toml, the covariance of the
+    values is written, vehicle.covariance.parquet; later fits and hydro simulate --bands read it.
     """
     import numpy as np
 
     from hydro.core.identification.fit import fit as compute
     from hydro.core.recording.arrays import LEAST_NOISE
+    from hydro.io import covariance
     from hydro.io import vehicle as vehicles
 
     if not effect:
         raise UsageError(f"fit: name what to fit, such as --effect {examples.TO_FIT}; see hydro effects")
     wanted = [_wanted(text) for text in effect]
     sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
-    _, text = vehicles.read(vehicle)
+    as_given, text = vehicles.read(vehicle)
     source = read(measured, "raw")
     start, _ = vehicle_to_fit(vehicle, known, source)
     with about(measured), progress("fit") as update:
@@ -113,8 +115,12 @@ def fit(
     if output == STREAM:
         vehicles.parse(text)
         sys.stdout.write(text)
-    else:
-        vehicles.write(text, output)
+        return
+    earlier, _ = covariance.read(vehicle, as_given)
+    vehicles.write(text, output)
+    covariance.write(
+        found.estimates().after(earlier), output, stage="fit", inputs=[source], vehicle_text=text
+    )
 
 
 def _tell(found: Fit) -> None:

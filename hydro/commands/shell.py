@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
+    from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
@@ -109,21 +110,34 @@ def write(artefact: Artefact, output: str) -> None:
 def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
     """A vehicle file with some effects held as known, and its text with them.
 
-    Standard errors that come from the very recording which the vehicle is held against are left out: they
-    are no second opinion on it.
+    Standard errors that lie beside the file are put into its tables. Those that come from the very recording
+    which the vehicle is held against are left out: they are no second opinion on it.
 
     Raises:
         DataError: the file is invalid, or has nothing of a name.
     """
     from hydro.core import effects
-    from hydro.io import vehicle
+    from hydro.io import covariance, vehicle
 
-    _, text = vehicle.read(file)
+    found, text = vehicle.read(file)
+    estimates = estimates_beside(file, found)
     with about(str(file)):
         text = vehicle.hold_known(text, known or ())
         found = vehicle.parse(text)
         effects.validate(found)
+    if estimates is not None:
+        found = covariance.with_errors(found, estimates)
     return vehicle.without_errors_from(found, source.provenance.content), text
+
+
+def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
+    """The covariance beside a vehicle file or a diagnosis; None, and a word, where it is of other values."""
+    from hydro.io import covariance
+
+    found, warning = covariance.read(file, vehicle)
+    if warning:
+        typer.echo(f"hydro: {warning}", err=True)
+    return found
 
 
 def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:

@@ -110,7 +110,8 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
     findings = [advice.with_implausible(finding, vehicle) for finding in findings]
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found))
+    estimates = outcome.fit.estimates() if outcome.fit else None
+    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates)
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:

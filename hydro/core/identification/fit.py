@@ -49,6 +49,7 @@ from hydro.core.recording.sensor_faults import (
     without_bias,
     without_outliers,
 )
+from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.description import Vehicle
 
 Method = Literal["output", "equation"]
@@ -117,6 +118,21 @@ class Fit:
             spread = _errors_of(self.free, name, errors)
             tables.append({"name": name} | replaced | table | {"standard_error": spread})
         return tuple(tables)
+
+    def estimates(self) -> Estimates:
+        """The fitted values as they stand in `tables`, with their covariance."""
+        written = {table["name"]: table for table in self.tables()}
+        entries = tuple(
+            Estimate(
+                entry.effect,
+                entry.parameter,
+                entry.index,
+                entry.unit,
+                float(np.asarray(written[entry.effect][entry.parameter], float)[entry.index]),
+            )
+            for entry in self.free.entries
+        )
+        return Estimates(entries, self.covariance)
 
     def _rounded(self, places: NDArray[np.int64]) -> Array:
         pairs = zip(self.values.tolist(), places.tolist(), strict=True)
