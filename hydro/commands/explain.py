@@ -56,19 +56,16 @@ def explain(
     when nothing is significant and material, when a step makes the predictions of the held-out recording
     worse, or after six steps.
 
-    DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, with the covariance
-    of its values in vehicle-K.covariance.parquet, ladder.parquet, the errors of all steps, and of the first
-    and the best step replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
-    against velocity; bands.parquet has the 95 % bands of the best step's predictions, and sessions.parquet
-    lists what was recorded. The same study in the same folder resumes where it stopped; another one replaces
-    it.
+    DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
+    vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
+    best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
+    against velocity; of the best bands.parquet, 95 % bands of its predictions; sessions.parquet lists what
+    was recorded. The same study in the same folder resumes where it stopped; another one replaces it.
     """
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
-    from hydro.io import vehicle as vehicles
     from hydro.io.study import Study
 
-    vehicles.read(vehicle)
     source = read(measured, "raw")
     start, text = vehicle_to_fit(vehicle, known, source)
     other = None if holdout is None else _held_out(holdout, source, start)

@@ -24,6 +24,7 @@ from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     from hydro.core.identification.fit import Fit
+    from hydro.io.table import Artefact
 
 
 Method = Annotated[
@@ -83,14 +84,13 @@ def fit(
 
     from hydro.core.identification.fit import fit as compute
     from hydro.core.recording.arrays import LEAST_NOISE
-    from hydro.io import covariance
     from hydro.io import vehicle as vehicles
 
     if not effect:
         raise UsageError(f"fit: name what to fit, such as --effect {examples.TO_FIT}; see hydro effects")
     wanted = [_wanted(text) for text in effect]
     sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
-    as_given, text = vehicles.read(vehicle)
+    _, text = vehicles.read(vehicle)
     source = read(measured, "raw")
     start, _ = vehicle_to_fit(vehicle, known, source)
     with about(measured), progress("fit") as update:
@@ -115,8 +115,24 @@ def fit(
     if output == STREAM:
         vehicles.parse(text)
         sys.stdout.write(text)
-        return
-    earlier, _ = covariance.read(vehicle, as_given)
+    else:
+        _write(found, text, vehicle, output, source)
+
+
+def _write(found: Fit, text: str, start: Path, output: str, source: Artefact) -> None:
+    """Write the vehicle file, and the covariance of its values beside it.
+
+    Args:
+        found: The fit.
+        text: Of the file with it.
+        start: The file that the fit began from, whose other effects keep their covariance.
+        output: Where to write.
+        source: The recording.
+    """
+    from hydro.io import covariance
+    from hydro.io import vehicle as vehicles
+
+    earlier, _ = covariance.read(start, vehicles.read(start)[0])
     vehicles.write(text, output)
     covariance.write(
         found.estimates().after(earlier), output, stage="fit", inputs=[source], vehicle_text=text

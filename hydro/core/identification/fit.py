@@ -199,9 +199,7 @@ def fit(
     log = sound(vehicle, raw)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
-    unknown = free(vehicle, effects, reach=record.eta[:, :3])
-    if not unknown.entries:
-        raise DataError("all that is named is held as known; name another effect, or take `known` out")
+    unknown = _not_known(vehicle, effects, record.eta[:, :3])
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
     share = windows.share
@@ -223,6 +221,18 @@ def fit(
     told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
     warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
+
+
+def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
+    """The free entries of effects.
+
+    Raises:
+        DataError: There are none.
+    """
+    unknown = free(vehicle, effects, reach=reach)
+    if not unknown.entries:
+        raise DataError("all that is named is held as known; name another effect, or take `known` out")
+    return unknown
 
 
 def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
