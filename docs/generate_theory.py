@@ -93,6 +93,9 @@ damping; `hydro check` holds a file to it.
 | actuator | the thruster chain |
 | sensor | what the velocity log writes down, never the motion |
 
+A value whose table has a `standard_error` of it (`standard_error = {d = 0.01}`) is another estimate in a fit of a new recording; one that is `known` (`known = true`, or
+`known = ["d"]`) is not re-estimated. What is *plausible* bounds no file and no fit: a fit, a diagnosis and `hydro check` say which values lie beyond it.
+
 For each effect, *needs* is the motion that a recording must contain to determine its parameters, and *easily taken for* names the effects that explain
 similar data. `hydro effects NAME` prints an entry with a table for a vehicle file.
 """
@@ -133,19 +136,21 @@ def _entry(effect: Effect) -> str:
     """One effect: what it is, its equation, its parameters, and how to tell it from others."""
     rows = "\n".join(_row(effect, parameter) for parameter in effect.parameters)
     alike = ", ".join(f"[`{name}`](#{name})" for name in effect.lookalikes)
+    plausible = "; ".join(dict.fromkeys(one.plausible.source for one in effect.parameters if one.plausible))
     return f"""### `{effect.name}`
 
     {effect.definition}
 
 {_paragraphs(effect.description)}
 
-| parameter | unit | numbers | bounds | if left out | meaning |
-|---|---|---|---|---|---|
+| parameter | unit | numbers | bounds | plausible | if left out | meaning |
+|---|---|---|---|---|---|---|
 {rows}
 
 - *Kind*: {effect.kind}
 - *Needs*: {effect.excitation}
 - *Easily taken for*: {alike}
+- *Plausible by*: {plausible}
 - *Source*: {effect.source}
 """
 
@@ -157,6 +162,7 @@ def _row(effect: Effect, parameter: Parameter) -> str:
         describe.unit(parameter),
         describe.size(parameter),
         describe.bounds(parameter),
+        describe.plausible(parameter),
         describe.when_left_out(effect, parameter),
         parameter.meaning,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -15,11 +16,14 @@ from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
+from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import provenance, table
 from hydro.io import vehicle as vehicles
 from hydro.io.study import NO_FORCES
+from hydro.report.page import render
+from hydro.report.sources import gather
 
 VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
 CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
@@ -28,7 +32,8 @@ FILES = [
     f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
 ]
 FILES += ["diagnosis-0.parquet", "diagnosis-1.parquet"]
-FILES += [f"{name}.parquet" for name in ("ladder", "replay", "leftover", "sessions")]
+FILES += [f"{name}.parquet" for name in ("ladder", "replay", "leftover", "sessions", "bands")]
+FILES += ["vehicle-1.covariance.parquet"]
 
 COMPARED: dict[str, pl.DataFrame] = {}
 """Comparisons by vehicle and session: the same in every test, and a second each."""
@@ -69,7 +74,10 @@ def counted(tmp_path, monkeypatch) -> list[str]:
 
     def together(vehicle, log, wanted, file):
         calls.append("fit")
-        return ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
+        fitted = ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
+        entries = tuple(Estimate("ocean_current", name, (), "m/s", value) for name, value in CURRENT.items())
+        estimates = Estimates(entries, np.diag([SPREAD[one.parameter] ** 2 for one in entries]))
+        return SimpleNamespace(tables=lambda: fitted, estimates=lambda: estimates)
 
     for name, stand_in in (("compare", compare), ("diagnose_log", diagnose), ("_fit_together", together)):
         monkeypatch.setattr(module, name, stand_in)
@@ -108,6 +116,21 @@ def test_the_files_of_a_study(counted, capsys):
     ):
         assert words in told
     assert told.index("held-out") < told.index("It ends here: nothing more is found.")
+
+
+def test_a_study_has_the_bands_of_its_best_step(counted):
+    """A current that is known to 1 cm/s: within each 20 s from one beginning the track's band widens."""
+    assert run() == 0
+    made = table.read("study/bands.parquet", "bands")
+    assert made.provenance.parameters["step"] == 1
+    frame = made.frame
+    assert frame["session"].unique().to_list() == ["run-2"]
+    assert (frame["x_low"] <= frame["x"]).mean() > 0.95
+    since = frame["t"].to_numpy()
+    width = (frame["x_high"] - frame["x_low"]).to_numpy()
+    assert width[since > 10.0].min() > 5.0 * width[since < 1.0].max()
+    page = render(gather(["study"]))
+    assert "95 % of what its parameters leave open" in page
 
 
 def test_what_a_study_keeps_of_the_recordings(counted):

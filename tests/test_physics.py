@@ -18,8 +18,9 @@ import pytest
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE
+from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.simulation.simulate import simulate as move
-from hydro.io import table
+from hydro.io import covariance, table
 from hydro.io import vehicle as vehicles
 from hydro.io.model import from_artefact
 
@@ -55,6 +56,29 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 # simulate
+
+
+def test_bands_come_from_the_covariance_beside_the_file(folder, tmp_path):
+    """One wide parameter: a band in surge about what the vehicle does; none without a covariance."""
+    mine, made = tmp_path / "mine.toml", tmp_path / "bands.parquet"
+    mine.write_text(VEHICLE.read_text())
+    short = tmp_path / "short.parquet"
+    commands(rows=30).write_parquet(short)
+    code, _, error = run("simulate", mine, short, "--bands", "-o", made)
+    assert code != 0
+    assert "mine.covariance.parquet: no such file; bands need the covariance" in error
+    known, text = vehicles.read(mine)
+    drag = Estimate("linear_damping", "diagonal", (2,), "N s/m", 60.0)
+    covariance.write(Estimates((drag,), np.array([[400.0]])), mine, stage="fit", inputs=(), vehicle_text=text)
+    assert run("simulate", mine, short, "--bands", "--draws", "40", "-o", made) == (0, "", "")
+    found = table.read(made, "bands")
+    assert found.provenance.seed == 0
+    assert {one.kind for one in found.provenance.inputs} == {"commands", "covariance", "vehicle"}
+    moved = move(known, commands(rows=30))
+    np.testing.assert_allclose(found.frame["w"], moved["w"])
+    width = (found.frame["w_high"] - found.frame["w_low"]).to_numpy()
+    assert width[29] > 1e-4
+    assert (found.frame["w_low"][1:30] < moved["w"][1:30]).all()
 
 
 def test_what_is_simulated_is_raw_data_with_its_vehicle(folder):

@@ -10,29 +10,36 @@ import typer
 
 from hydro.commands.shell import (
     STREAM,
+    Known,
     Measured,
     ModelFile,
     Output,
     about,
+    estimates_beside,
     person,
     progress,
     read,
     shows_table,
     tell_not_shown,
+    vehicle_to_fit,
     write,
 )
+from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
     from hydro.core.diagnosis.findings import Diagnosis
+    from hydro.core.simulation.estimates import Estimates
     from hydro.io.provenance import Provenance
+    from hydro.io.table import Artefact
 
 
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = STREAM,
+    known: Known = None,
     output: Output = STREAM,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
@@ -40,23 +47,22 @@ def diagnose(
     The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
     leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
     the effects it could be confused with, its values with standard errors, and what to do or to fly next.
-    Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add writes them into the
-    file.
+    What the file holds as `known`, or --known names, is not re-estimated; where the recording contradicts it
+    clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
+    writes them into the file. Beside the table that -o names lies the covariance of all values.
     """
-    from hydro.core import effects
     from hydro.core.diagnosis.diagnose import diagnose as compute
-    from hydro.io import table
+    from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
 
-    known, text = vehicles.read(vehicle)
-    with about(str(vehicle)):
-        effects.validate(known)
+    vehicles.read(vehicle)
     source = read(measured, "raw")
+    start, text = vehicle_to_fit(vehicle, known, source)
     with about(measured):
-        tell_not_shown(known, source.frame)
+        tell_not_shown(start, source.frame)
     with about(measured), progress("diagnose") as update:
         found = compute(
-            known,
+            start,
             source.frame,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
@@ -72,6 +78,8 @@ def diagnose(
         vehicle_text=text,
     )
     write(made, output)
+    if found.estimates is not None and output != STREAM:
+        covariance.write(found.estimates, output, stage="diagnose", inputs=[source], vehicle_text=text)
 
 
 def add(
@@ -99,12 +107,13 @@ def add(
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
-    added only by its name.
+    added only by its name. Where the covariance of the values lies beside DIAGNOSIS, that of the added ones
+    is written beside the file that -o names; a diagnosis from a pipe has none.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles
 
-    _, text = vehicles.read(vehicle)
+    known, text = vehicles.read(vehicle)
     source = read(diagnosis, "diagnosis")
     with about(diagnosis):
         found = tables(source.frame, effect)
@@ -116,8 +125,27 @@ def add(
     if output == STREAM:
         vehicles.parse(text)
         sys.stdout.write(text)
-    else:
-        vehicles.write(text, output)
+        return
+    estimates = None if diagnosis == STREAM else estimates_beside(diagnosis)
+    earlier = estimates_beside(vehicle, known)
+    vehicles.write(text, output)
+    if estimates is not None:
+        added = estimates.of_effects([table["name"] for table in found])
+        _write_covariance(added.after(earlier), output, source, text)
+
+
+def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:
+    """Write the covariance of what was added beside the file; of no other values than the file's.
+
+    Raises:
+        DataError: it is of another diagnosis than the one that was read.
+    """
+    from hydro.io import covariance
+    from hydro.io import vehicle as vehicles
+
+    if other := estimates.disagreement(vehicles.parse(text)):
+        raise DataError(f"the covariance beside the diagnosis is not of its values: {other}; diagnose again")
+    covariance.write(estimates, output, stage="add", inputs=[source], vehicle_text=text)
 
 
 def _recording(provenance: Provenance) -> str:

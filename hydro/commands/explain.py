@@ -9,6 +9,7 @@ import typer
 
 from hydro.commands.shell import (
     STREAM,
+    Known,
     Measured,
     ModelFile,
     about,
@@ -17,6 +18,7 @@ from hydro.commands.shell import (
     progress,
     read,
     tell_not_shown,
+    vehicle_to_fit,
 )
 from hydro.core.errors import DataError
 
@@ -44,6 +46,7 @@ def explain(
             help="Another recording, to which nothing is fitted: it shows whether a step generalises.",
         ),
     ] = None,
+    known: Known = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
@@ -53,24 +56,21 @@ def explain(
     when nothing is significant and material, when a step makes the predictions of the held-out recording
     worse, or after six steps.
 
-    DIR gets comparison-K.parquet, diagnosis-K.parquet and vehicle-K.toml of every step K, ladder.parquet, the
-    errors of all steps, and of the first and the best step replay.parquet, measured and predicted motion, and
-    leftover.parquet, the force left over against velocity; sessions.parquet lists what was recorded. The same
-    study in the same folder resumes where it stopped; another one replaces it.
+    DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
+    vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
+    best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
+    against velocity; of the best bands.parquet, 95 % bands of its predictions; sessions.parquet lists what
+    was recorded. The same study in the same folder resumes where it stopped; another one replaces it.
     """
-    from hydro.core import effects
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
-    from hydro.io import vehicle as vehicles
     from hydro.io.study import Study
 
-    known, text = vehicles.read(vehicle)
-    with about(str(vehicle)):
-        effects.validate(known)
     source = read(measured, "raw")
-    other = None if holdout is None else _held_out(holdout, source, known)
+    start, text = vehicle_to_fit(vehicle, known, source)
+    other = None if holdout is None else _held_out(holdout, source, start)
     with about(measured):
-        tell_not_shown(known, source.frame)
+        tell_not_shown(start, source.frame)
     study = Study(folder, text, source, other)
     study.open()
     steps = study.done()
@@ -84,11 +84,12 @@ def explain(
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
         frame = None if other is None else other.frame
-        for step in compute(known, source.frame, holdout=frame, done=list(steps), progress=advance):
+        for step in compute(start, source.frame, holdout=frame, done=list(steps), progress=advance):
             steps.append(step)
             study.save_step(steps)
             _tell(step)
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))})
+        _save_bands(study, best(steps))
     _print(study, steps, best(steps), ending(steps))
 
 
@@ -115,6 +116,21 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
         for name, frame in zip(DATASETS, given, strict=False)
     ]
     study.save("sessions", pl.concat(listed), **({NO_FORCES: why} if why else {}))
+
+
+def _save_bands(study: Study, step: Step) -> None:
+    """Write the bands of the step's predictions; none of a file that nothing was fitted in."""
+    from hydro.core.evaluation.rolling_prediction import FEW_DRAWS, restarted_bands
+
+    if step.estimates is None:
+        return
+    shown = study.holdout or study.measured
+    try:
+        frame = restarted_bands(step.vehicle, step.estimates, shown.frame)
+    except DataError as error:
+        typer.echo(f"hydro: no bands: {error}", err=True)
+        return
+    study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
 def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:

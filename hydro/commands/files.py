@@ -36,7 +36,8 @@ def check(files: Files) -> None:
 
     Silent, with exit code 0, when every file conforms to its schema: columns, types, finite values, bounds,
     order in time, and a content that matches the hash in its footer. Otherwise one line for each file that
-    does not. Of a recording with nulls, a line says how many samples each such column has.
+    does not. Of a recording with nulls, a line says how many samples each such column has; of a vehicle file,
+    which values lie beyond what physics leaves to them.
     """
     unsound = 0
     for file in files:
@@ -52,6 +53,7 @@ def check(files: Files) -> None:
 def _check(file: str) -> None:
     """Read one file as what it is: by its suffix a vehicle file or a map, else an artefact."""
     from hydro.core import effects
+    from hydro.core.effects.catalogue import implausible
     from hydro.core.recording import segments
     from hydro.io import logmap, vehicle
 
@@ -59,7 +61,10 @@ def _check(file: str) -> None:
         if logmap.is_map(file):
             logmap.read(file)
         else:
-            effects.validate(vehicle.read(file)[0])
+            known = vehicle.read(file)[0]
+            effects.validate(known)
+            for words in implausible(known):
+                typer.echo(f"{file}: {words}", err=True)
         return
     artefact = read(file)
     if artefact.kind == "raw":

@@ -8,12 +8,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Measured, Output, about, noise_for, progress, read
+from hydro.commands.shell import (
+    STREAM,
+    Known,
+    Measured,
+    Output,
+    about,
+    noise_for,
+    progress,
+    read,
+    vehicle_to_fit,
+)
 from hydro.core.effects import examples
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     from hydro.core.identification.fit import Fit
+    from hydro.io.table import Artefact
 
 
 Method = Annotated[
@@ -51,6 +62,7 @@ def fit(
             f"several forms; as '{examples.TO_FIT_FROM}' with values to begin from. Repeat for several.",
         ),
     ] = None,
+    known: Known = None,
     method: Method = "output",
     noise: Noise = None,
     shots: Shots = 1000,
@@ -61,8 +73,12 @@ def fit(
     An effect that the file has is re-estimated from its values; another is added. Everything else in the
     file stays, comments too. Beside the values are written their standard errors and the hash of the data
     they came from. A parameter that the data do not determine stays near its initial value, and a warning
-    says which motion would determine it. A log whose columns are not what they are called, reversed,
-    exchanged or in degrees, is refused. Where a sensor's noise has heavy tails, outliers count for less.
+    says which motion would determine it. A standard error that the file states beside a value makes it
+    another estimate, unless it comes from this very recording; what is `known` is not re-estimated. Values
+    that contradict the file's, or lie beyond what physics leaves to them, are told. A log whose columns are
+    not what they are called, reversed, exchanged or in degrees, is refused. Where a sensor's noise has heavy
+    tails, outliers count for less. Beside the file that -o names, such as vehicle.toml, the covariance of the
+    values is written, vehicle.covariance.parquet; later fits and hydro simulate --bands read it.
     """
     import numpy as np
 
@@ -74,11 +90,12 @@ def fit(
         raise UsageError(f"fit: name what to fit, such as --effect {examples.TO_FIT}; see hydro effects")
     wanted = [_wanted(text) for text in effect]
     sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
-    known, text = vehicles.read(vehicle)
+    _, text = vehicles.read(vehicle)
     source = read(measured, "raw")
+    start, _ = vehicle_to_fit(vehicle, known, source)
     with about(measured), progress("fit") as update:
         found = compute(
-            known,
+            start,
             source.frame,
             wanted,
             method=method,
@@ -99,7 +116,27 @@ def fit(
         vehicles.parse(text)
         sys.stdout.write(text)
     else:
-        vehicles.write(text, output)
+        _write(found, text, vehicle, output, source)
+
+
+def _write(found: Fit, text: str, start: Path, output: str, source: Artefact) -> None:
+    """Write the vehicle file, and the covariance of its values beside it.
+
+    Args:
+        found: The fit.
+        text: Of the file with it.
+        start: The file that the fit began from, whose other effects keep their covariance.
+        output: Where to write.
+        source: The recording.
+    """
+    from hydro.io import covariance
+    from hydro.io import vehicle as vehicles
+
+    earlier, _ = covariance.read(start, vehicles.read(start)[0])
+    vehicles.write(text, output)
+    covariance.write(
+        found.estimates().after(earlier), output, stage="fit", inputs=[source], vehicle_text=text
+    )
 
 
 def _tell(found: Fit) -> None:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, print_table, read, refuse_terminal, write
+from hydro.commands.shell import STREAM, Output, about, print_table, progress, read, refuse_terminal, write
 from hydro.core.effects import examples
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from hydro.core.effects import Effect
+    from hydro.io.table import Artefact
 
 
 def simulate(
@@ -24,6 +25,12 @@ def simulate(
             metavar="COMMANDS", show_default=False, help="Commands or raw table; nothing or - is stdin."
         ),
     ] = STREAM,
+    bands: Annotated[
+        bool,
+        typer.Option("--bands", help="Write 95 % prediction bands, from the covariance beside VEHICLE."),
+    ] = False,
+    draws: Annotated[int, typer.Option(min=40, help="Vehicles drawn for the bands.")] = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
     output: Output = STREAM,
 ) -> None:
     """Simulate a vehicle under commands, with every effect of its file, and record what it would log.
@@ -31,6 +38,11 @@ def simulate(
     Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a
     raw table starts each session, and restarts after each gap, from the state of its own row. The recording
     is free of noise and carries the vehicle file, so that no later stage needs --vehicle.
+
+    With --bands, parameters are drawn from the covariance beside the vehicle file, which hydro fit, add and
+    explain write (vehicle.toml: vehicle.covariance.parquet), and every draw is simulated: the table then has
+    the predicted motion and the 95 % band of every pose and velocity. A band holds what the parameters leave
+    open, neither sensor noise nor what the model lacks.
     """
     from hydro.core.simulation.simulate import simulate as move
     from hydro.io import table
@@ -39,9 +51,44 @@ def simulate(
     refuse_terminal(output)
     known, text = vehicles.read(vehicle)
     source = read(commands, "commands", "raw")
+    if bands:
+        write(_bands(vehicle, source, commands, draws, seed), output)
+        return
     with about(commands):
         frame = move(known, source.frame)
     write(table.make("raw", frame, stage="simulate", inputs=[source], vehicle_text=text), output)
+
+
+def _bands(vehicle: Path, source: Artefact, commands: str, draws: int, seed: int) -> Artefact:
+    """Prediction bands of a vehicle file under commands.
+
+    Raises:
+        DataError: No covariance of the file's values lies beside it.
+    """
+    from hydro.core.simulation.bands import bands
+    from hydro.io import covariance, table
+    from hydro.io import vehicle as vehicles
+
+    known, text = vehicles.read(vehicle)
+    estimates, warning = covariance.read(vehicle, known)
+    if estimates is None:
+        place = covariance.beside(vehicle)
+        why = warning or f"{place}: no such file"
+        raise DataError(f"{why}; bands need the covariance that `hydro fit -o`, add or explain write")
+    with about(commands), progress("bands") as update:
+        frame = bands(
+            known,
+            estimates,
+            source.frame,
+            draws=draws,
+            seed=seed,
+            progress=lambda words, share: update(round(100 * share), 100, words),
+        )
+    inputs = [source, table.read(covariance.beside(vehicle), covariance.KIND)]
+    parameters = {"draws": draws}
+    return table.make(
+        "bands", frame, stage="simulate", parameters=parameters, seed=seed, inputs=inputs, vehicle_text=text
+    )
 
 
 def effects(
@@ -119,13 +166,16 @@ def _print_effect(effect: Effect) -> None:
             "unit": describe.unit(parameter),
             "numbers": describe.size(parameter),
             "bounds": describe.bounds(parameter),
+            "plausible": describe.plausible(parameter),
             "if left out": describe.when_left_out(effect, parameter),
             "meaning": parameter.meaning,
         }
         for parameter in effect.parameters
     ]
     print_table(pl.DataFrame(parameters), "")
-    typer.echo(f"\nneeds: {effect.excitation}")
+    sources = dict.fromkeys(one.plausible.source for one in effect.parameters if one.plausible)
+    typer.echo(f"\nplausible by: {'; '.join(sources)}")
+    typer.echo(f"needs: {effect.excitation}")
     typer.echo(f"easily mistaken for: {', '.join(effect.lookalikes)}")
     typer.echo(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
     typer.echo(describe.toml(effect), nl=False)

@@ -6,7 +6,7 @@ Binary never goes to a terminal; tables and progress never go into a pipe.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
+    from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
@@ -53,6 +54,16 @@ NoiseSpec = Annotated[
         metavar="SPEC",
         help="Noise of the velocities: none, ordinary, dvl, or 1-sigma values such as "
         "'{velocity=0.02, rate=0.003}' in m/s and rad/s; by default found from the data.",
+    ),
+]
+Known = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--known",
+        metavar="NAME",
+        show_default=False,
+        help="An effect of the file, or EFFECT.PARAMETER, that is known: it is not re-estimated, as with "
+        "`known = true` in its table. Repeat for several.",
     ),
 ]
 Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
@@ -94,6 +105,39 @@ def write(artefact: Artefact, output: str) -> None:
     from hydro.io import table
 
     table.write(artefact, sys.stdout.buffer if output == STREAM else output)
+
+
+def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) -> tuple[Vehicle, str]:
+    """A vehicle file with some effects held as known, and its text with them.
+
+    Standard errors that lie beside the file are put into its tables. Those that come from the very recording
+    which the vehicle is held against are left out: they are no second opinion on it.
+
+    Raises:
+        DataError: the file is invalid, or has nothing of a name.
+    """
+    from hydro.core import effects
+    from hydro.io import covariance, vehicle
+
+    found, text = vehicle.read(file)
+    estimates = estimates_beside(file, found)
+    with about(str(file)):
+        text = vehicle.hold_known(text, known or ())
+        found = vehicle.parse(text)
+        effects.validate(found)
+    if estimates is not None:
+        found = covariance.with_errors(found, estimates)
+    return vehicle.without_errors_from(found, source.provenance.content), text
+
+
+def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
+    """The covariance beside a vehicle file or a diagnosis; None, and a word, where it is of other values."""
+    from hydro.io import covariance
+
+    found, warning = covariance.read(file, vehicle)
+    if warning:
+        typer.echo(f"hydro: {warning}", err=True)
+    return found
 
 
 def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:

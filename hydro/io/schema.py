@@ -53,6 +53,8 @@ KINDS = (
     "ladder",
     "leftover",
     "sessions",
+    "covariance",
+    "bands",
     "run",
     "curves",
     "evaluations",

@@ -1,6 +1,6 @@
 """The folder of a study: the files of every step of `hydro explain`, and which need not be made again.
 
-A step is done when its rows of the ladder and its three files are there and say, by their hashes, that they
+A step is done when its rows of the ladder and its files are there and say, by their hashes, that they
 were made from these inputs.  The ladder is written last.
 """
 
@@ -15,14 +15,15 @@ import polars as pl
 
 from hydro.core.diagnosis.explain import Step
 from hydro.core.errors import DataError
-from hydro.io import table
+from hydro.io import covariance, table
 from hydro.io import vehicle as vehicles
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
 LADDER = "ladder.parquet"
 OWN = re.compile(
-    r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+\.toml|(ladder|replay|leftover|sessions)\.parquet"
+    r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+(\.covariance\.parquet|\.toml)"
+    r"|(ladder|replay|leftover|sessions|bands)\.parquet"
 )
 STAGE = "explain"
 NO_FORCES = "no_forces"
@@ -81,6 +82,7 @@ class Study:
     def clear(self, steps: Sequence[Step]) -> bool:
         """Remove what is in the folder of another study, or of later steps; whether there was something."""
         keep = {name for step in steps for name in _names(step.number)} | ({LADDER} if steps else set())
+        keep |= {covariance.beside(_names(step.number)[2]).name for step in steps}
         gone = [path for path in self.folder.iterdir() if OWN.fullmatch(path.name) and path.name not in keep]
         for path in gone:
             path.unlink()
@@ -95,6 +97,8 @@ class Study:
         table.write(self._made("comparison", step.comparison, text), comparison)
         made = self._made("diagnosis", step.diagnosis, text, chi2=[round(value, 4) for value in step.chi2])
         table.write(made, diagnosis)
+        if step.estimates is not None:
+            covariance.write(step.estimates, vehicle, stage=STAGE, inputs=[self.measured], vehicle_text=text)
         ladder = pl.concat(one.ladder for one in steps)
         table.write(self._made("ladder", ladder, self.vehicle_text), self.folder / LADDER)
 
@@ -112,7 +116,7 @@ class Study:
 
     def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
         """A table of the study; what rests on the held-out data has them among its inputs."""
-        about_both = kind in ("ladder", "replay", "sessions") and self.holdout is not None
+        about_both = kind in ("ladder", "replay", "sessions", "bands") and self.holdout is not None
         inputs = [self.measured, self.holdout] if about_both else [self.measured]
         given = [one for one in inputs if one is not None]
         return table.make(kind, frame, stage=STAGE, parameters=parameters, inputs=given, vehicle_text=text)
@@ -133,7 +137,10 @@ class Study:
         )
         if (compared.provenance, diagnosed.provenance) != tuple(one.provenance for one in ours):
             return None
+        estimates, other = covariance.read(path, vehicle)
         fitted = [e for e in vehicle.effect if e.get("fit", {}).get("method") == STAGE]
+        if other or (fitted and estimates is None):
+            return None
         return Step(
             number,
             tuple(name for name in ladder["effect"][0].split(", ") if name),
@@ -143,6 +150,7 @@ class Study:
             diagnosed.frame,
             tuple(chi2),
             ladder,
+            estimates,
         )
 
 

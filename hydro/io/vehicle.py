@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -137,6 +137,30 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
     for key, value in toml.table(effect).items():
         present[0][key] = value
     return tomlkit.dumps(document)
+
+
+def hold_known(text: str, names: Sequence[str]) -> str:
+    """The text with effects, or some of their parameters (`effect.parameter`), held as known.
+
+    Raises:
+        DataError: the file has nothing of such a name, or several effects of it.
+    """
+    from hydro.core.effects.catalogue import held_as_known
+
+    for table in held_as_known(parse(text), names) if names else ():
+        text = set_effect(text, table)
+    return text
+
+
+def without_errors_from(vehicle: Vehicle, recording: str) -> Vehicle:
+    """The vehicle without the standard errors of values that were fitted to a recording, by its hash."""
+    tables = [
+        {key: value for key, value in table.items() if key != "standard_error"}
+        if table.get("fit", {}).get("data") == recording
+        else table
+        for table in vehicle.effect
+    ]
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
 
 def json_schema() -> dict[str, Any]:

@@ -123,5 +123,7 @@ def _numbered(index: tuple[int, ...]) -> str:
 
 def _sized(value: float, error: float) -> str:
     """A value to the place of its standard error's first figure, and that: `-0.3001 ± 0.0001`."""
+    if error == 0.0:
+        return f"{value:g} (known)"
     places = max(0, -int(np.floor(np.log10(max(error, 1e-12)))))
     return f"{value:.{places}f} ± {error:.{places}f}"

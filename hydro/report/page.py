@@ -259,12 +259,13 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
     held_out = sources.ladder is not None and "holdout" in sources.ladder.frame["dataset"]
     sessions = one.frame["session"].unique(maintain_order=True).to_list()
     shown = sessions[:MOST_SESSIONS]
+    bands = sources.bands.frame if of_study and sources.bands is not None else None
     for axis in VELOCITY:
-        drawn = (plots.overlay(one.frame, session, axis) for session in shown)
+        drawn = (plots.overlay(one.frame, session, axis, bands) for session in shown)
         charts.add(f"overlay-{number}-{axis}", *drawn)
     restart = RESTART_INTERVAL if of_study else None
     charts.add(f"path-{number}", *(plots.path(one.frame, session, restart) for session in shown))
-    charts.add(f"depth-{number}", *(plots.depth(one.frame, session, restart) for session in shown))
+    charts.add(f"depth-{number}", *(plots.depth(one.frame, session, restart, bands) for session in shown))
     if thrusters := _thrusters(one):
         charts.add(f"commands-{number}", *(plots.commands(one.frame, name, thrusters) for name in shown))
     variants = one.frame["variant"].unique(maintain_order=True).to_list()
@@ -278,7 +279,8 @@ def _replay(sources: Sources, number: int, charts: Charts) -> dict[str, Any]:
         "hidden": len(sessions) - len(shown),
         "legend": [
             (label, colour, key == MEASURED) for key, (label, colour) in plots.curves(variants).items()
-        ],
+        ]
+        + [("95 % of what its parameters leave open", plots.BAND, True)] * (bands is not None),
         "axes": [(axis, f"{TITLES[axis]} {axis}") for axis in VELOCITY],
         "errors": list(_replay_errors(one.frame, shown, variants)),
     }

@@ -20,6 +20,8 @@ from hydro.report.ladder import by_dataset
 from hydro.report.words import Value, figure
 
 GIVEN, FOUND, HELD_OUT, NOISE = "#D9662B", "#2F87D0", "#149E78", "#8C8F94"
+BAND = "rgba(47, 135, 208, 0.25)"
+"""What the parameters of the model with what was found leave open."""
 MANY = (
     *("#D9662B", "#2F87D0", "#149E78", "#B55FA3", "#B08A00", "#5C6BC0"),
     *("#C0504D", "#4FA3B8", "#8A6A4F", "#7FA33A", "#D977A8", "#4A6B8A"),
@@ -147,7 +149,7 @@ def conditions(rows: pl.DataFrame) -> go.Figure:
     return _plain(drawn, height=80 + len(words) * (44 if len(drawn.data) > 1 else 30))
 
 
-def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
+def overlay(replay: pl.DataFrame, session: str, axis: str, bands: pl.DataFrame | None = None) -> go.Figure:
     """Measured and simulated velocity of one session and axis.
 
     A simulated curve is left out wherever its error is beyond the whole range of the measured motion, and
@@ -158,6 +160,7 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
         replay: Replay table.
         session: Which recording.
         axis: One of u v w p q r.
+        bands: Bands table of the last model; None without.
     """
     one = replay.filter(pl.col("session") == session).select(
         "variant", pl.col("t") - pl.col("t").min(), value=pl.col(axis).cast(pl.Float64)
@@ -168,6 +171,8 @@ def overlay(replay: pl.DataFrame, session: str, axis: str) -> go.Figure:
     reach = max(high - low, 1e-3)
     step = max(1, -(-against.height // POINTS_ON_SCREEN))
     drawn = go.Figure()
+    if bands is not None:
+        _band(drawn, bands.filter(session=session), axis)
     beside = one.join(against.select("t", measured="value"), on="t", how="left", maintain_order="left")
     useless = _useless(beside.filter(pl.col("variant") != MEASURED), _number(against["value"].std()))
     for name, (label, colour) in curves(variants).items():
@@ -208,9 +213,13 @@ def path(replay: pl.DataFrame, session: str, restart: float | None = None) -> go
     return _plain(drawn, height=320)
 
 
-def depth(replay: pl.DataFrame, session: str, restart: float | None = None) -> go.Figure:
-    """How deep a vehicle was in one session; down is down. Arguments as of `path`."""
+def depth(
+    replay: pl.DataFrame, session: str, restart: float | None = None, bands: pl.DataFrame | None = None
+) -> go.Figure:
+    """How deep a vehicle was in one session; down is down. Arguments as of `path` and `overlay`."""
     drawn = _tracks(replay, session, ("t", "z"), restart)
+    if bands is not None:
+        _band(drawn, bands.filter(session=session), "z")
     drawn.update_xaxes(title="time [s]", zeroline=False)
     drawn.update_yaxes(title="depth z [m]", autorange="reversed", zeroline=False)
     drawn.update_layout(title={"text": "depth"})
@@ -251,6 +260,22 @@ def commands(replay: pl.DataFrame, session: str, names: Sequence[str]) -> go.Fig
     drawn.update_xaxes(title="time [s]", zeroline=False, showgrid=False, anchor=bottom)
     drawn.update_layout(title={"text": "commands, −100 to 100 %"})
     return _plain(drawn, height=90 + 34 * len(names))
+
+
+def _band(drawn: go.Figure, rows: pl.DataFrame, name: str) -> None:
+    """The 95 % band of one column of one session, behind what else is drawn."""
+    shown = rows.gather_every(max(1, -(-rows.height // POINTS_ON_SCREEN)))
+    since = (shown["t"] - shown["t"].min()).cast(pl.Float32)
+    for side, fill in (("low", None), ("high", "tonexty")):
+        drawn.add_scatter(
+            x=since.to_numpy(),
+            y=shown[f"{name}_{side}"].cast(pl.Float32).to_numpy(),
+            mode="lines",
+            line={"width": 0},
+            fill=fill,
+            fillcolor=BAND,
+            hoverinfo="skip",
+        )
 
 
 def _tracks(replay: pl.DataFrame, session: str, columns: tuple[str, str], restart: float | None) -> go.Figure:

@@ -16,10 +16,10 @@ from hydro.io import table
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
-REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "sessions")
+REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "sessions", "bands")
 """Kinds of table that a report can tell of."""
 NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
-SINGLE = ("ladder", "leftover", "sessions")
+SINGLE = ("ladder", "leftover", "sessions", "bands")
 """Those of which a study has one."""
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 """Names of files that are looked for in a folder, in the order in which the page tells of them."""
@@ -49,11 +49,12 @@ class Sources:
     metrics: tuple[Named, ...] = ()
     leftover: Named | None = None
     sessions: Named | None = None
+    bands: Named | None = None
 
     @property
     def everything(self) -> tuple[Named, ...]:
         """All artefacts, in the order in which the report tells of them."""
-        single = [one for one in (self.ladder, self.leftover, self.sessions) if one is not None]
+        single = [one for one in (self.ladder, self.leftover, self.sessions, self.bands) if one is not None]
         return (*self.comparisons, *self.diagnoses, *single, *self.replays, *self.metrics)
 
     def vehicle_text(self) -> str | None:

@@ -27,7 +27,7 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import Diagnosis, Finding, with_implausible
 from hydro.core.diagnosis.identifiability import aliases, undetermined
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -43,7 +43,7 @@ from hydro.core.diagnosis.model import (
     repeated_effects,
 )
 from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
-from hydro.core.diagnosis.unexplained import unexplained
+from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
@@ -57,7 +57,7 @@ from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
-from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
+from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.identification.tracking import shot_seconds
 from hydro.core.vehicle.description import Vehicle
@@ -112,7 +112,9 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     models = (baseline.given, baseline.refitted, outcome.model)
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found))
+    findings = [with_implausible(finding, vehicle) for finding in findings]
+    estimates = outcome.fit.estimates() if outcome.fit else None
+    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates)
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
@@ -237,6 +239,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
         findings.append(_nothing(baseline, outcome))
     findings += _started(baseline, outcome)
     findings += sorted(_retuned(baseline, outcome), key=lambda finding: -finding.share)
+    findings += contradicted(baseline, outcome)
     if outcome.warnings:
         words = "; ".join(outcome.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
@@ -332,7 +335,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         change = (model.values[entries] - before) / model.unknown.scales[entries]
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
         farthest = _change(name, baseline, model)
-        absurd = farthest.deviations > advice.ABSURD
+        absurd = farthest.deviations > ABSURD
         if cost < MATERIAL * model.normal.cost and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)

@@ -25,8 +25,10 @@ from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, Yardstick, column
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.parameters import free
 from hydro.core.recording.arrays import recording
+from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
 Table = Mapping[str, Any]
@@ -60,6 +62,7 @@ class Step:
         diagnosis: What is missing in it, see `diagnosis.findings`.
         chi2: Of the diagnosis.
         ladder: The errors of this step, the rows of the ladder table.
+        estimates: The values of `tables` with their covariance; None of step 0.
     """
 
     number: int
@@ -70,6 +73,7 @@ class Step:
     diagnosis: pl.DataFrame
     chi2: tuple[float, ...]
     ladder: pl.DataFrame
+    estimates: Estimates | None = None
 
     def error(self, dataset: str) -> float | None:
         """Error of all velocities together, predicted HORIZON ahead [m/s]; None without such data."""
@@ -203,20 +207,23 @@ def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
 
 def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
     """The step after these."""
-    number, added, fitted = len(steps), (), ()  # type: int, tuple[str, ...], tuple[dict[str, Any], ...]
+    number, added, fit = len(steps), (), None  # type: int, tuple[str, ...], Fit | None
     vehicle, log, holdout, yardstick = file, recordings.log, recordings.holdout, recordings.yardstick
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         progress("all together", 0.0)
-        fitted = _fit_together(last.vehicle, log, _wanted(last, found), file)
-        vehicle = extended(vehicle, fitted)
+        fit = _fit_together(last.vehicle, log, _wanted(last, found), file)
+    fitted = fit.tables() if fit else ()
+    vehicle = extended(vehicle, fitted)
     comparison = compare(vehicle, log.raw, yardstick=yardstick, progress=_part(progress, 0.3, 0.5))
     compared = [comparison]
     if holdout is not None:
         compared.append(compare(vehicle, holdout, yardstick=yardstick, progress=_part(progress, 0.5, 0.6)))
-    diagnosis = diagnose_log(vehicle, log, progress=_part(progress, 0.6, 1.0))
+    # Standard errors from this recording are no second opinion on it.
+    plain = extended(file, [_bare(table) for table in fitted])
+    diagnosis = diagnose_log(plain, log, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
         added,
@@ -226,12 +233,11 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
         diagnosis.frame(),
         diagnosis.chi2,
         pl.concat(_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)),
+        fit.estimates() if fit else None,
     )
 
 
-def _fit_together(
-    vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle
-) -> tuple[dict[str, Any], ...]:
+def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle) -> Fit | None:
     """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
 
     What the recording does not show stays as it stands in the file of step 0.
@@ -243,8 +249,7 @@ def _fit_together(
         names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
         vehicle, wanted = start, [name for name in names if start.effects(name)]
     model, _, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
-    _, fit = settled(model, file)
-    return fit.tables() if fit is not None else ()
+    return settled(model, file)[1]
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

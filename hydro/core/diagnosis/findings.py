@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import msgspec
@@ -13,7 +13,9 @@ import numpy as np
 import polars as pl
 import polars.selectors as cs
 
+from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
+from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
 Verdict = Literal[
@@ -92,11 +94,13 @@ class Diagnosis:
         vehicle: The vehicle with its own effects fitted anew and what was found, all fitted together.
         chi2: Mean squared residual in units of the noise of the file as given, with its own effects fitted
             anew, and with what was found; 1 where nothing but noise is left.
+        estimates: All values that were fitted together, with their covariance; None where none were.
     """
 
     findings: tuple[Finding, ...]
     vehicle: Vehicle
     chi2: tuple[float, float, float]
+    estimates: Estimates | None = None
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""
@@ -208,3 +212,17 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
                 f"`hydro fit --effect {name}`"
             )
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
+
+
+def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:
+    """The finding with a word in its advice on values that lie beyond what physics leaves to them.
+
+    Args:
+        finding: It, with or without values.
+        vehicle: The vehicle that they are for.
+    """
+    if not finding.parameters:
+        return finding
+    table = {"name": finding.effect, **finding.parameters}
+    beyond = implausible(msgspec.structs.replace(vehicle, effect=(table,)))
+    return replace(finding, advice="; ".join([finding.advice, *beyond]))

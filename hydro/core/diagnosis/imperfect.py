@@ -15,7 +15,7 @@ import numpy as np
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.search import Baseline, Outcome
 from hydro.core.diagnosis.sensor_tests import shown
@@ -70,7 +70,9 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     models = (baseline.given, named.refitted, named.model)
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = named.fit.vehicle if named.fit else named.model.vehicle
-    return Diagnosis((*baseline.log.faults, *findings), fitted, (given, refitted, found))
+    told = [with_implausible(finding, baseline.vehicle) for finding in findings]
+    estimates = named.fit.estimates() if named.fit else None
+    return Diagnosis((*baseline.log.faults, *told), fitted, (given, refitted, found), estimates)
 
 
 def _others(effects: Sequence[str], findings: Sequence[Finding]) -> list[str]:

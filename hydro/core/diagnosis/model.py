@@ -10,6 +10,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Prior, Problem, descend
@@ -139,10 +140,14 @@ def fitted_or_kept(
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known best, and repeated ones."""
+    """Effects of the file that are fitted anew first: all but inertia, known ones, and repeated ones."""
     names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     several = repeated_effects(vehicle)
-    return tuple(name for name in names if CATALOGUE[name].kind != "inertia" and name not in several)
+    return tuple(
+        name
+        for name in names
+        if CATALOGUE[name].kind != "inertia" and name not in several and not wholly_known(vehicle, name)
+    )
 
 
 def repeated_effects(vehicle: Vehicle) -> tuple[str, ...]:

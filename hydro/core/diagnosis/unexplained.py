@@ -18,17 +18,23 @@ from hydro.core.columns import DOF, VELOCITY, Array
 from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import FIT, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.search import Baseline, Outcome
+from hydro.core.diagnosis.model import Model, repeated_effects
+from hydro.core.diagnosis.search import Baseline, Outcome, Search
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.force_error import force
 from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces, families
 from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.experiment import advice
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.levenberg_marquardt import linear_step
 from hydro.core.identification.normal_equations import Normal, block_length
 from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.parameters import free
+from hydro.core.identification.prior import greatest_change
+from hydro.core.identification.suspects import choice, of_entries
 from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion
@@ -78,6 +84,39 @@ def unexplained(baseline: Baseline, outcome: Outcome) -> list[Finding]:
             advice=words,
         )
     ]
+
+
+def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+    """Effects held as known that explain more of the error with other values than anything that was found.
+
+    They are tested as if they were not known, where nothing has joined the model yet: what joins may stand
+    for them.
+    """
+    search, first = Search(baseline), baseline.refitted
+    joined = outcome.found[:1]
+    found = max((first.normal.cost - one.rivals[one.effect].normal.cost for one in joined), default=0.0)
+    for name in dict.fromkeys(str(table["name"]) for table in baseline.vehicle.effect):
+        if not wholly_known(baseline.vehicle, name) or name in repeated_effects(baseline.vehicle):
+            continue
+        open_ = released(first.vehicle, name)
+        screening = search.linearise(first, [of_entries(open_, name)])
+        gain = screening.gains[name]
+        if gain < found or not (screening.significant and search.material(gain, first)):
+            continue
+        columns = screening.ranked[name][1]
+        _, step = linear_step(screening.normal, [*screening.own, *columns])
+        unknown = free(open_, [choice(open_, name)])
+        values = unknown.starts[0] + step[len(screening.own) :] * unknown.scales
+        most = greatest_change(open_, unknown.entries, values)
+        share = float(np.clip(gain / max(first.excess, 1e-9), 0.0, 1.0))
+        words = advice.contradicting(most, share)
+        yield Finding("retune", name, (name,), share, p_value=screening.p_value, advice=words)
+
+
+def released(vehicle: Vehicle, name: str) -> Vehicle:
+    """The vehicle with nothing of an effect held as known."""
+    tables = (t | {"known": False} if t["name"] == name else t for t in vehicle.effect)
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
 
 
 def _white(baseline: Baseline) -> bool:

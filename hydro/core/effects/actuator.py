@@ -6,13 +6,15 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, COASTING
 from hydro.core.effects.record import Advice, Effect, Fill, Identification, Index, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
+from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.plausible import Plausible, between
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
@@ -87,6 +89,21 @@ def possible_power(index: Index, rest: Rest) -> tuple[float, float]:
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
+def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str, source: str) -> Plausible:
+    """What every thruster's number may be in sum with what the file gives it already."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        given = [of(thruster) for thruster in vehicle.thruster] or [0.0]
+        return low - min(given), high - max(given)
+
+    return Plausible(at, words, source)
+
+
+def power_of(thruster: Thruster) -> float:
+    """Power of the thrust curve that a file names."""
+    return 2.0 if thruster.curve == "quadratic" else 1.0
+
+
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
     """A lag that is less by up to a sample and a half is the log's doing."""
     quicker = -float(parameters["dT"])
@@ -151,7 +168,15 @@ EFFECTS = (
         "Fossen (1994), section 4.1 (propeller thrust)",
         "every thruster used apart from the others",
         ("quadratic_damping", "thruster_asymmetry", "buoyancy_offset"),
-        Parameter("g", ("1",), "relative gain of each thruster", ("thrusters",), low=-1.0, required=True),
+        Parameter(
+            "g",
+            ("1",),
+            "relative gain of each thruster",
+            ("thrusters",),
+            low=-1.0,
+            required=True,
+            plausible=between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's"),
+        ),
         Advice(parted_by=(COASTING,)),
     ),
     _effect(
@@ -161,7 +186,13 @@ EFFECTS = (
         "Fossen (1994), section 4.1 (propeller thrust astern)",
         "thrust of both signs on every thruster",
         ("thruster_gain", "net_buoyancy"),
-        Parameter("a", ("1",), "share of reverse thrust lost", high=1.0),
+        Parameter(
+            "a",
+            ("1",),
+            "share of reverse thrust lost",
+            high=1.0,
+            plausible=between(-0.5, 1.0, "", "thrust astern from none to 1.5 of the file's"),
+        ),
         Advice(parted_by=(COASTING,)),
     ),
     _effect(
@@ -171,7 +202,19 @@ EFFECTS = (
         "Yoerger, Cooke and Slotine (1990)",
         "steps and fast sweeps of the commands",
         ("command_delay", "added_mass", "fluid_memory"),
-        Parameter("dT", ("s",), "added time constant", limits=possible_lag),
+        Parameter(
+            "dT",
+            ("s",),
+            "added time constant",
+            limits=possible_lag,
+            plausible=in_sum(
+                0.0,
+                2.0,
+                lambda thruster: thruster.time_constant,
+                "time constant in sum 0 to 2 s",
+                "Yoerger, Cooke and Slotine (1990): tenths of a second",
+            ),
+        ),
         Advice(parted_by=(CHIRP,), saying=a_sample_early),
     ),
     _effect(
@@ -181,7 +224,19 @@ EFFECTS = (
         "pure transport delay",
         "steps and fast sweeps of the commands",
         ("thruster_lag", "sensor_delay"),
-        Parameter("d", ("s",), "added delay", limits=possible_delay),
+        Parameter(
+            "d",
+            ("s",),
+            "added delay",
+            limits=possible_delay,
+            plausible=in_sum(
+                0.0,
+                2.0,
+                lambda thruster: thruster.delay,
+                "delay in sum 0 to 2 s",
+                "transport over a tether or network: below a second",
+            ),
+        ),
         Advice(parted_by=(CHIRP,), saying=a_sample_late),
         Identification(step=1e-2),
     ),
@@ -200,6 +255,13 @@ EFFECTS = (
             high=1.0,
             scale=(0.1,),
             limits=possible_band,
+            plausible=in_sum(
+                0.0,
+                0.5,
+                lambda thruster: thruster.deadband,
+                "half-width in sum 0 to 0.5",
+                "speed controllers: below a tenth; seized propellers more",
+            ),
         ),
         Advice(parted_by=(COASTING,)),
         Identification(step=5e-2, resolution=1e-4),
@@ -216,6 +278,13 @@ EFFECTS = (
             ("1",),
             "added to the power of the curve: 1 makes a linear one quadratic",
             limits=possible_power,
+            plausible=in_sum(
+                0.5,
+                3.0,
+                power_of,
+                "power in sum 0.5 to 3",
+                "commands of power (2/3), thrust (1), speed (2); Fossen (2011), section 12.3",
+            ),
         ),
         Advice(parted_by=(COASTING,), saying=another_curve),
     ),
@@ -226,7 +295,12 @@ EFFECTS = (
         "Fossen (1994), section 4.1 (bilinear thruster model)",
         "the same thrust at several speeds, ahead and astern",
         ("linear_damping", "quadratic_damping"),
-        Parameter("c", ("s/m",), "relative loss per speed at full thrust"),
+        Parameter(
+            "c",
+            ("s/m",),
+            "relative loss per speed at full thrust",
+            plausible=between(0.0, 1.0, "s/m", "no thrust left from 1 m/s or more on"),
+        ),
         Advice(parted_by=(COASTING,)),
     ),
 )

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
-from hydro.core.effects.record import Effect, Role
+from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
 FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
+
+ROUNDING = 1e-6
+"""Of half a plausible range: an end that was rounded is within it."""
 
 
 def with_role(role: Role) -> tuple[str, ...]:
@@ -109,6 +114,75 @@ def velocity_log(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Arr
         if effect.sensor is not None:
             effect.sensor(parameters, log)
     return log
+
+
+def wholly_known(vehicle: Vehicle, name: str) -> bool:
+    """Whether a vehicle has an effect and holds all of it as known."""
+    return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
+
+
+def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
+    """What to put into the tables of a vehicle to hold effects, or some parameters of them, as known.
+
+    Args:
+        vehicle: The vehicle.
+        names: `effect` or `effect.parameter`.
+
+    Returns:
+        For each effect that is named, `name` and `known`.
+
+    Raises:
+        DataError: The vehicle has no effect, or the effect no parameter, of a name.
+    """
+    held = dict[str, frozenset[str]]()
+    for text in names:
+        name, _, parameter = text.partition(".")
+        there = {str(table["name"]): CATALOGUE[str(table["name"])] for table in vehicle.effect}
+        choices = [f"{one}.{p.name}" for one, effect in there.items() for p in effect.parameters]
+        if text not in (*there, *choices):
+            near = difflib.get_close_matches(text, (*there, *choices), 1)
+            hint = f"did you mean {near[0]}?" if near else f"its effects are {', '.join(there) or 'none'}"
+            raise DataError(f"known: the vehicle has no effect {text}; {hint}")
+        every = frozenset(one.name for one in there[name].parameters)
+        before = held.get(name, there[name].known(vehicle.effects(name)[0]))
+        held[name] = before | ({parameter} if parameter else every)
+    whole = {name: every >= {one.name for one in CATALOGUE[name].parameters} for name, every in held.items()}
+    return [{"name": name, "known": whole[name] or sorted(some)} for name, some in held.items()]
+
+
+def implausible(vehicle: Vehicle, names: Sequence[str] | None = None) -> list[str]:
+    """Values of a vehicle's effects that lie beyond their plausible ranges, a sentence for each parameter.
+
+    Args:
+        vehicle: The vehicle.
+        names: Effects that are looked at; by default all.
+    """
+    found = []
+    for table in vehicle.effect:
+        if names is None or table["name"] in names:
+            given = [one for one in CATALOGUE[table["name"]].parameters if one.name in table]
+            found += [words for one in given if (words := _beyond(table, one, vehicle))]
+    return found
+
+
+def _beyond(table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle) -> str:
+    """That an entry of a parameter lies beyond what is plausible, the farthest; empty where none does."""
+    if parameter.plausible is None:
+        return ""
+    values, farthest, words = np.asarray(table[parameter.name], float), 1.0, ""
+    for index in np.ndindex(*values.shape):
+        low, high = parameter.plausible.at(index, vehicle)
+        value, middle, half = float(values[index]), 0.5 * (low + high), 0.5 * (high - low)
+        away = abs(value - middle) / half if half else math.inf
+        if away > max(farthest, 1.0 + ROUNDING):
+            farthest = away
+            place = "".join(f"[{i}]" for i in index)
+            unit = f" {parameter.unit_at(index)}".replace(" 1", "")
+            words = (
+                f"{table['name']}.{parameter.name}{place} = {value:.3g}{unit} is "
+                f"implausible: {low:.3g} to {high:.3g} is what physics leaves ({parameter.plausible.words})"
+            )
+    return words
 
 
 def _require_possible(table: Array) -> None:

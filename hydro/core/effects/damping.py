@@ -7,6 +7,7 @@ therefore positive for a force that opposes motion.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
@@ -14,6 +15,8 @@ from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import COASTING, DRIFT
 from hydro.core.effects.record import ABSORBED, Advice, Effect, Identification, Index, Parameter, Rest, Role
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import DRAG_SOURCE, HULL_DRAG, Plausible, most_cross_drag, of_entry
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
@@ -93,6 +96,15 @@ def keeps_quadratic(index: Index, rest: Rest) -> tuple[float, float]:
     return -float(rest.quadratic[index[0]]), math.inf
 
 
+def raised_across(i: int) -> Plausible:
+    """Drag along or about an axis, of all the speed that meets the hull's box there."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        return 0.0, float(most_cross_drag(vehicle)[i])
+
+    return Plausible(at, "up to the drag of the hull's box in all of the flow with C_d 2.5", DRAG_SOURCE)
+
+
 LINEAR_DAMPING = Effect(
     name="linear_damping",
     family="damping",
@@ -103,9 +115,23 @@ LINEAR_DAMPING = Effect(
     lookalikes=("quadratic_damping", "thruster_inflow", "fluid_memory"),
     parameters=(
         Parameter(
-            "diagonal", ("N s/m", "N m s"), "diagonal of D_L", (6,), scale=FRICTION, limits=keeps_linear
+            "diagonal",
+            ("N s/m", "N m s"),
+            "diagonal of D_L",
+            (6,),
+            scale=FRICTION,
+            limits=keeps_linear,
+            plausible=HULL_DRAG,
         ),
-        Parameter("matrix", LINEAR, "all of D_L", (6, 6), scale=FRICTION_MATRIX, limits=keeps_linear),
+        Parameter(
+            "matrix",
+            LINEAR,
+            "all of D_L",
+            (6, 6),
+            scale=FRICTION_MATRIX,
+            limits=keeps_linear,
+            plausible=HULL_DRAG,
+        ),
     ),
     one_of=("diagonal", "matrix"),
     kernel=linear,
@@ -138,6 +164,7 @@ EFFECTS = (
                 required=True,
                 scale=(of_mass(1.0), of_moment(1.0)),
                 limits=keeps_quadratic,
+                plausible=HULL_DRAG,
             ),
         ),
         kernel=quadratic,
@@ -153,7 +180,15 @@ EFFECTS = (
         excitation="yaw without sway and sway without yaw, and likewise heave with pitch, sway with roll",
         identification=Identification(absorbs=ABSORBED),
         lookalikes=("body_lift", "crossflow_drag", "added_mass_coupling", "sensor_lever_arm"),
-        parameters=tuple(Parameter(f"D{i}{j}", ("N s",), f"D[{i},{j}]") for i, j in COUPLED),
+        parameters=tuple(
+            Parameter(
+                f"D{i}{j}",
+                ("N s",),
+                f"D[{i},{j}]",
+                plausible=replace(HULL_DRAG, at=of_entry(HULL_DRAG.at, i, j)),
+            )
+            for i, j in COUPLED
+        ),
         kernel=coupled,
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING, Role.COUPLING}),
@@ -175,6 +210,7 @@ EFFECTS = (
                 low=0.0,
                 # A moment per rate and speed, not one per speed squared.
                 scale=(of_mass(1.0) if i < 3 else of_moment(1.0),),
+                plausible=raised_across(i),
             )
             for i, j in ACROSS
         ),

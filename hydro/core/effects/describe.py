@@ -26,6 +26,8 @@ def describe(effect: Effect) -> dict[str, Any]:
                 "size": size(parameter),
                 "low": parameter.low if math.isfinite(parameter.low) else None,
                 "high": parameter.high if math.isfinite(parameter.high) else None,
+                "plausible": plausible(parameter),
+                "plausible_source": parameter.plausible.source if parameter.plausible else None,
                 "when_left_out": when_left_out(effect, parameter),
                 "meaning": parameter.meaning,
             }
@@ -63,6 +65,11 @@ def bounds(parameter: Parameter) -> str:
     if math.isfinite(low):
         return f">= {low:g}"
     return f"<= {high:g}" if math.isfinite(high) else "any"
+
+
+def plausible(parameter: Parameter) -> str:
+    """What physics leaves to it, in words; `not said` where the record does not."""
+    return parameter.plausible.words if parameter.plausible else "not said"
 
 
 def when_left_out(effect: Effect, parameter: Parameter) -> str:

@@ -20,8 +20,11 @@ from hydro.core.effects.record import (
     Role,
 )
 from hydro.core.effects.units import of_mass, of_mixed
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import DRAG_SOURCE, MOST_DRAG, Plausible, between, most_lift
 
 SECTIONS = 32
+COEFFICIENT = between(0.0, MOST_DRAG, "", DRAG_SOURCE)
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))
 
 
@@ -81,6 +84,19 @@ def keeps_crossflow(which: int) -> Limits:
     return limits
 
 
+def as_a_wing(i: int, j: int) -> Plausible:
+    """An entry of L, of a wing as large as the hull's side or bottom, at most half a length from CO."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        arms = (i >= 3) + (j >= 3)
+        bottom = 2 in (i, j) or i == j == 4
+        most = float(most_lift(vehicle)[int(bottom)]) * (0.5 * vehicle.hull.length) ** arms
+        return -most, most
+
+    words = "either way up to a wing of lift slope 2 pi as large as the hull's side or bottom"
+    return Plausible(at, words, "Hoerner (1965); thin-wing theory")
+
+
 EFFECTS = (
     Effect(
         name="crossflow_drag",
@@ -93,7 +109,12 @@ EFFECTS = (
         lookalikes=("quadratic_damping", "coupled_damping", "cross_axis_drag"),
         parameters=(
             Parameter(
-                "Cd_y", ("1",), "drag coefficient of the hull's side", scale=(1.0,), limits=keeps_crossflow(0)
+                "Cd_y",
+                ("1",),
+                "drag coefficient of the hull's side",
+                scale=(1.0,),
+                limits=keeps_crossflow(0),
+                plausible=COEFFICIENT,
             ),
             Parameter(
                 "Cd_z",
@@ -101,6 +122,7 @@ EFFECTS = (
                 "drag coefficient of the hull's bottom",
                 scale=(1.0,),
                 limits=keeps_crossflow(1),
+                plausible=COEFFICIENT,
             ),
         ),
         kernel=crossflow_drag,
@@ -122,6 +144,7 @@ EFFECTS = (
                 ("kg/m" if i == j < 3 else "kg m" if i == j else "kg",),
                 f"force {'XYZKMN'[i]} per speed and {'uvwpqr'[j]}",
                 scale=(of_mass(0.5) if i == j < 3 else of_mixed(0.1) if i == j else None,),
+                plausible=as_a_wing(i, j),
             )
             for i, j in LIFT
         ),

@@ -8,6 +8,7 @@ that its Coriolis terms do no work.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP, DRIFT
 from hydro.core.effects.record import Advice, Effect, Index, Parameter, Rest, Role
 from hydro.core.effects.units import of_mixed
+from hydro.core.vehicle.plausible import ADDED_INERTIA, between, of_entry
 
 UNITS = ("kg", "kg m", "kg m^2")
 BETWEEN = of_mixed(0.1)  # plain between a force and an angular acceleration
@@ -89,7 +91,14 @@ ADDED_MASS = Effect(
     excitation="accelerations of both signs on every axis",
     lookalikes=("fluid_memory", "thruster_lag", "payload"),
     parameters=(
-        Parameter("diagonal", ("kg", "kg m^2"), "diagonal of M_A", (6,), limits=keeps_diagonal),
+        Parameter(
+            "diagonal",
+            ("kg", "kg m^2"),
+            "diagonal of M_A",
+            (6,),
+            limits=keeps_diagonal,
+            plausible=ADDED_INERTIA,
+        ),
         Parameter(
             "matrix",
             UNITS,
@@ -98,6 +107,7 @@ ADDED_MASS = Effect(
             scale=(None, BETWEEN, None),
             limits=keeps_diagonal,
             symmetric=True,
+            plausible=ADDED_INERTIA,
         ),
     ),
     one_of=("diagonal", "matrix"),
@@ -122,6 +132,7 @@ EFFECTS = (
                 ("kg" if j < 3 else "kg m",),
                 f"M_A[{i},{j}] and M_A[{j},{i}]",
                 scale=(None if j < 3 else BETWEEN,),
+                plausible=replace(ADDED_INERTIA, at=of_entry(ADDED_INERTIA.at, i, j)),
             )
             for i, j in COUPLED
         ),
@@ -137,7 +148,14 @@ EFFECTS = (
         source="Fossen (2011), theorem 3.2, section 6.3.1 (Munk moment)",
         excitation="turns and drift at speed: surge with sway, surge with heave",
         lookalikes=("body_lift", "coupled_damping"),
-        parameters=(Parameter("kappa", ("1",), "share of C_A that is missing (or, below 0, too much)"),),
+        parameters=(
+            Parameter(
+                "kappa",
+                ("1",),
+                "share of C_A that is missing (or, below 0, too much)",
+                plausible=between(-1.0, 1.0, "", "-1 leaves no C_A at all, 1 doubles it"),
+            ),
+        ),
         kernel=coriolis_excess,
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER}),

@@ -23,6 +23,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.shapes import along
 from hydro.core.effects.units import of_mass, of_moment
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import ADDED_SOURCE, Plausible, between, most_added
 
 RATES = (0.3, 1.0, 3.0, 8.0)
 COARSE_RATES = (0.5, 4.0)
@@ -80,6 +81,11 @@ def up_to_quickest(index: Index, rest: Rest) -> tuple[float, float]:
     return LEAST_RATE, QUICKEST
 
 
+def most_strength(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+    """In slow motion a strength K acts as an added mass K/a."""
+    return 0.0, float(most_added(vehicle)[index[-1]]) * RATES[-1]
+
+
 FLUID_MEMORY = Effect(
     name="fluid_memory",
     family="memory",
@@ -97,6 +103,9 @@ FLUID_MEMORY = Effect(
             0.0,
             required=True,
             scale=(of_mass(0.3), of_moment(0.5)),
+            plausible=Plausible(
+                most_strength, "up to the greatest plausible added mass at a rate of 8 1/s", ADDED_SOURCE
+            ),
         ),
         Parameter(
             "rates",
@@ -107,6 +116,7 @@ FLUID_MEMORY = Effect(
             required=True,
             scale=(1.0,),
             limits=up_to_quickest,
+            plausible=between(0.01, QUICKEST, "1/s", "memories of minutes to what a log still shows"),
         ),
     ),
     kernel=fluid_memory,

@@ -15,6 +15,7 @@ from hydro.core.columns import Array
 from hydro.core.effects.units import Size, dimension, plain_size
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import Plausible
 
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
@@ -22,8 +23,8 @@ Fill = Callable[[Array, Array], None]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
-BOOKKEEPING = frozenset({"name", "standard_error", "fit"})
-"""Keys of an `[[effect]]` table that are no parameters: what a fit leaves beside its values."""
+BOOKKEEPING = frozenset({"name", "standard_error", "fit", "known"})
+"""Keys of an `[[effect]]` table that are no parameters: what a fit leaves beside values, what is known."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class Parameter:
             follow from the unit (`core.effects.units`).
         limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
         symmetric: Whether a matrix has only the entries on and above its diagonal for free.
+        plausible: What physics leaves to it: a value beyond is not believed without being told.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Parameter:
     scale: tuple[Size | None, ...] = ()
     limits: Limits | None = None
     symmetric: bool = False
+    plausible: Plausible | None = None
 
     def __post_init__(self) -> None:
         """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""
@@ -246,6 +249,17 @@ class Effect:
         """The parameter of that name."""
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
+    def known(self, table: Mapping[str, Any]) -> frozenset[str]:
+        """Names of the parameters that a table holds as known: `known = true`, or a list of some."""
+        held = table.get("known", False)
+        every = (parameter.name for parameter in self.parameters)
+        return frozenset(every if held is True else held or ())
+
+    def wholly_known(self, table: Mapping[str, Any]) -> bool:
+        """Whether a table holds all that it gives as known."""
+        given = {one.name for one in self.parameters if one.name not in self.one_of or one.name in table}
+        return given <= self.known(table)
+
     @property
     def description(self) -> str:
         """The docstring of the function that defines it: what a naval engineer would check."""
@@ -266,13 +280,20 @@ class Effect:
             The parameters in order, matrices row by row; a scalar or vector left out is 0.
 
         Raises:
-            DataError: An unknown or missing key, a wrong size, a number out of bounds or not finite.
+            DataError: An unknown or missing key, a wrong size, a number out of bounds or not finite, or a
+                `known` that names no parameters.
         """
         known = {parameter.name for parameter in self.parameters}
         unknown = sorted(set(table) - known - BOOKKEEPING)
         if unknown:
             raise DataError(
                 f"{where}.{unknown[0]}: {self.name} has no such parameter; it has {', '.join(sorted(known))}"
+            )
+        held = table.get("known", False)
+        if not (isinstance(held, bool) or (isinstance(held, list | tuple) and known.issuperset(held))):
+            raise DataError(
+                f"{where}.known: must be true, or a list of parameters of {self.name}: "
+                f"{', '.join(sorted(known))}"
             )
         given = [name for name in self.one_of if name in table]
         if self.one_of and len(given) != 1:

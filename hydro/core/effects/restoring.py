@@ -27,6 +27,14 @@ from hydro.core.effects.record import (
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_weight
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import Plausible, within_box
+from hydro.core.vehicle.plausible import of_weight as up_to_weight
+
+CARRIED = "a vehicle does not carry more than itself"
+ON_BOARD = tuple(
+    within_box(2.0, "up to the hull's length along this axis from CO", CARRIED, i) for i in range(3)
+)
+INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull", i) for i in range(3))
 
 
 @jit
@@ -119,11 +127,24 @@ PAYLOAD = Effect(
     excitation="slow roll and pitch for the weight, accelerations for the dry mass",
     lookalikes=("net_buoyancy", "buoyancy_offset", "added_mass"),
     parameters=(
-        Parameter("w", ("N",), "weight in water"),
-        Parameter("x", ("m",), "position forward", limits=near_the_hull),
-        Parameter("y", ("m",), "position to starboard", limits=near_the_hull),
-        Parameter("z", ("m",), "position down", limits=near_the_hull),
-        Parameter("mass", ("kg",), "dry mass, inertia only", low=0.0),
+        Parameter(
+            "w",
+            ("N",),
+            "weight in water",
+            plausible=up_to_weight(1.0, "either way up to the vehicle's weight", CARRIED),
+        ),
+        Parameter("x", ("m",), "position forward", limits=near_the_hull, plausible=ON_BOARD[0]),
+        Parameter("y", ("m",), "position to starboard", limits=near_the_hull, plausible=ON_BOARD[1]),
+        Parameter("z", ("m",), "position down", limits=near_the_hull, plausible=ON_BOARD[2]),
+        Parameter(
+            "mass",
+            ("kg",),
+            "dry mass, inertia only",
+            low=0.0,
+            plausible=Plausible(
+                lambda index, vehicle: (0.0, vehicle.rigid_body.mass), "up to the vehicle's mass", CARRIED
+            ),
+        ),
     ),
     kernel=payload,
     inertia=point_mass,
@@ -140,7 +161,16 @@ EFFECTS = (
         source="Fossen (2011), eq. 4.6",
         excitation="slow heave, or hovering with known thrust",
         lookalikes=("payload", "surface_suction", "ocean_current"),
-        parameters=(Parameter("dB", ("N",), "extra buoyancy"),),
+        parameters=(
+            Parameter(
+                "dB",
+                ("N",),
+                "extra buoyancy",
+                plausible=up_to_weight(
+                    0.3, "either way up to 0.3 of the vehicle's weight", "what thrusters hold for long"
+                ),
+            ),
+        ),
         kernel=net_buoyancy,
         advice=Advice(parted_by=(TILTS,)),
         roles=frozenset({Role.OFTEN_LACKING}),
@@ -154,9 +184,11 @@ EFFECTS = (
         excitation="slow roll and pitch, or trim angles at rest",
         lookalikes=("payload", "thruster_gain"),
         parameters=(
-            Parameter("dx", ("m",), "centre of buoyancy moved forward", scale=(0.02,)),
-            Parameter("dy", ("m",), "centre of buoyancy moved to starboard", scale=(0.02,)),
-            Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,)),
+            Parameter("dx", ("m",), "centre of buoyancy moved forward", scale=(0.02,), plausible=INSIDE[0]),
+            Parameter(
+                "dy", ("m",), "centre of buoyancy moved to starboard", scale=(0.02,), plausible=INSIDE[1]
+            ),
+            Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,), plausible=INSIDE[2]),
         ),
         kernel=buoyancy_offset,
         advice=Advice(parted_by=(TILTS,)),

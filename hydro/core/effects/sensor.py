@@ -15,6 +15,7 @@ from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
 from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.plausible import between, within_box
 
 # The log as a row of numbers, filled by the effects.
 SCALE = slice(0, 3)
@@ -26,6 +27,9 @@ LOG = 13
 
 LONGEST_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
+SCALE_ERROR = between(
+    -0.2, 0.2, "", "Kinsey and Whitcomb (2007): per cents; the speed of sound varies by a tenth"
+)
 
 
 def sensor_scale(p: Array, log: Array) -> None:
@@ -112,7 +116,16 @@ SENSOR_DELAY = Effect(
     source="pure delay",
     excitation="fast changes of velocity with the pose known",
     lookalikes=("command_delay", "thruster_lag"),
-    parameters=(Parameter("d", ("s",), "age of a reading", low=0.0, limits=up_to_longest),),
+    parameters=(
+        Parameter(
+            "d",
+            ("s",),
+            "age of a reading",
+            low=0.0,
+            limits=up_to_longest,
+            plausible=between(0.0, 2.0, "s", "averaging over some pings and transmission"),
+        ),
+    ),
     sensor=sensor_delay,
     identification=Identification(step=1e-2),
     kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
@@ -129,8 +142,16 @@ EFFECTS = (
         excitation="straight runs over known distances",
         lookalikes=("ocean_current", "sensor_bias"),
         parameters=(
-            Parameter("s", ("1",), "relative error, all axes", low=-0.9, scale=(0.1,)),
-            Parameter("axes", ("1",), "relative error of each axis", (3,), low=-0.9, scale=(0.1,)),
+            Parameter("s", ("1",), "relative error, all axes", low=-0.9, scale=(0.1,), plausible=SCALE_ERROR),
+            Parameter(
+                "axes",
+                ("1",),
+                "relative error of each axis",
+                (3,),
+                low=-0.9,
+                scale=(0.1,),
+                plausible=SCALE_ERROR,
+            ),
         ),
         one_of=("s", "axes"),
         sensor=sensor_scale,
@@ -146,7 +167,15 @@ EFFECTS = (
         source="Kinsey and Whitcomb (2007)",
         excitation="straight runs ahead and sideways with the pose known",
         lookalikes=("ocean_current", "sensor_bias"),
-        parameters=(Parameter("alpha", ("rad",), "roll, pitch, yaw of the log against the body", (3,)),),
+        parameters=(
+            Parameter(
+                "alpha",
+                ("rad",),
+                "roll, pitch, yaw of the log against the body",
+                (3,),
+                plausible=between(-0.5, 0.5, "rad", "mounting; 45 degrees are a convention of the log"),
+            ),
+        ),
         sensor=sensor_misalignment,
         kinematics=Kinematics("alpha", ANGLES, negligible=0.005),
         advice=Advice(parted_by=(DISTANCES,)),
@@ -160,7 +189,15 @@ EFFECTS = (
         source="Fossen (2011), eq. 2.20 (velocity of a point)",
         excitation="turning about every axis with the pose known",
         lookalikes=("added_mass_coupling", "coupled_damping"),
-        parameters=(Parameter("r", ("m",), "position of the log", (3,)),),
+        parameters=(
+            Parameter(
+                "r",
+                ("m",),
+                "position of the log",
+                (3,),
+                plausible=within_box(2.0, "either way up to the hull's length along each axis", "mounting"),
+            ),
+        ),
         sensor=sensor_lever_arm,
         kinematics=Kinematics("r", LEVER, negligible=0.01),
         advice=Advice(parted_by=(DRIFT,)),
@@ -173,7 +210,15 @@ EFFECTS = (
         source="Kinsey and Whitcomb (2007)",
         excitation="several headings with the pose known",
         lookalikes=("ocean_current", "sensor_scale"),
-        parameters=(Parameter("b", ("m/s",), "constant error of each axis", (3,)),),
+        parameters=(
+            Parameter(
+                "b",
+                ("m/s",),
+                "constant error of each axis",
+                (3,),
+                plausible=between(-0.3, 0.3, "m/s", "Kinsey and Whitcomb (2007): centimetres per second"),
+            ),
+        ),
         sensor=sensor_bias,
         kinematics=Kinematics("b", BIAS, negligible=0.003),
         advice=Advice(parted_by=(DISTANCES, HEADINGS)),

@@ -26,11 +26,15 @@ from hydro.core.effects.restoring import push_down
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_weight
 from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import Plausible, between, within_box
+from hydro.core.vehicle.plausible import of_weight as up_to_weight
 
 LITTLE = 0.01  # of the plain stiffness, in a column
 FAR = 1e4
 """Distance of an anchor whose pull is as good as steady [m]."""
 DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
+TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not fly against more")
+VERTICAL = between(-1.0, 1.0, "m/s", "overfalls; elsewhere centimetres per second")
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
 
@@ -188,10 +192,43 @@ TETHER = Effect(
     excitation="excursions beyond the slack in several directions",
     lookalikes=("ocean_current", "net_buoyancy"),
     parameters=(
-        Parameter("k", ("N/m",), "stiffness", low=0.0, scale=(of_weight(0.005),)),
-        Parameter("slack", ("m",), "length before it pulls", low=0.0, scale=(5.0,)),
-        Parameter("attachment", ("m",), "point on the body", (3,), limits=on_the_hull),
-        Parameter("anchor", ("m",), "fixed end, NED", (3,), required=True, scale=(10.0,)),
+        Parameter(
+            "k",
+            ("N/m",),
+            "stiffness",
+            low=0.0,
+            scale=(of_weight(0.005),),
+            plausible=Plausible(
+                lambda index, vehicle: (0.0, of_weight(1.0)(vehicle)),
+                "up to the vehicle's weight per metre",
+                "slack-laid cables give way",
+            ),
+        ),
+        Parameter(
+            "slack",
+            ("m",),
+            "length before it pulls",
+            low=0.0,
+            scale=(5.0,),
+            plausible=between(0.0, FAR, "m", "lengths of tethers"),
+        ),
+        Parameter(
+            "attachment",
+            ("m",),
+            "point on the body",
+            (3,),
+            limits=on_the_hull,
+            plausible=within_box(2.0, "either way up to the hull's length along each axis", "mounting"),
+        ),
+        Parameter(
+            "anchor",
+            ("m",),
+            "fixed end, NED",
+            (3,),
+            required=True,
+            scale=(10.0,),
+            plausible=between(-FAR, FAR, "m", "lengths of tethers, from where NED begins"),
+        ),
     ),
     kernel=tether,
     identification=Identification(step=1e-2, starts=cables, coarse=without_slack, fine=with_slack),
@@ -206,7 +243,14 @@ SURFACE_SUCTION = Effect(
     excitation="slow passages at several depths near the surface",
     lookalikes=("net_buoyancy",),
     parameters=(
-        Parameter("A", ("N",), "force at the surface"),
+        Parameter(
+            "A",
+            ("N",),
+            "force at the surface",
+            plausible=up_to_weight(
+                0.3, "either way up to 0.3 of the vehicle's weight", "what thrusters hold for long"
+            ),
+        ),
         Parameter(
             "decay",
             ("m",),
@@ -215,6 +259,7 @@ SURFACE_SUCTION = Effect(
             required=True,
             scale=(1.0,),
             limits=shallow_to_deep,
+            plausible=between(SHALLOWEST, DEEPEST, "m", "a part of the hull's length to some lengths"),
         ),
     ),
     kernel=surface_suction,
@@ -234,9 +279,9 @@ EFFECTS = (
         excitation="several headings with a known thrust, or free drift",
         lookalikes=("sensor_bias", "net_buoyancy", "tether"),
         parameters=(
-            Parameter("v_N", ("m/s",), "northward velocity of the water"),
-            Parameter("v_E", ("m/s",), "eastward velocity of the water"),
-            Parameter("v_D", ("m/s",), "downward velocity of the water"),
+            Parameter("v_N", ("m/s",), "northward velocity of the water", plausible=TIDAL),
+            Parameter("v_E", ("m/s",), "eastward velocity of the water", plausible=TIDAL),
+            Parameter("v_D", ("m/s",), "downward velocity of the water", plausible=VERTICAL),
         ),
         flow=ocean_current,
         advice=Advice(parted_by=(HEADINGS, DISTANCES)),

@@ -15,7 +15,9 @@ from hydro.core.columns import POSE, VELOCITY, Array, Rows, command_column
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, predict, prepare
 from hydro.core.recording.arrays import Recording, recording, smoothed
+from hydro.core.simulation.bands import spread, table
 from hydro.core.simulation.dynamics import BODY
+from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
@@ -26,6 +28,8 @@ SHOWN_SECONDS = 120.0
 """Shown of a session [s], from its first row."""
 MOST_SESSIONS = 12
 """Sessions shown, the first ones."""
+FEW_DRAWS = 40
+"""Vehicles drawn for a band."""
 SHOWN_RATE = 10.0
 """Least rate of the rows [Hz]: a few rows in a second show all that a vehicle does."""
 
@@ -45,9 +49,7 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
     Raises:
         DataError: The recording does not fit a vehicle.
     """
-    since = pl.col("t") - pl.col("t").first().over("session")
-    first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
-    shown = raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
+    shown = _heads(raw)
     record = recording(next(iter(vehicles.values())), shown)
     motions = {MEASURED: np.hstack([record.eta, record.nu])}
     motions |= {name: _predicted(vehicle, recording(vehicle, shown)) for name, vehicle in vehicles.items()}
@@ -65,6 +67,45 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
         for name, motion in motions.items()
     )
     return table.filter(pl.all_horizontal(pl.col(*POSE, *VELOCITY).is_finite()))
+
+
+def restarted_bands(
+    vehicle: Vehicle, estimates: Estimates, raw: pl.DataFrame, *, draws: int = FEW_DRAWS, seed: int = 0
+) -> pl.DataFrame:
+    """The 95 % bands of such predictions: what the covariance of a vehicle's numbers leaves open.
+
+    Args:
+        vehicle: The vehicle.
+        estimates: Its estimated numbers.
+        raw: Raw table of the measured motion and commands.
+        draws: Vehicles drawn.
+        seed: Of the draws.
+
+    Returns:
+        The bands table in float32, its rows those of `restarted`, but for those in which the motion diverges.
+
+    Raises:
+        DataError: The recording does not fit the vehicle.
+    """
+    shown = _heads(raw)
+    record = recording(vehicle, shown)
+    kept = _thinned(record)
+
+    def predicted(one: Vehicle) -> Array:
+        return _predicted(one, record)[kept]
+
+    low, high = spread(vehicle, estimates, predicted, draws=draws, seed=seed)
+    rows = pl.DataFrame({"session": shown["session"].gather(kept), "t": record.t[kept]})
+    made = table(rows, predicted(vehicle), low, high)
+    numbers = pl.exclude("session", "t")
+    return made.with_columns(numbers.cast(pl.Float32)).filter(pl.all_horizontal(numbers.is_finite()))
+
+
+def _heads(raw: pl.DataFrame) -> pl.DataFrame:
+    """The first SHOWN_SECONDS of the first sessions."""
+    since = pl.col("t") - pl.col("t").first().over("session")
+    first = raw["session"].unique(maintain_order=True).head(MOST_SESSIONS).implode()
+    return raw.filter(pl.col("session").is_in(first)).filter(since <= SHOWN_SECONDS)
 
 
 def _thinned(record: Recording) -> Rows:

@@ -8,13 +8,11 @@ from typing import Any
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.experiment.manoeuvres import FLIGHT_LENGTH, Flight
-from hydro.core.identification.prior import Change
+from hydro.core.identification.prior import ABSURD, Change
 
 ADD = "add it with `hydro add`"
 TOLD = 1.0
-"""Standard deviations of what is known of a value from which the size of its change is told,"""
-ABSURD = 4.0
-"""and beyond which it is not believed."""
+"""Standard deviations of what is known of a value from which the size of its change is told."""
 CLEAR = 10.0
 """Standard deviations of the noise by which a manoeuvre must part two effects to be flown once."""
 
@@ -86,6 +84,20 @@ def retuning(effect: str, change: Change | None = None) -> str:
     return (
         f"{told}. That is beyond belief: it may stand for something that the file lacks; "
         "do not add it unless you know that the file's value is wrong"
+    )
+
+
+def contradicting(change: Change, share: float) -> str:
+    """That a recording contradicts a value which is held as known.
+
+    Args:
+        change: The entry that it would take farthest.
+        share: Part of the error beyond the noise that other values would explain.
+    """
+    return (
+        f"held as known and not re-estimated, but the recording contradicts it: {change.entry.name} "
+        f"{change.given:.3g} would have to be {change.value:.3g}, and that would explain {share:.0%} of the "
+        "error; what is found beside it may stand for this"
     )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Progress
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, weak_form
 from hydro.core.identification.candidate import candidate
@@ -36,6 +37,7 @@ from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.output_error import OutputError, aimed
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
+from hydro.core.identification.prior import combined, stated
 from hydro.core.identification.tracking import shot_seconds, tracked
 from hydro.core.identification.visibility import of_recording
 from hydro.core.logs.axis_faults import require_as_called
@@ -47,6 +49,7 @@ from hydro.core.recording.sensor_faults import (
     without_bias,
     without_outliers,
 )
+from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.description import Vehicle
 
 Method = Literal["output", "equation"]
@@ -112,9 +115,24 @@ class Fit:
         for name in dict.fromkeys(entry.effect for entry in self.free.entries):
             table = effect_table(self.free, name, self.free.within(values))
             replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
-            spread = effect_table(self.free, name, errors)
+            spread = _errors_of(self.free, name, errors)
             tables.append({"name": name} | replaced | table | {"standard_error": spread})
         return tuple(tables)
+
+    def estimates(self) -> Estimates:
+        """The fitted values as they stand in `tables`, with their covariance."""
+        written = {table["name"]: table for table in self.tables()}
+        entries = tuple(
+            Estimate(
+                entry.effect,
+                entry.parameter,
+                entry.index,
+                entry.unit,
+                float(np.asarray(written[entry.effect][entry.parameter], float)[entry.index]),
+            )
+            for entry in self.free.entries
+        )
+        return Estimates(entries, self.covariance)
 
     def _rounded(self, places: NDArray[np.int64]) -> Array:
         pairs = zip(self.values.tolist(), places.tolist(), strict=True)
@@ -134,6 +152,16 @@ class Fit:
         )
 
 
+def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
+    """The standard errors of one effect in the shape of its table; 0 of what is held as known."""
+    table, fitted = (
+        effect_table(free_, name, errors),
+        {e.parameter for e in free_.entries if e.effect == name},
+    )
+    known = {key: np.zeros(np.shape(value)).tolist() for key, value in table.items() if key not in fitted}
+    return table | known
+
+
 def fit(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -147,7 +175,8 @@ def fit(
     """Fit named effects to a recording.
 
     Args:
-        vehicle: The vehicle; effects that it has begin at their values, new ones at nothing.
+        vehicle: The vehicle; effects that it has begin at their values, new ones at nothing.  Standard errors
+            beside values count as another estimate, and what is held as known is not fitted.
         raw: Raw table of the measured motion and commands.
         effects: Names in the catalogue (`linear_damping`, or `linear_damping.matrix` where there is a
             choice), or tables with values to begin from.
@@ -170,7 +199,7 @@ def fit(
     log = sound(vehicle, raw)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
-    unknown = free(vehicle, effects, reach=record.eta[:, :3])
+    unknown = _not_known(vehicle, effects, record.eta[:, :3])
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
     share = windows.share
@@ -187,11 +216,23 @@ def fit(
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
     progress("done", 1.0)
-    found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method)
+    found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method, vehicle)
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
     told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
     warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
     return replace(found, warnings=warnings, share=share)
+
+
+def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
+    """The free entries of effects.
+
+    Raises:
+        DataError: There are none.
+    """
+    unknown = free(vehicle, effects, reach=reach)
+    if not unknown.entries:
+        raise DataError("all that is named is held as known; name another effect, or take `known` out")
+    return unknown
 
 
 def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
@@ -316,8 +357,19 @@ def _information(normal: Normal) -> Array:
     return total
 
 
-def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, method: str) -> Fit:
-    """Covariance, warnings and a vehicle that is physically possible."""
+def with_uncertainty(
+    unknown: Free, values: Array, normal: Normal, chi2: float, method: str, file: Vehicle | None = None
+) -> Fit:
+    """Covariance, warnings and a vehicle that is physically possible.
+
+    Args:
+        unknown: The entries.
+        values: Their best values, (P,).
+        normal: The problem about them.
+        chi2: Mean square of the residuals.
+        method: `output` or `equation`.
+        file: The vehicle whose file states standard errors of its values, which count as another estimate.
+    """
     warnings: list[str] = []
     within = possible(unknown, values, _information(normal))
     if not np.array_equal(within, values):
@@ -325,6 +377,11 @@ def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, 
         values = within
     scales = unknown.scales
     spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
+    if file is not None and np.isfinite(stated(file, unknown.entries)).any():
+        values, spread, told = combined(values, spread, file, unknown.entries)
+        information = np.asarray(np.linalg.inv(spread / np.outer(scales, scales)), np.float64)
+        values = possible(unknown, unknown.within(values), information)
+        warnings += told
     errors = np.sqrt(np.diag(spread))
     plain = (np.abs(values) > PLAIN_ERRORS * errors) & (errors < 0.3 * PRIOR * scales)
     determined = (errors <= UNDETERMINED * scales) | plain
@@ -341,8 +398,10 @@ def with_uncertainty(unknown: Free, values: Array, normal: Normal, chi2: float, 
     ]
     if at_bound:
         warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
+    fitted = unknown.at(values)
+    warnings += implausible(fitted, [entry.effect for entry in unknown.entries])
     return Fit(
-        vehicle=unknown.at(values),
+        vehicle=fitted,
         free=unknown,
         values=values,
         standard_errors=errors,

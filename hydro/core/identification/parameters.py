@@ -22,6 +22,7 @@ from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import BOOKKEEPING, Rest
 from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
+from hydro.core.simulation.estimates import with_numbers
 from hydro.core.vehicle.description import Vehicle
 
 LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
@@ -78,20 +79,7 @@ class Free:
 
     def at(self, values: Array) -> Vehicle:
         """The vehicle with these values (P,)."""
-        tables = {entry.effect: {} for entry in self.entries}  # type: dict[str, dict[str, Any]]
-        for entry, value in zip(self.entries, values, strict=True):
-            table = tables[entry.effect]
-            if not entry.index:
-                table[entry.parameter] = float(value)
-                continue
-            if entry.parameter not in table:
-                current = next(iter(self.vehicle.effects(entry.effect)))
-                table[entry.parameter] = np.array(current[entry.parameter], float).tolist()
-            _put(table[entry.parameter], entry.index, float(value))
-            if CATALOGUE[entry.effect].parameter(entry.parameter).symmetric:
-                _put(table[entry.parameter], entry.index[::-1], float(value))
-        changed = tuple({**e, **tables.get(e["name"], {})} for e in self.vehicle.effect)
-        return msgspec.structs.replace(self.vehicle, effect=changed)
+        return with_numbers(self.vehicle, self.entries, values)
 
     def holding(self, values: Array, held: NDArray[np.bool_]) -> Free:
         """The same begun at these values (P,), without the entries that are to stay there."""
@@ -115,7 +103,7 @@ class Free:
 
 
 def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach: Array | None = None) -> Free:
-    """The entries of named effects, free.
+    """The entries of named effects, free, but for what the vehicle file holds as known.
 
     Args:
         vehicle: The vehicle.
@@ -246,14 +234,15 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Free entries of a complete table; a symmetric matrix has those on and above its diagonal."""
+    """Free entries of a complete table: not what is known; of a symmetric matrix the upper triangle."""
     record, found = CATALOGUE[table["name"]], []
+    known = record.known(next(iter(vehicle.effects(record.name)), {}))
     search, others = record.identification, _rest(vehicle, rest)
     for parameter in record.parameters:
         if parameter.name not in table:
             continue
         for index in np.ndindex(*np.shape(table[parameter.name])):
-            if parameter.symmetric and index[0] > index[1]:
+            if (parameter.symmetric and index[0] > index[1]) or parameter.name in known:
                 continue
             scale = parameter.scale_at(index, vehicle)
             low, high = parameter.low, parameter.high
@@ -284,9 +273,3 @@ def _rest(vehicle: Vehicle, rest: Vehicle) -> Rest:
 def unit_at(parameter: Parameter, index: tuple[int, ...]) -> str:
     """Unit of one entry of a parameter."""
     return parameter.unit_at(index)
-
-
-def _put(nested: list[Any], index: tuple[int, ...], value: float) -> None:
-    for i in index[:-1]:
-        nested = nested[i]
-    nested[index[-1]] = value

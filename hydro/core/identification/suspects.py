@@ -17,6 +17,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.record import Shapes
 from hydro.core.identification.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
@@ -52,12 +53,12 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
     """
     found: list[Suspect] = []
     for name in CATALOGUE:
-        if name in without:
+        if name in without or wholly_known(vehicle, name):
             continue
         if name in CURVED and not vehicle.effects(name):
             found += _shaped(vehicle, name, CATALOGUE[name].identification.coarse, reach)
         elif name not in CURVED:
-            found.append(_linear(vehicle, choice(vehicle, name)))
+            found.append(of_entries(vehicle, name))
     return found
 
 
@@ -90,9 +91,9 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
     ]
 
 
-def _linear(vehicle: Vehicle, choice: str) -> Suspect:
+def of_entries(vehicle: Vehicle, effect: str) -> Suspect:
     """One column per entry of an effect that is linear, or nearly so, about its absence or present values."""
-    unknown = free(vehicle, [choice])
+    unknown = free(vehicle, [choice(vehicle, effect)])
     name = unknown.entries[0].effect
     start, (low, high) = unknown.starts[0], unknown.bounds
     steps = [

@@ -96,6 +96,19 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
     assert end == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_known_value_that_the_recording_contradicts_is_told_and_kept(known):
+    """Quadratic damping a quarter wrong and held as known: no values for `add`, but which they would be."""
+    wrong = misjudged(known)
+    held = (t | {"known": t["name"] == "quadratic_damping"} for t in wrong.effect)
+    found = diagnose(msgspec.structs.replace(wrong, effect=tuple(held)), recorded(known, rows=1000))
+    (told,) = (one for one in found.findings if one.effect == "quadratic_damping")
+    assert (told.verdict, dict(told.parameters)) == ("retune", {})
+    assert told.share > 0.9
+    assert "held as known and not re-estimated, but the recording contradicts it" in told.advice
+    assert found.vehicle.effects("quadratic_damping")[0]["diagonal"][1] == 195.0
+    assert all(entry.effect != "quadratic_damping" for entry in found.estimates.entries)
+
+
 def test_nothing_hidden_is_nothing_missing(known):
     found = diagnose(known, recorded(known))
     assert found.findings[0].verdict == "nothing_missing"

@@ -1,0 +1,195 @@
+"""Estimated numbers of a vehicle file with their covariance: as a table, for a part of them, and drawn.
+
+A draw is one vehicle that the recording would have allowed: its entries are normal about their values with
+their covariance.  What lies beyond the plausible range of a parameter is moved to its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import Array
+from hydro.core.effects import CATALOGUE
+from hydro.core.vehicle.description import Vehicle
+
+AGREES = 0.02
+"""Standard errors by which a value in a file may differ from the estimate that it was rounded from."""
+
+
+class Place(Protocol):
+    """Where a number stands in a vehicle file."""
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter."""
+
+    @property
+    def index(self) -> tuple[int, ...]:
+        """Place in it; () of a number."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimated number of a vehicle file.
+
+    Attributes:
+        effect: Name of the effect.
+        parameter: Name of the parameter.
+        index: Place in it; () of a number.
+        unit: Its unit.
+        value: The number as it stands in the file.
+    """
+
+    effect: str
+    parameter: str
+    index: tuple[int, ...]
+    unit: str
+    value: float
+
+    @property
+    def name(self) -> str:
+        """As it is written: `linear_damping.diagonal[0]`."""
+        return f"{self.effect}.{self.parameter}" + "".join(f"[{i}]" for i in self.index)
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Estimated numbers of a vehicle file.
+
+    Attributes:
+        entries: They, (P,).
+        covariance: (P, P), in their units.
+    """
+
+    entries: tuple[Estimate, ...]
+    covariance: Array
+
+    @property
+    def values(self) -> Array:
+        """(P,)."""
+        return np.array([entry.value for entry in self.entries])
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors, (P,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def frame(self) -> pl.DataFrame:
+        """The covariance table: a row per entry, with its correlation with every entry."""
+        errors = np.maximum(self.errors, np.finfo(float).tiny)
+        correlation = np.clip(self.covariance / np.outer(errors, errors), -1.0, 1.0)
+        return pl.DataFrame(
+            {
+                "effect": [entry.effect for entry in self.entries],
+                "parameter": [entry.parameter for entry in self.entries],
+                "index": pl.Series([list(entry.index) for entry in self.entries], dtype=pl.List(pl.Int64)),
+                "unit": [entry.unit for entry in self.entries],
+                "value": self.values,
+                "standard_error": self.errors,
+                "correlation": correlation.tolist(),
+            }
+        )
+
+    @classmethod
+    def of(cls, frame: pl.DataFrame) -> Estimates:
+        """From a covariance table."""
+        entries = tuple(
+            Estimate(row["effect"], row["parameter"], tuple(row["index"]), row["unit"], row["value"])
+            for row in frame.iter_rows(named=True)
+        )
+        errors = frame["standard_error"].to_numpy()
+        return cls(entries, np.array(frame["correlation"].to_list(), float) * np.outer(errors, errors))
+
+    def of_effects(self, names: Sequence[str]) -> Estimates:
+        """Those of some effects, whatever the others are."""
+        kept = [i for i, entry in enumerate(self.entries) if entry.effect in names]
+        return Estimates(tuple(self.entries[i] for i in kept), self.covariance[np.ix_(kept, kept)])
+
+    def after(self, earlier: Estimates | None) -> Estimates:
+        """These, and earlier ones of other effects, which are independent of them."""
+        if earlier is None:
+            return self
+        own = {entry.effect for entry in self.entries}
+        kept = earlier.of_effects([entry.effect for entry in earlier.entries if entry.effect not in own])
+        first = len(kept.entries)
+        both = np.zeros((first + len(self.entries),) * 2)
+        both[:first, :first], both[first:, first:] = kept.covariance, self.covariance
+        return Estimates((*kept.entries, *self.entries), both)
+
+    def disagreement(self, vehicle: Vehicle) -> str:
+        """The first number in which a vehicle file says something else, in words; empty where none does."""
+        for entry, error in zip(self.entries, self.errors, strict=True):
+            there = number(vehicle, entry)
+            if there is None or abs(there - entry.value) > AGREES * error + 1e-9 * abs(entry.value):
+                says = "has no such value" if there is None else f"has {there:.6g}"
+                return f"{entry.name} is {entry.value:.6g}, but the vehicle file {says}"
+        return ""
+
+    def drawn(self, vehicle: Vehicle, draws: int, seed: int) -> Iterator[Vehicle]:
+        """Vehicles with numbers drawn from these estimates.
+
+        Args:
+            vehicle: The vehicle that has them.
+            draws: How many.
+            seed: Of the draws.
+        """
+        rng, low, high = np.random.default_rng(seed), *self._plausible(vehicle)
+        errors = np.maximum(self.errors, np.finfo(float).tiny)
+        sizes, ways = np.linalg.eigh(self.covariance / np.outer(errors, errors))
+        root = ways * np.sqrt(np.maximum(sizes, 0.0))
+        for _ in range(draws):
+            values = self.values + errors * (root @ rng.standard_normal(len(errors)))
+            yield with_numbers(vehicle, self.entries, np.clip(values, low, high))
+
+    def _plausible(self, vehicle: Vehicle) -> tuple[Array, Array]:
+        """Ends of the plausible ranges within the admissible ones, (P,) each; a value beyond moves them."""
+        ends = []
+        for entry in self.entries:
+            record = CATALOGUE[entry.effect].parameter(entry.parameter)
+            low, high = record.plausible.at(entry.index, vehicle) if record.plausible else (-np.inf, np.inf)
+            ends.append((min(max(low, record.low), entry.value), max(min(high, record.high), entry.value)))
+        low_ends, high_ends = np.array(ends).reshape(-1, 2).T
+        return low_ends, high_ends
+
+
+def number(vehicle: Vehicle, place: Place) -> float | None:
+    """A number of a vehicle file; None where the file has none."""
+    table = next(iter(vehicle.effects(place.effect)), {})
+    values = np.asarray(table.get(place.parameter, np.nan), float)
+    there = len(place.index) == values.ndim and all(np.array(place.index) < values.shape)
+    found = float(values[place.index]) if there else np.nan
+    return None if np.isnan(found) else found
+
+
+def with_numbers(vehicle: Vehicle, places: Sequence[Place], values: Array) -> Vehicle:
+    """The vehicle with these values (P,) of its effects; a symmetric matrix changes on both sides."""
+    tables = {place.effect: {} for place in places}  # type: dict[str, dict[str, Any]]
+    for place, value in zip(places, values, strict=True):
+        table = tables[place.effect]
+        if not place.index:
+            table[place.parameter] = float(value)
+            continue
+        if place.parameter not in table:
+            current = next(iter(vehicle.effects(place.effect)))
+            table[place.parameter] = np.array(current[place.parameter], float).tolist()
+        _put(table[place.parameter], place.index, float(value))
+        if CATALOGUE[place.effect].parameter(place.parameter).symmetric:
+            _put(table[place.parameter], place.index[::-1], float(value))
+    changed = tuple({**table, **tables.get(table["name"], {})} for table in vehicle.effect)
+    return msgspec.structs.replace(vehicle, effect=changed)
+
+
+def _put(nested: list[Any], index: tuple[int, ...], value: float) -> None:
+    for i in index[:-1]:
+        nested = nested[i]
+    nested[index[-1]] = value

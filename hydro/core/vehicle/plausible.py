@@ -1,0 +1,153 @@
+"""Ranges that physics leaves to a parameter of a vehicle: what lies beyond them stands for something else.
+
+They follow from the vehicle's weight, displacement and the box of its hull.  A range is generous: a value
+within it may be wrong, one beyond it is not believed without being told.  Increments have 0 within theirs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.vehicle.description import Vehicle
+
+Index = tuple[int, ...]
+Range = Callable[[Index, Vehicle], tuple[float, float]]
+
+MOST_DRAG = 2.5
+"""Greatest drag coefficient of a bluff body or an open frame; slender ones have 0.1."""
+BOOMS = 2.0
+"""Of the box's half lengths: how far from CO fins, frames and booms still drag."""
+MOST_ADDED = 3.0
+"""Added over displaced mass, of plates and frames; 0.5 of a sphere, 1 of a cylinder across the flow."""
+DRAG_SOURCE = "Hoerner (1965), chapter 3 (bluff bodies)"
+ADDED_SOURCE = "Newman (1977), section 4.14 (ellipsoids and plates)"
+LIFT_SLOPE = 2.0 * math.pi
+"""Lift slope of a thin wing of infinite span."""
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """What a parameter may be.
+
+    Attributes:
+        at: Least and greatest plausible value of an entry on a vehicle, in the parameter's unit.
+        words: The range in words, with its unit where it has one.
+        source: Where it comes from.
+    """
+
+    at: Range
+    words: str
+    source: str
+
+
+def between(low: float, high: float, unit: str, source: str) -> Plausible:
+    """The same range on every vehicle."""
+    words = f"{low:g} to {high:g}" + (f" {unit}" if unit else "")
+    return Plausible(lambda index, vehicle: (low, high), words, source)
+
+
+def of_weight(share: float, words: str, source: str) -> Plausible:
+    """Up to a share of the vehicle's weight [N], either way."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        most = share * vehicle.rigid_body.mass * vehicle.environment.gravity
+        return -most, most
+
+    return Plausible(at, words, source)
+
+
+def within_box(times: float, words: str, source: str, axis: int | None = None) -> Plausible:
+    """Up to so many of the hull's half lengths [m] either way, along an axis or along that of the index."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        reach = times * _half(vehicle)[index[-1] if axis is None else axis]
+        return -float(reach), float(reach)
+
+    return Plausible(at, words, source)
+
+
+def symmetric(most: Callable[[Vehicle], Array]) -> Range:
+    """A matrix's range from the greatest entries of its diagonal, (6,): what lies off it, by Cauchy-Schwarz.
+
+    In a positive semi-definite matrix no entry exceeds the geometric mean of the two on its row and column.
+    """
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        diagonal = most(vehicle)
+        i, j = index[0], index[-1]
+        if i == j:
+            return 0.0, float(diagonal[i])
+        bound = math.sqrt(diagonal[i] * diagonal[j])
+        return -bound, bound
+
+    return at
+
+
+def of_entry(range_: Range, i: int, j: int) -> Range:
+    """The range of entry [i, j] of a matrix, for a parameter that is that number alone."""
+    return lambda index, vehicle: range_((i, j), vehicle)
+
+
+def most_drag(vehicle: Vehicle) -> Array:
+    """Drag of the hull's box at 1 m/s and 1 rad/s with MOST_DRAG, (6,) [N, N m]: 1/2 rho C_d A.
+
+    At this speed a linear, a quadratic and a cubic damping coefficient are the same number.
+    """
+    sides = 2.0 * _half(vehicle)
+    pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
+    areas = np.array([sides[(i + 1) % 3] * sides[(i + 2) % 3] for i in range(3)])
+    arms = BOOMS**3 * _half(vehicle) ** 4 / 2.0  # int |r|^3 dr over a face, the same area farther out
+    turned = np.array([sides[i] * (arms[(i + 1) % 3] + arms[(i + 2) % 3]) for i in range(3)])
+    return np.asarray(pressure * np.concatenate([areas, turned]))
+
+
+def most_cross_drag(vehicle: Vehicle) -> Array:
+    """The same of drag per speed and velocity or rate, (6,): 1/2 rho C_d A, and C_d int r^2 dA."""
+    sides = 2.0 * _half(vehicle)
+    pressure = 0.5 * MOST_DRAG * vehicle.environment.water_density
+    arms = BOOMS**2 * _half(vehicle) ** 3 * 2.0 / 3.0
+    turned = [sides[i] * (arms[(i + 1) % 3] + arms[(i + 2) % 3]) for i in range(3)]
+    return np.concatenate([most_drag(vehicle)[:3], pressure * np.array(turned)])
+
+
+def most_added(vehicle: Vehicle) -> Array:
+    """MOST_ADDED times the displaced mass, and the inertia about CO of as much water in the box, (6,)."""
+    mass, sides = displaced_mass(vehicle), 2.0 * _half(vehicle)
+    center = np.array(vehicle.hull.center)
+    square = sides**2 / 12.0 + center**2
+    turned = [mass * (square[(i + 1) % 3] + square[(i + 2) % 3]) for i in range(3)]
+    return MOST_ADDED * np.concatenate([np.full(3, mass), turned])
+
+
+def most_lift(vehicle: Vehicle) -> Array:
+    """Lift per speed and drift, of the hull's side (0) and bottom (1), (2,) [kg/m]: 1/2 rho 2 pi A."""
+    length, width, height = 2.0 * _half(vehicle)
+    pressure = 0.5 * vehicle.environment.water_density * LIFT_SLOPE
+    return np.array([pressure * length * height, pressure * length * width])
+
+
+def displaced_mass(vehicle: Vehicle) -> float:
+    """Mass of the water that the vehicle displaces [kg]; its own where its file gives no buoyancy."""
+    return vehicle.buoyancy.force / vehicle.environment.gravity or vehicle.rigid_body.mass
+
+
+def _half(vehicle: Vehicle) -> Array:
+    """Half lengths of the hull's box [m], (3,)."""
+    return 0.5 * np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
+
+
+HULL_DRAG = Plausible(
+    symmetric(most_drag),
+    "up to the drag of the hull's box at 1 m/s or 1 rad/s with C_d 2.5",
+    DRAG_SOURCE,
+)
+ADDED_INERTIA = Plausible(
+    symmetric(most_added),
+    "up to 3 times the displaced mass, and the inertia of as much water in the hull's box",
+    ADDED_SOURCE,
+)
