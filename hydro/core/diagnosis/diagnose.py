@@ -27,6 +27,7 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
+from hydro.core.diagnosis.contenders import left_open
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import aliases, undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -109,7 +110,8 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     models = (baseline.given, baseline.refitted, outcome.model)
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found))
+    question = left_open(baseline, outcome, findings)
+    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), question)
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:

@@ -14,6 +14,7 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core.errors import DataError
+from hydro.core.experiment.flight import Question
 from hydro.core.vehicle.description import Vehicle
 
 Verdict = Literal[
@@ -92,11 +93,13 @@ class Diagnosis:
         vehicle: The vehicle with its own effects fitted anew and what was found, all fitted together.
         chi2: Mean squared residual in units of the noise of the file as given, with its own effects fitted
             anew, and with what was found; 1 where nothing but noise is left.
+        question: What is left open, for `experiment.flight.advise`.
     """
 
     findings: tuple[Finding, ...]
     vehicle: Vehicle
     chi2: tuple[float, float, float]
+    question: Question | None = None
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""
