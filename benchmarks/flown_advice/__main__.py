@@ -52,7 +52,8 @@ def line(row: dict[str, Any]) -> str:
     apart = "" if row["expected"] is None else f": {row['expected']:.2g} s.d."
     return (
         f"{told}, {row['open']} | {', '.join(row['sessions'])}{apart} | "
-        f"advised {row['advised_outcome']} ({row['advised_findings']}), random {row['random_outcome']} | cpu {row['cpu']:.0f} s"
+        f"advised {row['advised_outcome']} ({row['advised_findings']}), random {row['random_outcome']} | "
+        f"cpu {row['cpu']:.0f} s"
     )
 
 
@@ -62,10 +63,11 @@ def summary(results: pl.DataFrame) -> str:
     tied = [row for row in rows if row["open"]]
     after = " | ".join(f"truth named first after {words}" for words in FLIGHTS.values())
     lines = [
-        f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has the truth among "
-        "rivals, or says that the recording does not show it. 95 % intervals after Clopper and Pearson.",
+        f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has "
+        "the truth among rivals, or says that the recording does not show it. 95 % intervals after Clopper "
+        "and Pearson.",
         "",
-        f"| open | studies | {after} | stated at 0.9 or more after the advised flight | wrong name after it |",
+        f"| open | studies | {after} | stated at 0.9 or more after the advised one | wrong name after it |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):

@@ -34,7 +34,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 """What is hidden under each manoeuvre."""
 STEADY = {HEADING: ("surge levels", 0.6), SPEED: ("circles", 0.1), STEP: ("surge levels", 0.6)}
 """The manoeuvre of the library that is repeated, and the part of it that is held where one speed is kept."""
-NOISE = 3.0
+NOISE = 6.0
 """Times ordinary noise."""
 DEPTH = 15.0
 SESSIONS = 4

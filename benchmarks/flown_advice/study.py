@@ -39,10 +39,10 @@ SCHEMA: dict[str, Any] = {
 }
 """Columns of a results file.
 
-An outcome is `named` (the truth first, alone), `tied` (first, with others, or behind others in a tie),
+An outcome is `named` (the truth first, alone), `tied` (the truth among those of the first finding),
 `wrong: NAME` or `nothing`.  `open` is `rivals` where the first diagnosis has the truth among the rivals of an
-open question, `unseen` where it says that the recording does not show the truth, else empty.   `expected` is the least expected distance between rivals; `inside`, whether the vehicle with
-what is hidden kept to the limits.
+open question, `unseen` where it says that the recording does not show it, else empty.  `expected` is the
+least expected distance between rivals; `inside`, whether the vehicle with what is hidden kept to the limits.
 """
 
 
