@@ -2,7 +2,8 @@
 
 One manoeuvre is repeated in four sessions: ahead on one heading, where a current, a tether, weight and a bias
 of the log are alike; a circle at one speed, where kinds of drag and lift are; thrusters in step, whose gains,
-curves and losses are.  The vehicle is the benchmark's own simulator, with true damping and what is hidden.
+curves and losses are.  The vehicle is the benchmark's own simulator, with true damping and what is hidden,
+strong enough to make a tenth of the error under a rich excitation.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import polars as pl
 
 from benchmarks.flown_advice import cases
 from benchmarks.hidden_effects import vehicles
+from benchmarks.imperfect_logs.study import clean
 from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import SURE, Diagnosis
 from hydro.core.experiment.flight import Limits, advise
@@ -87,6 +89,7 @@ def _study(row: dict[str, Any]) -> None:
     row |= {"family": family, "preset": case.preset, "effect": effect}
     actual = vehicles.preset(case.preset)
     given = vehicles.misjudged(actual, np.random.default_rng([seed, 11]))
+    case, _ = clean(case, row["seconds"], Path())
     sea, first = cases.first_recording(case, given, actual, family, row["seconds"])
     row["truth"] = json.dumps(sea.case.hidden)
     found = diagnose(given, first)

@@ -18,6 +18,7 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
+from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
@@ -239,6 +240,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     if outcome.warnings:
         words = "; ".join(outcome.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
+    findings = under_feedback(baseline, outcome, findings)
     members = {name for finding in findings for name in finding.members}
     return findings + [finding for finding in _unseen(baseline, outcome) if finding.effect not in members]
 

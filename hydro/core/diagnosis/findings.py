@@ -27,6 +27,7 @@ Verdict = Literal[
     "not_excited",
     "none_of_the_known",
     "far_from_noise",
+    "closed_loop",
     "nothing_missing",
 ]
 """What is the matter.
@@ -40,6 +41,7 @@ Of the whole, one at most of three, by the mean squared residual at the end in u
 `nothing_missing` where it is a fit and nothing is structured in what is left; `none_of_the_known` where
 something is, near the noise, or beside findings that explain their part; `far_from_noise` where the fit
 leaves many times the noise and no effect earns any of it, so that no word on what is missing can be had.
+`closed_loop` stands beside others: the commands answer to the motion, and a disturbance may be imitated.
 """
 
 SURE = 0.9

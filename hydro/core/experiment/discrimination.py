@@ -30,6 +30,12 @@ Parted = Mapping[tuple[str, str], float]
 """Squared distance of rivals, in variances of the noise, by pairs of their names."""
 
 
+SHOWN = 0.05
+"""Standard error over scale at which an entry is half shown,"""
+LATER = 1e-3
+"""and the weight of what it becomes beyond."""
+
+
 @dataclass(frozen=True)
 class Rival:
     """A vehicle that explains a recording.
@@ -204,11 +210,14 @@ def shown(rival: Rival, asked: Sequence[Unseen], total: Array) -> dict[str, list
 
 
 def worth(asked: Sequence[Unseen], errors: Mapping[str, Sequence[Expected]]) -> float:
-    """What a flight is worth that gives such standard errors: the log of the information, entry by entry."""
-    return float(
-        sum(
-            np.log1p((scale / max(one.after, 1e-12 * scale)) ** 2)
-            for effect in asked
-            for (_, _, scale), one in zip(effect.labels, errors[effect.name], strict=True)
-        )
-    )
+    """What a flight is worth that gives such standard errors: the part of each effect that it shows.
+
+    An entry counts the less, the more its standard error exceeds SHOWN of its scale; beyond that, the log of
+    the information (D-optimality) decides between flights that show as much.
+    """
+    whole = 0.0
+    for effect in asked:
+        pairs = zip(effect.labels, errors[effect.name], strict=True)
+        size = np.array([max(one.after / scale, 1e-12) for (_, _, scale), one in pairs])
+        whole += float(np.mean(1.0 / (1.0 + (size / SHOWN) ** 2) - LATER * np.log(size)))
+    return whole
