@@ -44,7 +44,7 @@ ADVICE = (
 )
 IMITATES = (
     "under feedback: with steady disturbances free beside it, {share:.0%} of it goes, so that this recording "
-    "does not tell it from a current, tether or trim that the controller answers to"
+    "does not tell it from a disturbance that the controller answers to"
 )
 
 
