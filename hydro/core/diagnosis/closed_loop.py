@@ -31,7 +31,7 @@ from hydro.core.vehicle.frames import rotation_from_quaternion
 
 STRETCH = 20.0
 """Time over which a disturbance is taken for steady [s]."""
-OWN = 0.5
+OWN = 0.75
 """Part of an effect that must stay once steady wrenches are free beside it, for it to be told,"""
 EVIDENT = 10.0
 """and how many times chance what the recording then still tells of it must be, parameter by parameter."""

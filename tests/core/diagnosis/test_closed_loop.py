@@ -47,7 +47,7 @@ def test_what_a_disturbance_takes_is_suspected_only(own, verdict):
     found = Finding("missing", "added_mass", ("added_mass",), 0.5, confidence=1.0, advice="add it")
     judged = closed_loop._judged(found, {"added_mass": own})
     assert judged.verdict == verdict
-    assert judged.confidence == (1.0 if own > 0.5 else pytest.approx(0.3))
+    assert judged.confidence == (1.0 if own > closed_loop.OWN else pytest.approx(0.3))
 
 
 def test_a_refit_that_a_disturbance_takes_has_no_values_to_add():
