@@ -7,17 +7,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 from tables import raw
 
 from hydro import cli
 from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.experiment.discrimination import Rival
+from hydro.core.experiment.flight import Question
+from hydro.core.identification.parameters import free
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.report.diagnosis import lines
 
 VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
+STONEFISH = VEHICLE.parents[1] / "stonefish"
+NOISE = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
 DAMPING = {"diagonal": [90.0, 260.0, 380.0, 10.0, 40.0, 30.0]}
 FOUND = (
@@ -98,6 +104,46 @@ def test_bad_input_is_told_in_one_line(arguments, words, diagnosis: Path, monkey
     assert told.count("\n") == 1
     assert words in told
     assert not Path("out").exists()
+
+
+@pytest.fixture
+def unsure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A diagnosis that leaves a thruster's gain unseen, without the work."""
+    known = vehicles.read(STONEFISH / "vehicle.toml")[0]
+    unknown = free(known, ["net_buoyancy"])
+    model = Rival("net_buoyancy", unknown, unknown.starts[0], np.eye(len(unknown.entries)))
+    asked = Question(
+        (), model, ("thruster_asymmetry",), NOISE, np.array([0, 0, 3.0, 0, 0, 0]), np.zeros((1, 3))
+    )
+    made = Diagnosis(FOUND, known, (9.0, 5.0, 1.0), asked)
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.diagnose", lambda *_, **__: made)
+
+
+def test_the_advised_flight_is_a_table_of_commands_that_can_be_simulated(unsure, tmp_path, capsys) -> None:
+    next_, out = tmp_path / "next.parquet", tmp_path / "d.parquet"
+    line = ["diagnose", STONEFISH / "vehicle.toml", STONEFISH / "replay90.parquet", "--fly", next_]
+    line += ["--thrust", 0.2, "--seconds", 15, "--space", 20, "--depth", 1, 9, "-o", out]
+    assert cli.main([*map(str, line)]) == 0
+    told = capsys.readouterr().err
+    assert "expected standard error of thruster_asymmetry" in told
+    assert "every predicted position stays within" in told
+    flight = table.read(next_, "commands")
+    assert flight.provenance.stage == "diagnose"
+    assert flight.frame["cmd_1"].abs().max() <= 0.2**0.5 + 1e-6
+    target = tmp_path / "raw.parquet"
+    assert cli.main(["simulate", str(STONEFISH / "vehicle.toml"), str(next_), "-o", str(target)]) == 0
+    assert table.read(target, "raw").frame.height == flight.frame.height
+
+
+def test_no_room_to_fly_is_told_in_one_line_and_the_diagnosis_kept(unsure, tmp_path, capsys) -> None:
+    next_, out = tmp_path / "next.parquet", tmp_path / "d.parquet"
+    line = ["diagnose", STONEFISH / "vehicle.toml", STONEFISH / "replay90.parquet", "--fly", next_]
+    assert cli.main([*map(str, [*line, "--space", 1e-4, "-o", out])]) == 1
+    assert "no manoeuvre keeps every prediction" in capsys.readouterr().err.splitlines()[-1]
+    assert out.exists()
+    assert not next_.exists()
+    assert cli.main([*map(str, [*line, "--thrust", 2, "-o", out])]) == 1
+    assert "no share of full thrust" in capsys.readouterr().err
 
 
 def test_a_person_reads_one_line_per_finding(diagnosis: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hydro.core.diagnosis.findings import Diagnosis
+    from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
@@ -41,6 +43,32 @@ def diagnose(
     measured: Measured = STREAM,
     known: Known = None,
     output: Output = STREAM,
+    fly: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="COMMANDS",
+            show_default=False,
+            help="Write the flight that would tell what is left open, as a commands table.",
+        ),
+    ] = None,
+    depth: Annotated[
+        tuple[float, float],
+        typer.Option(metavar="MIN MAX", show_default=False, help="Depths that --fly keeps to [m]."),
+    ] = (-math.inf, math.inf),
+    space: Annotated[
+        float,
+        typer.Option(
+            metavar="METRES",
+            show_default=False,
+            help="Greatest horizontal distance of --fly from where a session begins.",
+        ),
+    ] = math.inf,
+    thrust: Annotated[
+        float, typer.Option(metavar="SHARE", help="Greatest thrust of --fly, as a share of the full one.")
+    ] = 1.0,
+    seconds: Annotated[
+        float, typer.Option(metavar="N", help="Length of --fly, all sessions together.")
+    ] = 120.0,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
 
@@ -50,12 +78,23 @@ def diagnose(
     What the file holds as `known`, or --known names, is not re-estimated; where the recording contradicts it
     clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
     writes them into the file. Beside the table that -o names lies the covariance of all values.
+
+    With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are
+    written as commands for hydro simulate or an autopilot. They count by what a rival cannot imitate with
+    its own values, as far as the recording leaves these open. Every predicted position of every rival keeps
+    to --depth and --space: manoeuvres are flown gentler or shorter until it does, or there is one line that
+    none does. Printed are the distances of rivals in standard deviations of the noise and the standard errors
+    that are expected. Record it, and diagnose both recordings as sessions of one raw table.
+
+        hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 --space 10 --thrust 0.6
     """
     from hydro.core.diagnosis.diagnose import diagnose as compute
+    from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
 
     vehicles.read(vehicle)
+    limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
     source = read(measured, "raw")
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(measured):
@@ -67,19 +106,24 @@ def diagnose(
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
     _print(found)
-    if shows_table(output):
-        return
-    made = table.make(
-        "diagnosis",
-        found.frame(),
-        stage="diagnose",
-        parameters={"chi2": [round(value, 4) for value in found.chi2]},
-        inputs=[source],
-        vehicle_text=text,
-    )
-    write(made, output)
-    if found.estimates is not None and output != STREAM:
-        covariance.write(found.estimates, output, stage="diagnose", inputs=[source], vehicle_text=text)
+    if not shows_table(output):
+        made = table.make(
+            "diagnosis",
+            found.frame(),
+            stage="diagnose",
+            parameters={"chi2": [round(value, 4) for value in found.chi2]},
+            inputs=[source],
+            vehicle_text=text,
+        )
+        write(made, output)
+        if found.estimates is not None and output != STREAM:
+            covariance.write(found.estimates, output, stage="diagnose", inputs=[source], vehicle_text=text)
+    if fly is not None and found.question is not None:
+        with about(measured):
+            flight = advise(found.question, limits)
+        _print_flight(flight, fly)
+        made = table.make("commands", flight.table(), stage="diagnose", inputs=[source], vehicle_text=text)
+        write(made, str(fly))
 
 
 def add(
@@ -171,6 +215,14 @@ def _print(found: Diagnosis) -> None:
         f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "
         f"own effects re-estimated, {all_of_it:.3g} with what was found."
     )
+
+
+def _print_flight(flight: Flight, path: Path) -> None:
+    """What to fly next and what it is expected to tell."""
+    console = person()
+    console.print(f"\nTo fly next ({path}):", style="bold")
+    for line in flight.lines():
+        console.print(line, soft_wrap=True)
 
 
 COMMANDS = {

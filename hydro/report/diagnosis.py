@@ -17,6 +17,7 @@ EXPLAINS = {
     "not_excited": "not shown by this recording: {effect}",
     "none_of_the_known": "none of the known effects: {share} of the unexplained error remains",
     "far_from_noise": "far from the noise, and no effect earns it: {share} of the unexplained error remains",
+    "closed_loop": "recorded under feedback",
     "nothing_missing": "nothing is missing",
 }
 

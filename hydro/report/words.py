@@ -29,6 +29,7 @@ VERDICTS = {
     "not_separable": ("Not separable", "No recording can tell {effect} from what the model has."),
     "not_excited": ("Not excited", "This recording does not show whether {effect} is there."),
     "none_of_the_known": ("Unknown", "Error remains that no effect of the catalogue explains."),
+    "closed_loop": ("Feedback", "The commands answer to the motion, and may hide a disturbance."),
     "far_from_noise": (
         "Far from noise",
         "The fit leaves many times the noise, and no effect of the catalogue earns it.",

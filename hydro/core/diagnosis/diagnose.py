@@ -18,6 +18,7 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
+from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
@@ -27,6 +28,7 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
+from hydro.core.diagnosis.contenders import left_open
 from hydro.core.diagnosis.findings import Diagnosis, Finding, with_implausible
 from hydro.core.diagnosis.identifiability import aliases, undetermined
 from hydro.core.diagnosis.imperfect import named_by_transfer
@@ -114,7 +116,8 @@ def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | No
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
     findings = [with_implausible(finding, vehicle) for finding in findings]
     estimates = outcome.fit.estimates() if outcome.fit else None
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates)
+    question = left_open(baseline, outcome, findings)
+    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question)
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
@@ -243,6 +246,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     if outcome.warnings:
         words = "; ".join(outcome.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
+    findings = under_feedback(baseline, outcome, findings)
     members = {name for finding in findings for name in finding.members}
     return findings + [finding for finding in _unseen(baseline, outcome) if finding.effect not in members]
 

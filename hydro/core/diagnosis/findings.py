@@ -15,6 +15,7 @@ import polars.selectors as cs
 
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
+from hydro.core.experiment.flight import Question
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -28,6 +29,7 @@ Verdict = Literal[
     "not_excited",
     "none_of_the_known",
     "far_from_noise",
+    "closed_loop",
     "nothing_missing",
 ]
 """What is the matter.
@@ -41,6 +43,7 @@ Of the whole, one at most of three, by the mean squared residual at the end in u
 `nothing_missing` where it is a fit and nothing is structured in what is left; `none_of_the_known` where
 something is, near the noise, or beside findings that explain their part; `far_from_noise` where the fit
 leaves many times the noise and no effect earns any of it, so that no word on what is missing can be had.
+`closed_loop` stands beside others: the commands answer to the motion, and a disturbance may be imitated.
 """
 
 SURE = 0.9
@@ -95,12 +98,14 @@ class Diagnosis:
         chi2: Mean squared residual in units of the noise of the file as given, with its own effects fitted
             anew, and with what was found; 1 where nothing but noise is left.
         estimates: All values that were fitted together, with their covariance; None where none were.
+        question: What is left open, for `experiment.flight.advise`.
     """
 
     findings: tuple[Finding, ...]
     vehicle: Vehicle
     chi2: tuple[float, float, float]
     estimates: Estimates | None = None
+    question: Question | None = None
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""

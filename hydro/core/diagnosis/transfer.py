@@ -41,7 +41,7 @@ STEPS = 6
 """Of a fit in the survey."""
 AS_GOOD = 0.98
 """Part of the best score from which an effect of fewer entries is named in its place."""
-RESOLUTION = np.repeat([0.01, 0.005, 0.01, 0.005], 3)
+RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
 KEPT = 1.0 / 3.0

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hydro.core.effects import CATALOGUE
-from hydro.core.experiment.manoeuvres import FLIGHT_LENGTH, Flight
+from hydro.core.experiment.library import FLIGHT_LENGTH
+from hydro.core.experiment.manoeuvres import Flight
 from hydro.core.identification.prior import ABSURD, Change
 
 ADD = "add it with `hydro add`"

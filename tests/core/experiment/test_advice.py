@@ -6,7 +6,8 @@ import numpy as np
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.experiment import advice
-from hydro.core.experiment.manoeuvres import Flight, Manoeuvre
+from hydro.core.experiment.library import Manoeuvre
+from hydro.core.experiment.manoeuvres import Flight
 
 
 def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():

@@ -13,7 +13,8 @@ from recordings import damped
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.experiment.manoeuvres import FLIGHT_LENGTH, best, library, plain, showing
+from hydro.core.experiment.library import FLIGHT_LENGTH, library
+from hydro.core.experiment.manoeuvres import best, plain, showing
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.fit import OutputError
 from hydro.core.recording.arrays import recording
@@ -57,7 +58,13 @@ def test_every_vehicle_can_fly_its_library(datasets, name):
 
 def test_what_the_thrusters_cannot_do_is_not_asked_for():
     names = {one.name for one in library(bar())}
-    assert names == {"full speed in surge", "surge step and coast", "surge chirp", "single thrusters"}
+    assert names == {
+        "full speed in surge",
+        "surge levels",
+        "surge step and coast",
+        "surge chirp",
+        "single thrusters",
+    }
     with pytest.raises(DataError, match="no thrusters"):
         library(msgspec.structs.replace(bar(), thruster=()))
 

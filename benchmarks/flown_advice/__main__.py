@@ -1,0 +1,116 @@
+"""Make tied studies, fly what their diagnosis advises, diagnose both logs together, and sum up.
+
+    python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
+    python -m benchmarks.flown_advice report flown.parquet
+
+A results file grows by one row per study; the same command goes on where an earlier one stopped.  `--tied N`
+ends a run at so many open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # studies run beside one another
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from benchmarks.flown_advice import study
+from benchmarks.hidden_effects.scoring import rate
+from benchmarks.imperfect_base.work import Results, done
+
+KEY = ("seed", "seconds")
+FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Run what is not in the results file yet."""
+    results = Results(chosen.out, study.SCHEMA)
+    known = set(results.table.select(KEY).rows())
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.studies)
+    tasks = [(seed, chosen.seconds) for seed in seeds if (seed, chosen.seconds) not in known]
+    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+        results.add(row)
+        print(f"{number}/{len(tasks)} {line(row)}", flush=True)
+        if chosen.tied and results.table.filter(pl.col("open") != "").height >= chosen.tied:
+            break
+
+
+def line(row: dict[str, Any]) -> str:
+    """A study in one line, for whoever watches."""
+    head = f"{row['seed']} {row['preset']}, {row['family']}: {row['effect']}"
+    if row["failure"]:
+        return f"{head} FAILED {row['failure']}"
+    told = f"{head} -> {row['first_findings'] or 'nothing'}"
+    if not row["open"]:
+        return f"{told}: not open | cpu {row['cpu']:.0f} s"
+    apart = "" if row["expected"] is None else f": {row['expected']:.2g} s.d."
+    return (
+        f"{told}, {row['open']} | {', '.join(row['sessions'])}{apart} | "
+        f"advised {row['advised_outcome']} ({row['advised_findings']}), random {row['random_outcome']} | "
+        f"cpu {row['cpu']:.0f} s"
+    )
+
+
+def summary(results: pl.DataFrame) -> str:
+    """Everything that a table of results says, as Markdown."""
+    rows = results.filter(failure="").to_dicts()
+    tied = [row for row in rows if row["open"]]
+    after = " | ".join(f"truth named first after {words}" for words in FLIGHTS.values())
+    lines = [
+        f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has "
+        "the truth among rivals, or says that the recording does not show it. 95 % intervals after Clopper "
+        "and Pearson.",
+        "",
+        f"| open | studies | {after} | stated at 0.9 or more after the advised one | wrong name after it |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):
+        group = [row for row in tied if part in ("all", row["open"], row["family"])]
+        if not group:
+            continue
+        named = [rate(row[f"{flight}_outcome"] == "named" for row in group) for flight in FLIGHTS]
+        sure = rate(row["advised_outcome"] == "named" and row["advised_confidence"] >= 0.9 for row in group)
+        wrong = rate(row["advised_outcome"].startswith("wrong") for row in group)
+        lines.append(f"| {part} | {len(group)} | {' | '.join(named)} | {sure} | {wrong} |")
+    inside = sum(bool(row["inside"]) for row in tied)
+    lines += ["", f"{inside} of {len(tied)} advised flights kept to the limits with what was hidden."]
+    failed = results.filter(pl.col("failure") != "")
+    lines += [f"Seed {seed} failed: {why}" for seed, why in failed.select("seed", "failure").rows()]
+    return "\n".join(lines) + "\n"
+
+
+def parser() -> argparse.ArgumentParser:
+    about = (__doc__ or "").splitlines()[0]
+    top = argparse.ArgumentParser(prog="python -m benchmarks.flown_advice", description=about)
+    commands = top.add_subparsers(required=True)
+    one = commands.add_parser("run", help="run studies")
+    one.add_argument("--studies", type=int, default=60, help="seeds at most")
+    one.add_argument("--first-seed", type=int, default=0)
+    one.add_argument("--tied", type=int, default=0, help="end at so many open studies; 0: at the last seed")
+    one.add_argument("--seconds", type=float, default=120.0, help="of the first recording, in four sessions")
+    one.add_argument("--workers", type=int, default=1)
+    one.add_argument("-o", "--out", type=Path, default=Path("flown_advice.parquet"))
+    one.set_defaults(action=run)
+    two = commands.add_parser("report", help="sum up results, as Markdown")
+    two.add_argument("results", type=Path, nargs="+")
+    two.set_defaults(
+        action=lambda chosen: print(
+            summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(KEY)), end=""
+        )
+    )
+    return top
+
+
+def main() -> None:
+    chosen = parser().parse_args()
+    chosen.action(chosen)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,343 @@
+"""The next flight: commands that part what a diagnosis leaves open, within limits of thrust, depth and space.
+
+Manoeuvres of the library are tried at several thrusts and lengths.  One is flown only if every predicted
+position of every rival stays within the limits.  Of those that are left the flight takes, one after
+the other, the manoeuvre that adds most to what it has told by then (a greedy sequential design).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import Array
+from hydro.core.effects.sensor import DELAY
+from hydro.core.errors import DataError
+from hydro.core.experiment.discrimination import (
+    Expected,
+    Rival,
+    Unseen,
+    expected,
+    gram,
+    parted,
+    shown,
+    unseen,
+    utility,
+    worth,
+)
+from hydro.core.experiment.library import FLIGHT_LENGTH, Manoeuvre, library, powers
+from hydro.core.experiment.manoeuvres import predicted_shots
+from hydro.core.identification.candidate import Candidate, candidate
+from hydro.core.identification.multiple_shooting import SHOT_SECONDS
+from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY
+from hydro.core.simulation.simulate import trajectory
+
+LENGTHS = (FLIGHT_LENGTH, FLIGHT_LENGTH / 2.0, FLIGHT_LENGTH / 4.0)
+"""Lengths of a session that are tried, the longest first [s]."""
+SHARES = (1.0, 0.7, 0.45, 0.25, 0.12)
+"""Shares of the thrust allowed that are tried; two of them are flown, the greatest and a much smaller one."""
+GENTLER = 0.5
+"""Share of the greatest one from which another speed tells something else."""
+SHORTEST = 2.0 * SHOT_SECONDS
+Pairs = Mapping[tuple[int, int], Array]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a flight must keep to.
+
+    Attributes:
+        depth: Least and greatest depth [m].
+        space: Greatest horizontal distance from where a session begins [m].
+        thrust: Greatest thrust of each thruster, as a share of its full one.
+        seconds: Length of the flight, all sessions together [s].
+
+    Raises:
+        DataError: They leave nothing to fly.
+    """
+
+    depth: tuple[float, float] = (-np.inf, np.inf)
+    space: float = np.inf
+    thrust: float = 1.0
+    seconds: float = 120.0
+
+    def __post_init__(self) -> None:
+        """Refuse limits that leave nothing to fly."""
+        low, high = self.depth
+        if not low < high:
+            raise DataError(f"depth: {low:g} to {high:g} m is empty; give MIN below MAX")
+        if not self.space > 0.0:
+            raise DataError(f"space: {self.space:g} m leaves no room; give a distance above 0")
+        if not 0.0 < self.thrust <= 1.0:
+            raise DataError(f"thrust: {self.thrust:g} is no share of full thrust; give 0.05 to 1")
+        if not self.seconds >= SHORTEST:
+            raise DataError(f"seconds: {self.seconds:g} s tell nothing; give {SHORTEST:g} s at least")
+
+    def begin(self, pose: Array) -> Array:
+        """Where sessions begin: a pose (6,), its depth amid the limits where it lies outside them."""
+        low, high = self.depth
+        if low < pose[2] < high:
+            return pose
+        depth = 0.5 * (low + high) if np.isfinite([low, high]).all() else np.clip(pose[2], low, high)
+        return np.array([*pose[:2], depth, *pose[3:]])
+
+    def hold(self, motion: Array) -> bool:
+        """Whether a motion (N, 12) stays within them."""
+        away = np.hypot(*(motion[:, :2] - motion[0, :2]).T)
+        z, (low, high) = motion[:, 2], self.depth
+        return bool(away.max() <= self.space and low <= z.min() and z.max() <= high)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a diagnosis leaves open, and how the next flight would be logged.
+
+    Attributes:
+        ties: Groups of rivals of which each explains the recording about as well.
+        model: The vehicle with all that was found.
+        hidden: Effects that the recording does not show.
+        sigma: What is left of each channel, the noise or more, at the rate of the library, (12,).
+        pose: Where a flight would begin by itself, (6,).
+        reach: Positions of the recording, (N, 3).
+    """
+
+    ties: tuple[tuple[Rival, ...], ...]
+    model: Rival
+    hidden: tuple[str, ...]
+    sigma: Array
+    pose: Array
+    reach: Array
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What to fly next, and what it is expected to tell.
+
+    Attributes:
+        sessions: Manoeuvres, each begun at rest.
+        start: Pose at which each begins, (6,).
+        distances: By how many standard deviations pairs of rivals are expected to part.
+        errors: Standard errors that are expected.
+        depth: Least and greatest depth of all predictions [m].
+        space: Greatest horizontal distance of all predictions from the start [m].
+    """
+
+    sessions: tuple[Manoeuvre, ...]
+    start: Array
+    distances: Mapping[tuple[str, str], float]
+    errors: tuple[Expected, ...]
+    depth: tuple[float, float]
+    space: float
+
+    def table(self) -> pl.DataFrame:
+        """The commands: session, t, cmd_1 ... cmd_n."""
+        numbered = [replace(one, name=f"{number}_{one.name}") for number, one in enumerate(self.sessions, 1)]
+        return pl.concat([one.table() for one in numbered])
+
+    def lines(self) -> Iterator[str]:
+        """What to fly and what it is expected to tell, for a person."""
+        length = sum(one.seconds for one in self.sessions)
+        yield (
+            f"{len(self.sessions)} sessions, {length:g} s in all, each begun at rest, level, heading north, "
+            f"at a depth of {self.start[2]:.3g} m:"
+        )
+        for one in self.sessions:
+            yield f"    {one.name}, {one.seconds:g} s: {one.words}"
+        yield (
+            f"every predicted position stays within {self.space:.2g} m of the start and at depths of "
+            f"{self.depth[0]:.3g} to {self.depth[1]:.3g} m"
+        )
+        for (one_name, other), apart in self.distances.items():
+            yield f"expected to part {one_name} from {other} by {apart:.2g} standard deviations"
+        for (effect, unit), errors in self._by_effect().items():
+            yield f"expected standard error of {effect}: {_range([one.after for one in errors])}{unit}" + (
+                f", now {_range([one.before for one in errors])}{unit}"
+                if np.isfinite([one.before for one in errors]).all()
+                else ""
+            )
+
+    def _by_effect(self) -> dict[tuple[str, str], list[Expected]]:
+        """Expected standard errors by effect and unit."""
+        found: dict[tuple[str, str], list[Expected]] = {}
+        for one in self.errors:
+            unit = f" {one.unit}" if one.unit not in ("", "1") else ""
+            found.setdefault((one.name.partition(".")[0], unit), []).append(one)
+        return found
+
+
+def _range(values: Sequence[float]) -> str:
+    """Least and greatest of some values."""
+    low, high = f"{min(values):.2g}", f"{max(values):.2g}"
+    return low if low == high else f"{low} to {high}"
+
+
+@dataclass(frozen=True)
+class Option:
+    """A manoeuvre that may be flown.
+
+    Attributes:
+        manoeuvre: What to fly.
+        grams: What it tells: of `discrimination.gram`, by tie and pair.
+        depth: Least and greatest predicted depth [m].
+        space: Greatest predicted distance from the start [m].
+    """
+
+    manoeuvre: Manoeuvre
+    grams: tuple[Pairs, ...]
+    depth: tuple[float, float]
+    space: float
+
+
+def advise(question: Question, limits: Limits) -> Flight:
+    """The flight that would tell most of what a diagnosis leaves open.
+
+    Raises:
+        DataError: Nothing is left open, the vehicle cannot fly, or no manoeuvre stays within the limits.
+    """
+    if question.ties:
+        groups = question.ties
+        options = list(_options(groups, limits, question))
+        chosen = _chosen(options, lambda total: _parting(groups, total), limits)
+        distances = {
+            pair: float(np.sqrt(square))
+            for group, grams in zip(groups, _total(chosen), strict=True)
+            for pair, square in parted(group, grams).items()
+        }
+        errors = [
+            error
+            for group, grams in zip(groups, _total(chosen), strict=True)
+            for error in expected(group[0], grams[1, 0])
+        ]
+    else:
+        if not question.hidden:
+            raise DataError("the diagnosis leaves nothing open that a flight would tell")
+        asked = unseen(question.model.vehicle, question.hidden, question.reach)
+        options = list(_options(((question.model,),), limits, question, asked))
+        model = question.model
+
+        def told(total: Sequence[Pairs]) -> float:
+            return worth(asked, shown(model, asked, total[0][0, 0]))
+
+        chosen = _chosen(options, told, limits)
+        final = shown(model, asked, _total(chosen)[0][0, 0])
+        distances, errors = {}, [error for each in final.values() for error in each]
+    return Flight(
+        tuple(one.manoeuvre for one in chosen),
+        limits.begin(question.pose),
+        distances,
+        tuple(errors),
+        (min(one.depth[0] for one in chosen), max(one.depth[1] for one in chosen)),
+        max(one.space for one in chosen),
+    )
+
+
+def _parting(groups: Sequence[Sequence[Rival]], total: Sequence[Pairs]) -> float:
+    """What the products of some manoeuvres are worth."""
+    return sum(utility(parted(group, grams)) for group, grams in zip(groups, total, strict=True))
+
+
+def _total(options: Sequence[Option]) -> list[dict[tuple[int, int], Array]]:
+    """Products of several manoeuvres together."""
+    first = options[0].grams
+    return [
+        {pair: np.sum([one.grams[k][pair] for one in options], axis=0) for pair in grams}
+        for k, grams in enumerate(first)
+    ]
+
+
+def _chosen(
+    options: Sequence[Option], told: Callable[[list[dict[tuple[int, int], Array]]], float], limits: Limits
+) -> list[Option]:
+    """Manoeuvres one after the other, each that which adds most, as long as there is time.
+
+    Raises:
+        DataError: There is none.
+    """
+    left, chosen = limits.seconds, list[Option]()
+    while True:
+        fitting = [one for one in options if one.manoeuvre.seconds <= left + 1e-9]
+        if not fitting:
+            break
+        chosen.append(max(fitting, key=lambda one: told(_total([*chosen, one]))))
+        left -= chosen[-1].manoeuvre.seconds
+    if not chosen:
+        low, high = limits.depth
+        raise DataError(
+            f"no manoeuvre keeps every prediction within {limits.space:g} m of its start and {low:g} to "
+            f"{high:g} m deep; give more --space, --depth or --thrust"
+        )
+    return chosen
+
+
+def _options(
+    groups: Sequence[Sequence[Rival]], limits: Limits, question: Question, asked: Sequence[Unseen] = ()
+) -> Iterator[Option]:
+    """Manoeuvres within the limits, with what each tells."""
+    rivals = [rival for group in groups for rival in group]
+    models = [candidate(rival.vehicle) for rival in rivals]
+    lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
+    more = [column for one in asked for column in one.columns]
+    for manoeuvre, motions in _flyable(rivals[0], models, limits, limits.begin(question.pose)):
+        shots = [
+            predicted_shots(model, manoeuvre, motion, question.sigma, lead)
+            for model, motion in zip(models, motions, strict=True)
+        ]
+        grams, place = list[Pairs](), 0
+        for group in groups:
+            count = range(len(group))
+            pairs = [(i, j) for i in count for j in count if i != j or len(group) == 1]
+            grams.append({(i, j): gram(group[j], shots[place + i], more) for i, j in pairs})
+            place += len(group)
+        if all(np.isfinite(one).all() for pairs_ in grams for one in pairs_.values()):
+            every = np.concatenate(motions)
+            away = max(float(np.hypot(*(m[:, :2] - m[0, :2]).T).max()) for m in motions)
+            yield Option(manoeuvre, tuple(grams), (float(every[:, 2].min()), float(every[:, 2].max())), away)
+
+
+def _flyable(
+    rival: Rival, models: Sequence[Candidate], limits: Limits, start: Array
+) -> Iterator[tuple[Manoeuvre, list[Array]]]:
+    """Manoeuvres that every model flies within the limits, and its motions (N, 12).
+
+    Shorter ones are tried where a longer one does not stay within the limits at all the thrust allowed.
+    """
+    curves, done = powers(rival.vehicle), set[str]()
+    lengths = [one for one in LENGTHS if one <= limits.seconds] or [limits.seconds]
+    for seconds in lengths:
+        for whole in library(rival.vehicle, seconds):
+            if whole.name in done:
+                continue
+            greatest = 0.0
+            for share in SHARES:
+                if greatest and share > GENTLER * greatest:
+                    continue
+                manoeuvre = whole.thrusting(share * limits.thrust, curves)
+                motions = _within(manoeuvre, models, limits, start)
+                if motions is None:
+                    continue
+                named = f"{whole.name} at {share * limits.thrust:.0%}"
+                yield replace(manoeuvre, name=named), motions
+                if greatest:
+                    break
+                greatest = share
+            if greatest == SHARES[0]:
+                done.add(whole.name)
+
+
+def _within(
+    manoeuvre: Manoeuvre, models: Sequence[Candidate], limits: Limits, start: Array
+) -> list[Array] | None:
+    """Motions of all models (N, 12) each; None where one leaves the limits or diverges."""
+    motions = []
+    for model in models:
+        try:
+            motion = trajectory(model.program, manoeuvre.commands, manoeuvre.t, eta=start, steps=1)
+        except DataError:
+            return None
+        if not limits.hold(motion):
+            return None
+        motions.append(motion)
+    return motions

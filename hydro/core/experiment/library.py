@@ -1,0 +1,177 @@
+"""Manoeuvres that a vehicle's thrusters can fly, open loop: commands with a name.
+
+Each excites what some effects differ in: heading sweeps a current, coasting down the kinds of damping, drift
+angles lift, static tilts weight and trim, chirps lags and added mass, each thruster alone its gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import DOF, Array, command_columns
+from hydro.core.effects import Program, assemble, inertia_matrix
+from hydro.core.errors import DataError
+from hydro.core.simulation.dynamics import NO_HULL
+from hydro.core.simulation.excitation import HEAVE, LOG_RATE, PITCH, ROLL, SURGE, SWAY, YAW
+from hydro.core.simulation.steady_motion import fluid_wrench, wrench_limits
+from hydro.core.vehicle.control_allocation import Mixing, mixing, mixing_kernel
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import balance
+from hydro.core.vehicle.thrusters import DEADBAND, POWER, thruster_table
+
+FLIGHT_LENGTH = 30.0
+"""Length of every manoeuvre [s]."""
+CHIRP = (0.05, 2.0)
+"""First and last frequency of a chirp [Hz]."""
+STATIC_TILT = np.deg2rad(15.0)
+"""Tilt at which a vehicle is held, as far as its thrusters can [rad]."""
+LEVELS = (0.1, 0.3, 0.6, 1.0)
+"""Shares of the greatest thrust: their steady speeds tell linear drag from drag that grows with speed."""
+SINGLE = 0.6
+"""Command of a thruster on its own."""
+LEAST_SHARE = 0.02  # of the authority: the torque of a slow turn on a vehicle without damping
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """A command table with a name.
+
+    Attributes:
+        name: In one or two words.
+        words: What to fly, for a pilot.
+        commands: (N, n) in [-1, 1]; row k is held on [t_k, t_k+1), t_k = k / `excitation.RATE`.
+    """
+
+    name: str
+    words: str
+    commands: Array
+
+    @property
+    def t(self) -> Array:
+        """Times of the rows [s], (N,)."""
+        times: Array = np.arange(len(self.commands)) / LOG_RATE
+        return times
+
+    @property
+    def seconds(self) -> float:
+        """Length [s]."""
+        return len(self.commands) / LOG_RATE
+
+    def thrusting(self, share: float, powers: Array) -> Manoeuvre:
+        """The manoeuvre at a share of its thrusts, whose curves go with these powers (n,) of the command."""
+        commands = np.sign(self.commands) * np.abs(self.commands) * share ** (1.0 / powers)
+        return replace(self, commands=commands.astype(np.float32).astype(np.float64))
+
+    def table(self) -> pl.DataFrame:
+        """The commands as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
+        given = dict(zip(command_columns(self.commands.shape[1]), self.commands.T, strict=True))
+        session = [self.name.replace(" ", "_")] * len(self.commands)
+        return pl.DataFrame({"session": session, "t": self.t} | given)
+
+
+def powers(vehicle: Vehicle) -> Array:
+    """Power of the command that each thruster's thrust goes with, (n,)."""
+    found: Array = thruster_table(vehicle)[:, POWER]
+    return found
+
+
+def library(vehicle: Vehicle, seconds: float = FLIGHT_LENGTH) -> tuple[Manoeuvre, ...]:
+    """The manoeuvres that a vehicle's thrusters can fly, open loop.
+
+    Args:
+        vehicle: The vehicle.
+        seconds: Length of each.
+
+    Raises:
+        DataError: The vehicle has no thrusters, or an effect or thruster of its file is at fault.
+    """
+    program = assemble(vehicle)
+    mixed = mixing(vehicle, inertia_matrix(vehicle))
+    rows = round(seconds * LOG_RATE)
+    mixes = (_mixed(mixed, *demand) for demand in _demands(vehicle, program, mixed, rows))
+    felt = mixed.table[:, DEADBAND]
+    flown = [one for one in mixes if (np.abs(one.commands) > felt).any()]
+    if len(vehicle.thruster):
+        words = "each thruster on its own, half ahead and half astern, in turn"
+        flown.append(Manoeuvre("single thrusters", words, _single(len(vehicle.thruster), rows)))
+    if not flown:
+        raise DataError(f"vehicle {vehicle.name} has no thrusters, so that there is nothing to fly")
+    return tuple(flown)
+
+
+def _demands(
+    vehicle: Vehicle, program: Program, mixed: Mixing, rows: int
+) -> Iterator[tuple[str, str, Array]]:
+    """Name, words and demanded wrench (N, 6) of each manoeuvre whose axes the vehicle has."""
+    stiffness, axes = max(float(balance(vehicle)[3]), 0.0), set(mixed.axes)
+    limits = wrench_limits(program, NO_HULL, np.full(2, stiffness))
+    # A vehicle file without damping knows no greatest speed.
+    full = np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
+
+    def held(*parts: Mapping[int, float]) -> Array:
+        """Shares of the greatest wrench, each held for an equal part of the time."""
+        shares = np.zeros((len(parts), 6))
+        for row, part in zip(shares, parts, strict=True):
+            row[list(part)] = list(part.values())
+        return np.repeat(shares * full, rows // len(parts) + 1, axis=0)[:rows]
+
+    if {SURGE, YAW} <= axes:  # a turn of 360 degrees
+        drag = abs(fluid_wrench(program, NO_HULL, 2.0 * np.pi * LOG_RATE / rows * np.eye(6)[YAW])[YAW])
+        turn = min(max(float(drag / full[YAW]), LEAST_SHARE), 0.5)
+        words = "hold one thrust ahead and turn slowly through all headings"
+        yield "heading sweep", words, held({SURGE: 0.4, YAW: turn})
+    for axis, there, back in ((SURGE, "ahead", "astern"), (SWAY, "to starboard", "to port")):
+        if axis in axes:
+            words = f"full thrust {there}, then full thrust {back}"
+            yield f"full speed in {DOF[axis]}", words, held({axis: 1.0}, {axis: -1.0})
+    for axis in (SURGE, SWAY, HEAVE, YAW):
+        if axis in axes:
+            words = f"{DOF[axis]} thrust at four levels from a tenth to full, one after the other"
+            yield f"{DOF[axis]} levels", words, held(*({axis: share} for share in LEVELS))
+            words = f"steps of {DOF[axis]} thrust, both ways, and coast down without thrust after each"
+            yield f"{DOF[axis]} step and coast", words, held({axis: 0.8}, {}, {axis: -0.8}, {})
+            words = f"a chirp on {DOF[axis]} from {CHIRP[0]:g} to {CHIRP[1]:g} Hz"
+            yield f"{DOF[axis]} chirp", words, np.outer(0.6 * _chirp(rows), full * np.eye(6)[axis])
+    if HEAVE in axes:
+        words = "dive and hold, at two depths"
+        yield "dives", words, held({HEAVE: 0.5}, {}, {HEAVE: 0.5}, {})
+    if {SURGE, SWAY} <= axes:
+        drifts = [{SURGE: u, SWAY: side * u} for u in (0.35, 0.9) for side in (0.5, -1.0)]
+        words = "straight runs at two drift angles, at a third of the thrust and at nine tenths"
+        yield "drift angles", words, held(*drifts)
+    if {SURGE, YAW} <= axes:
+        turns = [{SURGE: u, YAW: side} for u in (0.7, 0.3) for side in (0.3, -0.3)]
+        words = "circles to both sides, at two speeds"
+        yield "circles", words, held(*turns)
+    tilts = [axis for axis in (ROLL, PITCH) if axis in axes]
+    if tilts:
+        share = [min(stiffness * np.sin(STATIC_TILT) / full[axis], 1.0) for axis in tilts]
+        poses = [{a: sign * s} for a, s in zip(tilts, share, strict=True) for sign in (1.0, -1.0)]
+        words = "hold still at tilts of 15 degrees, both ways in " + " and ".join(DOF[a] for a in tilts)
+        yield "static tilts", words, held(*poses)
+
+
+def _chirp(rows: int) -> Array:
+    """Logarithmic sine sweep of amplitude 1, (N,)."""
+    t, growth = np.arange(rows) / LOG_RATE, np.log(CHIRP[1] / CHIRP[0]) * LOG_RATE / rows
+    swept: Array = np.sin(2.0 * np.pi * CHIRP[0] * np.expm1(growth * t) / growth)
+    return swept
+
+
+def _single(thrusters: int, rows: int) -> Array:
+    """Commands (N, n) of one thruster after the other."""
+    turn = np.arange(rows) * 2 * thrusters // rows
+    out = np.zeros((rows, thrusters))
+    out[np.arange(rows), turn // 2] = np.where(turn % 2, -SINGLE, SINGLE)
+    return out
+
+
+def _mixed(mixed: Mixing, name: str, words: str, demand: Array) -> Manoeuvre:
+    commands = np.zeros((len(demand), len(mixed.table)))
+    for tau, row in zip(demand, commands, strict=True):
+        mixing_kernel(mixed.allocation, mixed.table, tau, row)
+    return Manoeuvre(name, words, commands)

@@ -1,0 +1,187 @@
+"""Do the commands of a recording answer to its motion, as a pilot's or a controller's do?
+
+Under feedback the input is correlated with what disturbs the vehicle, and an estimate takes part of a
+disturbance for a coefficient (U. Forssell and L. Ljung, Closed-loop identification revisited, Automatica 35,
+1215-1241, 1999).  What is measured at a row comes before the command of that row acts.  So, the past of both
+given, a planned command tells nothing of the motion of its own row and its noise, and a controller's follows
+from it (instantaneous causality: C. W. J. Granger, Econometrica 37, 424-438, 1969).  Axis by axis, the
+demanded wrench is predicted from the past, and from that and the row's own pose and velocity, with the law
+fitted to other parts of the log.  Set points that jump are outliers, and weigh as such (Huber 1964).
+
+A light hold of depth or attitude beside an excitation is feedback too, but it biases little.  So the row must
+not only help to predict: the gains found on pose and velocity, applied to the motion, must make a good part
+of how the demand changes over a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import ttest_1samp
+
+from hydro.core.columns import DOF, POSE, VELOCITY, Array, Rows
+from hydro.core.recording.arrays import Recording
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import rotation
+from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, POWER, configuration_matrix, thruster_table
+
+PAST = 3
+"""Rows of the past that both models know."""
+SECOND = 1.0
+"""Time over which changes of the demand are explained by the motion [s]."""
+FOLDS, LEAST_ROWS, MOST_ROWS = 6, 600, 60_000
+BLOCK = 250
+"""Rows that are one observation in the test, kept together where there are more than MOST_ROWS."""
+ALPHA = 1e-3
+"""Probability of a false alarm, all axes counted."""
+MATERIAL = 0.3
+"""Part of the demand's changes over SECOND that the motion must make."""
+HUBER, ROUNDS = 2.0, 5  # robust standard deviations from which an error is an outlier; rounds of weights
+RIDGE = 1e-10
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """How the commands of a recording answer to its motion.
+
+    Attributes:
+        share: Part of the demand's changes over a second that the motion makes, held out, over all axes.
+        by_axis: The same part on each axis, (6,); 0 of those that the thrusters do not have.
+        p_values: That chance alone would let the motion predict as much, (6,).
+    """
+
+    share: float
+    by_axis: Array
+    p_values: Array
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Axes on which the demand answers to pose or velocity."""
+        sure = self.p_values <= ALPHA / len(DOF)
+        return tuple(int(i) for i in np.flatnonzero(sure & (self.by_axis >= MATERIAL)))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the recording was made under feedback that matters."""
+        return bool(self.axes)
+
+    def words(self) -> str:
+        """Which demands answer to which motion."""
+        return "; ".join(
+            f"{DOF[i]} to {POSE[i]} and {VELOCITY[i]} ({self.by_axis[i]:.0%})" for i in self.axes
+        )
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Prediction of one axis' demand from the past and from the row's own motion.
+
+    Attributes:
+        demand: (K,).
+        past: Of demand, pose and velocity, with a constant, (K, 3 PAST + 1).
+        now: Pose and velocity of the row less those of the row before, (K, 2).
+        rows: Of the recording, (K,).
+    """
+
+    demand: Array
+    past: Array
+    now: Array
+    rows: Rows
+
+
+def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
+    """Whether, and how, the commands of a recording answer to its motion.
+
+    Args:
+        vehicle: The vehicle, for the wrench that its thrusters give.
+        record: The recording.
+
+    Returns:
+        A share of 0 where the recording is too short to tell.
+    """
+    demand, state = _demand(vehicle, record), _state(record)
+    span = max(round(SECOND / record.dt), 1)
+    begin = np.concatenate([np.arange(a, max(b - span, a)) for a, b in record.segments])
+    shares, p_values, total, left = np.zeros(6), np.ones(6), 0.0, 0.0
+    for axis in range(6):
+        motion = state[:, [axis, 6 + axis]]
+        problem = _problem(record, demand[:, axis], motion)
+        if problem is None or not np.ptp(problem.demand) > 0.0:
+            continue
+        p_values[axis], gains = _answer(problem)
+        changes = demand[begin + span, axis] - demand[begin, axis]
+        made = (motion[begin + span] - motion[begin]) @ gains
+        whole, rest = float((changes**2).sum()), float(((changes - made) ** 2).sum())
+        shares[axis] = max(1.0 - rest / max(whole, 1e-300), 0.0)
+        total, left = total + whole, left + min(rest, whole)
+    return Feedback(1.0 - left / total if total > 0.0 else 0.0, shares, p_values)
+
+
+def _demand(vehicle: Vehicle, record: Recording) -> Array:
+    """Wrench that the commands ask for, (N, 6), as a share of the most that all thrusters give."""
+    table, B = thruster_table(vehicle), configuration_matrix(vehicle)
+    size = np.abs(record.commands) ** table[:, POWER]
+    thrust = np.where(record.commands > 0.0, table[:, MAX_THRUST], -table[:, MAX_REVERSE]) * size
+    most = np.abs(B) @ table[:, MAX_THRUST]
+    wrench: Array = thrust @ B.T / np.where(most > 1e-9 * max(most.max(), 1e-9), most, np.inf)
+    return wrench
+
+
+def _state(record: Recording) -> Array:
+    """Pose and velocity as a controller sees them, (N, 12): displacements along the body's axes."""
+    eta, turned = record.eta.copy(), rotation(*record.eta[:, 3:].T)
+    for first, last in record.segments:
+        eta[first:last, 3:] = np.unwrap(eta[first:last, 3:], axis=0)
+        moved = np.diff(eta[first:last, :3], axis=0, prepend=eta[first : first + 1, :3])
+        eta[first:last, :3] = np.einsum("kji,kj->ki", turned[first:last], moved).cumsum(axis=0)
+    return np.hstack([eta, record.nu])
+
+
+def _problem(record: Recording, demand: Array, motion: Array) -> _Problem | None:
+    """The prediction of one axis' demand (N,) from its motion (N, 2); None of too few rows."""
+    rows = np.concatenate([np.arange(a + PAST, max(b, a + PAST)) for a, b in record.segments])
+    rows = rows[rows // BLOCK % (1 + len(rows) // MOST_ROWS) == 0]
+    if len(rows) < LEAST_ROWS:
+        return None
+    past = [demand[rows - i] for i in range(1, PAST + 1)]
+    past += [motion[rows - i, k] - motion[rows - 1, k] for i in range(2, PAST + 1) for k in (0, 1)]
+    past += [motion[rows - 1, k] for k in (0, 1)] + [np.ones(len(rows))]
+    return _Problem(demand[rows], np.column_stack(past), motion[rows] - motion[rows - 1], rows)
+
+
+def _answer(problem: _Problem) -> tuple[float, Array]:
+    """Probability that chance lets the row's motion tell as much, and gains on pose and velocity, (2,)."""
+    count = len(problem.demand)
+    fold, both = np.arange(count) * FOLDS // count, np.hstack([problem.past, problem.now])
+    gain, gains = np.zeros(count), np.zeros((FOLDS, 2))
+    for number in range(FOLDS):
+        out, rest = fold == number, fold != number
+        alone, limit = _robust(problem.past[rest], problem.demand[rest])
+        law, _ = _robust(both[rest], problem.demand[rest])
+        before = _loss(problem.demand[out] - problem.past[out] @ alone, limit)
+        gain[out], gains[number] = before - _loss(problem.demand[out] - both[out] @ law, limit), law[-2:]
+    starts = np.flatnonzero(np.diff(problem.rows // BLOCK, prepend=-1))
+    blocks = np.add.reduceat(gain, starts)
+    p = float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
+    return (p if np.isfinite(p) else 1.0), np.median(gains, axis=0)
+
+
+def _robust(X: Array, y: Array) -> tuple[Array, float]:
+    """Huber's estimate of a linear law, and the size of an error from which it is an outlier."""
+    weight, least = np.ones(len(y)), 1e-3 * float(np.sqrt((y**2).mean())) + 1e-300
+    size = np.sqrt((X**2).mean(axis=0)) + 1e-300
+    for _ in range(ROUNDS):
+        scaled = X / size * weight[:, None]
+        gram = scaled.T @ (X / size) + RIDGE * len(y) * np.eye(X.shape[1])
+        law = np.linalg.solve(gram, scaled.T @ y) / size
+        error = np.abs(y - X @ law)
+        limit = HUBER * max(1.4826 * float(np.median(error)), least)
+        weight = np.minimum(1.0, limit / np.maximum(error, 1e-300))
+    return np.asarray(law), limit
+
+
+def _loss(error: Array, limit: float) -> Array:
+    """Huber's loss."""
+    size = np.abs(error)
+    return np.asarray(np.where(size <= limit, size**2, 2.0 * limit * size - limit**2))

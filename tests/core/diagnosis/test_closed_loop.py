@@ -1,0 +1,60 @@
+"""Under feedback, what a steady disturbance could do as well is not stated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pytest
+from recordings import damped, moved, noisy
+
+from hydro.core.diagnosis import closed_loop
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.diagnosis.model import fit_model
+from hydro.core.effects.surroundings import steady_pull
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.output_error import OutputError
+from hydro.core.recording.arrays import recording
+
+
+def told(push: float, doubled: float) -> float:
+    """What stays of more linear damping, found where a steady force acts that the file has not."""
+    file, true = damped(), damped(*steady(push))
+    table = next(one for one in file.effect if one["name"] == "linear_damping")
+    more = {**table, "diagonal": [doubled * value for value in table["diagonal"]]}
+    true = msgspec.structs.replace(
+        true, effect=tuple(more if one["name"] == "linear_damping" else one for one in true.effect)
+    )
+    raw = noisy(moved(true), 1)
+    shots = multiple_shooting.make_shots(recording(file, raw))
+    model = fit_model(file, ["linear_damping"], OutputError.of(shots, file), shots.eta[:, :3], 6)
+    (found,) = closed_loop.own_shares(SimpleNamespace(vehicle=file), model).values()
+    return found
+
+
+def steady(push: float) -> list[dict]:
+    return [steady_pull(push, np.array([1.0, 0.0, 0.0]), np.zeros(3))] if push else []
+
+
+def test_damping_that_is_there_stays_and_damping_that_stands_for_a_force_goes():
+    assert told(0.0, 2.0) > 0.9
+    assert told(40.0, 1.0) < closed_loop.OWN
+
+
+@pytest.mark.parametrize(("own", "verdict"), [(0.9, "missing"), (0.3, "suspect")])
+def test_what_a_disturbance_takes_is_suspected_only(own, verdict):
+    found = Finding("missing", "added_mass", ("added_mass",), 0.5, confidence=1.0, advice="add it")
+    judged = closed_loop._judged(found, {"added_mass": own})
+    assert judged.verdict == verdict
+    assert judged.confidence == (1.0 if own > closed_loop.OWN else pytest.approx(0.3))
+
+
+def test_a_refit_that_a_disturbance_takes_has_no_values_to_add():
+    found = Finding("retune", "linear_damping", ("linear_damping",), 0.5, parameters={"diagonal": [1.0] * 6})
+    judged = closed_loop._judged(found, {"linear_damping": 0.1})
+    assert judged.verdict == "not_separable"
+    assert judged.members[0] == "linear_damping"
+    assert len(judged.members) > 1
+    assert not judged.parameters
+    assert "90%" in judged.advice
