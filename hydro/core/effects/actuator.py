@@ -6,18 +6,35 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, COASTING
-from hydro.core.effects.record import Advice, Effect, Fill, Identification, Index, Parameter, Rest
+from hydro.core.effects.record import (
+    Advice,
+    Effect,
+    Fill,
+    Identification,
+    Index,
+    Limits,
+    Parameter,
+    Rest,
+    Shapes,
+)
 from hydro.core.effects.sayings import a_sample_late
+from hydro.core.effects.shapes import of_sizes
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
 """Bounds of the power of a thrust curve."""
 QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
+BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
+MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
+TIMES, MORE_TIMES = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
+POWERS, MORE_POWERS = (-0.5, 0.5, 1.0), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve
+LESS = (0.5, 1.0)  # of what the file's thrusters have, which they may lack
 PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 
 
@@ -64,27 +81,51 @@ def thruster_inflow(p: Array, table: Array) -> None:
     table[:, INFLOW] += p[0]
 
 
-def possible_lag(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no lag, or as near as the source's own steps come; up to 3 s."""
-    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in rest.vehicle.thruster]
+    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster]
     return -max(min(shortest, default=0.0), 0.0), 3.0
 
 
-def possible_delay(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no delay, up to 2 s."""
-    return -min((t.delay for t in rest.vehicle.thruster), default=0.0), 2.0
+    return -min((t.delay for t in vehicle.thruster), default=0.0), 2.0
 
 
-def possible_band(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
     """From no dead band to nine tenths of the command."""
-    bands = [t.deadband for t in rest.vehicle.thruster] or [0.0]
+    bands = [t.deadband for t in vehicle.thruster] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
-def possible_power(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
     """Powers of the curve from the root to the fourth."""
-    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in rest.vehicle.thruster] or [1.0]
+    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in vehicle.thruster] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
+
+
+Room = Callable[[Vehicle], tuple[float, float]]
+"""Least and greatest change of a number of the file's thrusters."""
+
+
+def within(room: Room) -> Limits:
+    """The bounds of a fit."""
+
+    def limits(index: Index, rest: Rest) -> tuple[float, float]:
+        return room(rest.vehicle)
+
+    return limits
+
+
+def changed_by(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
+    """Some sizes, and parts of what the file's thrusters have, away from it."""
+
+    def possible(vehicle: Vehicle) -> list[float]:
+        low, high = room(vehicle)
+        there = [part * low for part in LESS if low < 0.0 and part * low not in sizes]
+        return [size for size in (*there, *sizes) if low <= size <= high]
+
+    return of_sizes(name, parameter, possible)
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
@@ -171,8 +212,12 @@ EFFECTS = (
         "Yoerger, Cooke and Slotine (1990)",
         "steps and fast sweeps of the commands",
         ("command_delay", "added_mass", "fluid_memory"),
-        Parameter("dT", ("s",), "added time constant", limits=possible_lag),
+        Parameter("dT", ("s",), "added time constant", limits=within(room_of_lag)),
         Advice(parted_by=(CHIRP,), saying=a_sample_early),
+        Identification(
+            coarse=changed_by("thruster_lag", "dT", room_of_lag, TIMES),
+            fine=changed_by("thruster_lag", "dT", room_of_lag, MORE_TIMES),
+        ),
     ),
     _effect(
         "command_delay",
@@ -181,9 +226,13 @@ EFFECTS = (
         "pure transport delay",
         "steps and fast sweeps of the commands",
         ("thruster_lag", "sensor_delay"),
-        Parameter("d", ("s",), "added delay", limits=possible_delay),
+        Parameter("d", ("s",), "added delay", limits=within(room_of_delay)),
         Advice(parted_by=(CHIRP,), saying=a_sample_late),
-        Identification(step=1e-2),
+        Identification(
+            step=1e-2,
+            coarse=changed_by("command_delay", "d", room_of_delay, TIMES),
+            fine=changed_by("command_delay", "d", room_of_delay, MORE_TIMES),
+        ),
     ),
     _effect(
         "thruster_deadband",
@@ -199,10 +248,15 @@ EFFECTS = (
             low=-1.0,
             high=1.0,
             scale=(0.1,),
-            limits=possible_band,
+            limits=within(room_of_band),
         ),
         Advice(parted_by=(COASTING,)),
-        Identification(step=5e-2, resolution=1e-4),
+        Identification(
+            step=5e-2,
+            resolution=1e-4,
+            coarse=changed_by("thruster_deadband", "d", room_of_band, BANDS),
+            fine=changed_by("thruster_deadband", "d", room_of_band, MORE_BANDS),
+        ),
     ),
     _effect(
         "thruster_curve",
@@ -215,9 +269,13 @@ EFFECTS = (
             "da",
             ("1",),
             "added to the power of the curve: 1 makes a linear one quadratic",
-            limits=possible_power,
+            limits=within(room_of_power),
         ),
         Advice(parted_by=(COASTING,), saying=another_curve),
+        Identification(
+            coarse=changed_by("thruster_curve", "da", room_of_power, POWERS),
+            fine=changed_by("thruster_curve", "da", room_of_power, MORE_POWERS),
+        ),
     ),
     _effect(
         "thruster_inflow",

@@ -14,6 +14,7 @@ from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
+from hydro.core.effects.shapes import of_sizes
 from hydro.core.vehicle.frames import rotation
 
 # The log as a row of numbers, filled by the effects.
@@ -26,6 +27,7 @@ LOG = 13
 
 LONGEST_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
+DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, that are tried
 
 
 def sensor_scale(p: Array, log: Array) -> None:
@@ -114,7 +116,11 @@ SENSOR_DELAY = Effect(
     lookalikes=("command_delay", "thruster_lag"),
     parameters=(Parameter("d", ("s",), "age of a reading", low=0.0, limits=up_to_longest),),
     sensor=sensor_delay,
-    identification=Identification(step=1e-2),
+    identification=Identification(
+        step=1e-2,
+        coarse=of_sizes("sensor_delay", "d", lambda vehicle: DELAYS),
+        fine=of_sizes("sensor_delay", "d", lambda vehicle: MORE_DELAYS),
+    ),
     kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
     advice=Advice(parted_by=(DISTANCES, CHIRP), saying=a_sample_late),
 )

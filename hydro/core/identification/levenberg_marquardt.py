@@ -130,15 +130,16 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
     return float(score @ step), step
 
 
-def searched(unknown: Free, values: Array, problem: Problem) -> Array:
+def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
     """Values (P,) with each entry that acts in steps at the best place along its own line.
 
-    At every place all else is where the linearised problem would have it.
+    At every place all else is where the linearised problem would have it.  The search ends at the entry's
+    resolution, or at the narrowest distance that is given, in scales.
     """
     low, high = unknown.bounds
     for i, entry in enumerate(unknown.entries):
         width = WIDEST
-        while entry.resolution and width >= entry.resolution:
+        while entry.resolution and width >= max(entry.resolution, narrowest):
             trials = np.repeat(values[None], len(PLACES) + 1, axis=0)
             trials[1:, i] = np.clip(values[i] + width * entry.scale * PLACES, low[i], high[i])
             values = trials[np.argmin(_profile(unknown, trials, problem))]
