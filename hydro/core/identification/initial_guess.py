@@ -45,9 +45,7 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
     return tuple(values for _, values in sorted(found, key=lambda pair: pair[0])[:KEPT])
 
 
-def elsewhere(
-    unknown: Free, values: Array, problem: Problem, reach: Array, cost: float
-) -> tuple[Array, ...]:
+def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
     """Other values (P,) from which a fit may find less than it has: one for each effect of the file's own.
 
     A fit that begins at a file's values stays in their valley: a cable whose anchor is wrong by its own
