@@ -6,7 +6,7 @@ gain -> asymmetry -> inflow.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from hydro.core.columns import Array
@@ -20,10 +20,9 @@ from hydro.core.effects.record import (
     Limits,
     Parameter,
     Rest,
-    Shapes,
 )
 from hydro.core.effects.sayings import a_sample_late
-from hydro.core.effects.shapes import of_sizes
+from hydro.core.effects.shapes import Room, of_sizes
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
 
@@ -34,7 +33,6 @@ BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
 MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
 TIMES, MORE_TIMES = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
 POWERS, MORE_POWERS = (-0.5, 0.5, 1.0), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve
-LESS = (0.5, 1.0)  # of what the file's thrusters have, which they may lack
 PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 
 
@@ -104,10 +102,6 @@ def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
-Room = Callable[[Vehicle], tuple[float, float]]
-"""Least and greatest change of a number of the file's thrusters."""
-
-
 def within(room: Room) -> Limits:
     """The bounds of a fit."""
 
@@ -115,17 +109,6 @@ def within(room: Room) -> Limits:
         return room(rest.vehicle)
 
     return limits
-
-
-def changed_by(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
-    """Some sizes, and parts of what the file's thrusters have, away from it."""
-
-    def possible(vehicle: Vehicle) -> list[float]:
-        low, high = room(vehicle)
-        there = [part * low for part in LESS if low < 0.0 and part * low not in sizes]
-        return [size for size in (*there, *sizes) if low <= size <= high]
-
-    return of_sizes(name, parameter, possible)
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
@@ -215,8 +198,8 @@ EFFECTS = (
         Parameter("dT", ("s",), "added time constant", limits=within(room_of_lag)),
         Advice(parted_by=(CHIRP,), saying=a_sample_early),
         Identification(
-            coarse=changed_by("thruster_lag", "dT", room_of_lag, TIMES),
-            fine=changed_by("thruster_lag", "dT", room_of_lag, MORE_TIMES),
+            coarse=of_sizes("thruster_lag", "dT", room_of_lag, TIMES),
+            fine=of_sizes("thruster_lag", "dT", room_of_lag, MORE_TIMES),
         ),
     ),
     _effect(
@@ -230,8 +213,8 @@ EFFECTS = (
         Advice(parted_by=(CHIRP,), saying=a_sample_late),
         Identification(
             step=1e-2,
-            coarse=changed_by("command_delay", "d", room_of_delay, TIMES),
-            fine=changed_by("command_delay", "d", room_of_delay, MORE_TIMES),
+            coarse=of_sizes("command_delay", "d", room_of_delay, TIMES),
+            fine=of_sizes("command_delay", "d", room_of_delay, MORE_TIMES),
         ),
     ),
     _effect(
@@ -254,8 +237,8 @@ EFFECTS = (
         Identification(
             step=5e-2,
             resolution=1e-4,
-            coarse=changed_by("thruster_deadband", "d", room_of_band, BANDS),
-            fine=changed_by("thruster_deadband", "d", room_of_band, MORE_BANDS),
+            coarse=of_sizes("thruster_deadband", "d", room_of_band, BANDS),
+            fine=of_sizes("thruster_deadband", "d", room_of_band, MORE_BANDS),
         ),
     ),
     _effect(
@@ -273,8 +256,8 @@ EFFECTS = (
         ),
         Advice(parted_by=(COASTING,), saying=another_curve),
         Identification(
-            coarse=changed_by("thruster_curve", "da", room_of_power, POWERS),
-            fine=changed_by("thruster_curve", "da", room_of_power, MORE_POWERS),
+            coarse=of_sizes("thruster_curve", "da", room_of_power, POWERS),
+            fine=of_sizes("thruster_curve", "da", room_of_power, MORE_POWERS),
         ),
     ),
     _effect(

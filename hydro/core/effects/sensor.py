@@ -15,6 +15,7 @@ from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
 from hydro.core.effects.shapes import of_sizes
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
 # The log as a row of numbers, filled by the effects.
@@ -101,9 +102,14 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
 
 
-def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
     """A log that writes down what was, not what will be."""
     return 0.0, LONGEST_DELAY
+
+
+def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
+    """The same as bounds of a fit."""
+    return room_of_delay(rest.vehicle)
 
 
 SENSOR_DELAY = Effect(
@@ -118,8 +124,8 @@ SENSOR_DELAY = Effect(
     sensor=sensor_delay,
     identification=Identification(
         step=1e-2,
-        coarse=of_sizes("sensor_delay", "d", lambda vehicle: DELAYS),
-        fine=of_sizes("sensor_delay", "d", lambda vehicle: MORE_DELAYS),
+        coarse=of_sizes("sensor_delay", "d", room_of_delay, DELAYS),
+        fine=of_sizes("sensor_delay", "d", room_of_delay, MORE_DELAYS),
     ),
     kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
     advice=Advice(parted_by=(DISTANCES, CHIRP), saying=a_sample_late),

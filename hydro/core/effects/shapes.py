@@ -17,6 +17,8 @@ from hydro.core.vehicle.description import Vehicle
 
 LEVER = 0.25
 """Of the hull's length: how far from CO a point of the body is tried besides."""
+Room = Callable[[Vehicle], tuple[float, float]]
+"""Least and greatest value of a number on a vehicle."""
 LEAST, MOST = 0.5, 1.5
 """Times a size from which a fit begins that the column of this size asks for."""
 
@@ -46,22 +48,27 @@ def along(effect: Effect, name: str, held: Mapping[str, Any], vehicle: Vehicle) 
     )
 
 
-def of_sizes(name: str, parameter: str, sizes: Callable[[Vehicle], Sequence[float]]) -> Shapes:
+def of_sizes(name: str, parameter: str, room: Room, sizes: Sequence[float]) -> Shapes:
     """One column per size of an effect's only number, of which 1 is that size.
 
     Args:
         name: The effect.
         parameter: Its number.
-        sizes: What is tried on a vehicle, none of them 0.
+        room: Least and greatest value on a vehicle; where the least is below 0, it and half of it are tried.
+        sizes: What else is tried where there is room, none of them 0.
     """
 
-    def sized(size: float) -> Shape:
-        def begin(amounts: Array) -> Table:
-            return {"name": name, parameter: size * float(np.clip(amounts[0], LEAST, MOST))}
-
-        return Shape(({"name": name, parameter: size},), (1.0,), begin)
-
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-        yield from map(sized, sizes(vehicle))
+        low, high = room(vehicle)
+
+        def sized(size: float) -> Shape:
+            def begin(amounts: Array) -> Table:
+                value = size * float(np.clip(amounts[0], LEAST, MOST))
+                return {"name": name, parameter: float(np.clip(value, low, high))}
+
+            return Shape(({"name": name, parameter: size},), (1.0,), begin)
+
+        less = (0.5 * low, low) if low < 0.0 else ()
+        yield from (sized(size) for size in sorted({*less, *sizes}) if low <= size <= high)
 
     return shapes
