@@ -31,7 +31,7 @@ def test_what_is_left_out_is_not_tried():
 
 @pytest.mark.parametrize("band", [0.0, 0.1])
 def test_thresholds_are_tried_at_sizes_within_what_the_file_leaves_room_for(band):
-    """Wider dead bands than the file's, and narrower ones where it has any; begun no farther off than none."""
+    """Wider dead bands than the file's, and narrower ones where it has any; begun no farther than no band."""
     known = synthetic.vehicle()
     thrusters = tuple(msgspec.structs.replace(one, deadband=band) for one in known.thruster)
     known = msgspec.structs.replace(known, thruster=thrusters)
