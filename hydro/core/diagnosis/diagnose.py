@@ -41,6 +41,7 @@ from hydro.core.diagnosis.model import (
     as_it_is,
     fit_model,
     fitted_or_kept,
+    from_elsewhere,
     own_effects,
     repeated_effects,
 )
@@ -201,6 +202,7 @@ def weighed_fit(
         did not diverge.
     """
     model, reached = fitted_or_kept(vehicle, effects, problem, log.positions, share)
+    model = from_elsewhere(model, problem, log.positions, share)
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem = problem.weighed(sigma)

@@ -13,7 +13,8 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, Prior, Problem, descend
+from hydro.core.identification.initial_guess import elsewhere
+from hydro.core.identification.levenberg_marquardt import ITERATIONS, Prior, Problem, descend, searched
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
 from hydro.core.vehicle.description import Vehicle
@@ -23,6 +24,8 @@ Wanted = Sequence[str | Mapping[str, Any]]
 
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
 SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
+NARROWEST = 0.01  # scales, of the search for an entry that acts in steps: its name needs no more digits
+LEFT = 0.05  # of the noise: where a fit leaves less beyond it, no other valley is looked for
 
 
 class Diverges(DataError):
@@ -111,6 +114,8 @@ def fit_model(
         except np.linalg.LinAlgError as error:
             raise Diverges(f"no step leads on from the values of {', '.join(map(str, effects))}") from error
         model = Model(unknown, values, problem, normal)
+        if iterations >= ITERATIONS and any(entry.resolution for entry in unknown.entries):
+            model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
         raise Diverges(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
@@ -137,6 +142,37 @@ def fitted_or_kept(
         return fit_model(vehicle, effects, problem, reach, ITERATIONS, share), True
     except Diverges:
         return fit_model(vehicle, effects, problem, reach, 0), False
+
+
+def _beyond_corners(model: Model, iterations: int, share: float) -> Model:
+    """The model, or a better one with the entries that act in steps where a search along each finds them."""
+    unknown, values = model.unknown, searched(model.unknown, model.values, model.problem, NARROWEST)
+    if np.array_equal(values, model.values):
+        return model
+    values, normal, problem = descend(unknown, values, model.problem, iterations, COARSE, share)
+    return Model(unknown, values, problem, normal) if normal.cost < model.normal.cost else model
+
+
+def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = SLOW) -> Model:
+    """The model, or a better one with one of its effects at another place (`initial_guess.elsewhere`).
+
+    Args:
+        model: A fit.
+        problem: The shots, begun where the recording saw the vehicle.
+        reach: As for `fit_model`.
+        share: As for `fit_model`.
+    """
+    if model.excess < LEFT * model.normal.residuals:
+        return model
+    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    for values in elsewhere(model.unknown, model.values, problem, reach, model.normal.cost):
+        try:
+            other = fit_model(model.unknown.at(values), names, problem, reach, ITERATIONS, share)
+        except Diverges:
+            continue
+        if other.normal.cost < model.normal.cost:
+            model = other
+    return model
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:

@@ -11,8 +11,18 @@ from typing import Any
 
 from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, COASTING
-from hydro.core.effects.record import Advice, Effect, Fill, Identification, Index, Parameter, Rest
+from hydro.core.effects.record import (
+    Advice,
+    Effect,
+    Fill,
+    Identification,
+    Index,
+    Limits,
+    Parameter,
+    Rest,
+)
 from hydro.core.effects.sayings import a_sample_late
+from hydro.core.effects.shapes import Room, of_sizes
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
 from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
@@ -20,6 +30,10 @@ from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLO
 LEAST_POWER, MOST_POWER = 0.5, 4.0
 """Bounds of the power of a thrust curve."""
 QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
+BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
+MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
+TIMES, MORE_TIMES = (0.05, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
+POWERS, MORE_POWERS = (-0.5, 0.5), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve
 PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 
 
@@ -66,26 +80,26 @@ def thruster_inflow(p: Array, table: Array) -> None:
     table[:, INFLOW] += p[0]
 
 
-def possible_lag(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no lag, or as near as the source's own steps come; up to 3 s."""
-    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in rest.vehicle.thruster]
+    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster]
     return -max(min(shortest, default=0.0), 0.0), 3.0
 
 
-def possible_delay(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no delay, up to 2 s."""
-    return -min((t.delay for t in rest.vehicle.thruster), default=0.0), 2.0
+    return -min((t.delay for t in vehicle.thruster), default=0.0), 2.0
 
 
-def possible_band(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
     """From no dead band to nine tenths of the command."""
-    bands = [t.deadband for t in rest.vehicle.thruster] or [0.0]
+    bands = [t.deadband for t in vehicle.thruster] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
-def possible_power(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
     """Powers of the curve from the root to the fourth."""
-    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in rest.vehicle.thruster] or [1.0]
+    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in vehicle.thruster] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
@@ -102,6 +116,15 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
 def power_of(thruster: Thruster) -> float:
     """Power of the thrust curve that a file names."""
     return 2.0 if thruster.curve == "quadratic" else 1.0
+
+
+def within(room: Room) -> Limits:
+    """The bounds of a fit."""
+
+    def limits(index: Index, rest: Rest) -> tuple[float, float]:
+        return room(rest.vehicle)
+
+    return limits
 
 
 def a_sample_early(parameters: Mapping[str, Any], dt: float) -> str | None:
@@ -206,7 +229,7 @@ EFFECTS = (
             "dT",
             ("s",),
             "added time constant",
-            limits=possible_lag,
+            limits=within(room_of_lag),
             plausible=in_sum(
                 0.0,
                 2.0,
@@ -216,6 +239,10 @@ EFFECTS = (
             ),
         ),
         Advice(parted_by=(CHIRP,), saying=a_sample_early),
+        Identification(
+            coarse=of_sizes("thruster_lag", "dT", room_of_lag, TIMES),
+            fine=of_sizes("thruster_lag", "dT", room_of_lag, MORE_TIMES),
+        ),
     ),
     _effect(
         "command_delay",
@@ -228,7 +255,7 @@ EFFECTS = (
             "d",
             ("s",),
             "added delay",
-            limits=possible_delay,
+            limits=within(room_of_delay),
             plausible=in_sum(
                 0.0,
                 2.0,
@@ -238,7 +265,11 @@ EFFECTS = (
             ),
         ),
         Advice(parted_by=(CHIRP,), saying=a_sample_late),
-        Identification(step=1e-2),
+        Identification(
+            step=1e-2,
+            coarse=of_sizes("command_delay", "d", room_of_delay, TIMES),
+            fine=of_sizes("command_delay", "d", room_of_delay, MORE_TIMES),
+        ),
     ),
     _effect(
         "thruster_deadband",
@@ -254,7 +285,7 @@ EFFECTS = (
             low=-1.0,
             high=1.0,
             scale=(0.1,),
-            limits=possible_band,
+            limits=within(room_of_band),
             plausible=in_sum(
                 0.0,
                 0.5,
@@ -264,7 +295,12 @@ EFFECTS = (
             ),
         ),
         Advice(parted_by=(COASTING,)),
-        Identification(step=5e-2, resolution=1e-4),
+        Identification(
+            step=5e-2,
+            resolution=1e-4,
+            coarse=of_sizes("thruster_deadband", "d", room_of_band, BANDS),
+            fine=of_sizes("thruster_deadband", "d", room_of_band, MORE_BANDS),
+        ),
     ),
     _effect(
         "thruster_curve",
@@ -277,7 +313,7 @@ EFFECTS = (
             "da",
             ("1",),
             "added to the power of the curve: 1 makes a linear one quadratic",
-            limits=possible_power,
+            limits=within(room_of_power),
             plausible=in_sum(
                 0.5,
                 3.0,
@@ -287,6 +323,10 @@ EFFECTS = (
             ),
         ),
         Advice(parted_by=(COASTING,), saying=another_curve),
+        Identification(
+            coarse=of_sizes("thruster_curve", "da", room_of_power, POWERS),
+            fine=of_sizes("thruster_curve", "da", room_of_power, MORE_POWERS),
+        ),
     ),
     _effect(
         "thruster_inflow",

@@ -316,8 +316,8 @@ def _entries(parameter: Parameter, table: Mapping[str, Any], sizes: dict[str, in
     given = table[parameter.name]
     try:
         values = np.asarray(given, dtype=object)
-        numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values.flat)
-        if not numbers:
+        kinds = set(map(type, values.ravel().tolist()))
+        if not all(issubclass(kind, int | float) and kind is not bool for kind in kinds):
             raise ValueError
         values = values.astype(np.float64)
     except ValueError:
@@ -328,7 +328,7 @@ def _entries(parameter: Parameter, table: Mapping[str, Any], sizes: dict[str, in
         raise DataError(f"{where}: must be {_wanted(parameter, sizes)}")
     if not np.isfinite(values).all():
         raise DataError(f"{where}: must be finite")
-    if (values < parameter.low).any() or (values > parameter.high).any():
+    if values.size and (values.min() < parameter.low or values.max() > parameter.high):
         raise DataError(f"{where}: must lie within [{parameter.low:g}, {parameter.high:g}]")
     return values.ravel()
 

@@ -14,6 +14,8 @@ from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.sayings import a_sample_late
+from hydro.core.effects.shapes import of_sizes
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.plausible import between, within_box
 
@@ -30,6 +32,7 @@ LONGEST_DELAY = 0.5
 SCALE_ERROR = between(
     -0.2, 0.2, "", "Kinsey and Whitcomb (2007): per cents; the speed of sound varies by a tenth"
 )
+DELAYS, MORE_DELAYS = (0.02, 0.06, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, that are tried
 
 
 def sensor_scale(p: Array, log: Array) -> None:
@@ -103,9 +106,14 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
 
 
-def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
+def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
     """A log that writes down what was, not what will be."""
     return 0.0, LONGEST_DELAY
+
+
+def up_to_longest(index: Index, rest: Rest) -> tuple[float, float]:
+    """The same as bounds of a fit."""
+    return room_of_delay(rest.vehicle)
 
 
 SENSOR_DELAY = Effect(
@@ -127,7 +135,11 @@ SENSOR_DELAY = Effect(
         ),
     ),
     sensor=sensor_delay,
-    identification=Identification(step=1e-2),
+    identification=Identification(
+        step=1e-2,
+        coarse=of_sizes("sensor_delay", "d", room_of_delay, DELAYS),
+        fine=of_sizes("sensor_delay", "d", room_of_delay, MORE_DELAYS),
+    ),
     kinematics=Kinematics("d", slice(DELAY, DELAY + 1)),
     advice=Advice(parted_by=(DISTANCES, CHIRP), saying=a_sample_late),
 )

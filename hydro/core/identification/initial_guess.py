@@ -41,8 +41,30 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
         values = choice[0][1].copy()
         for name, (_, other) in zip(names, choice, strict=True):
             values[_own(unknown, name)] = other[_own(unknown, name)]
-        found.append((sum(gain for gain, _ in choice), unknown.within(values)))
-    return tuple(values for _, values in sorted(found, key=lambda pair: -pair[0])[:KEPT])
+        found.append((sum(cost for cost, _ in choice), unknown.within(values)))
+    return tuple(values for _, values in sorted(found, key=lambda pair: pair[0])[:KEPT])
+
+
+def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost: float) -> tuple[Array, ...]:
+    """Other values (P,) from which a fit may find less than it has: one for each effect of the file's own.
+
+    A fit that begins at a file's values stays in their valley: a cable whose anchor is wrong by its own
+    length, a delay that is not there.  All places in the record of such an effect are tried in its stead.
+
+    Args:
+        unknown: The free entries.
+        values: Their fitted values, (P,).
+        problem: What is fitted.
+        reach: Positions of the recording, (N, 3).
+        cost: Sum of squares at `values`; only what the linear problem expects to be less is given.
+    """
+    here, found = replace(unknown, vehicle=unknown.at(values), starts=(values,)), []
+    for name in CURVED:
+        if name in unknown.known and _own(unknown, name).any():
+            begun = _begun(here, name, problem, reach)
+            if begun and begun[0][0] < cost:
+                found.append(begun[0])
+    return tuple(unknown.within(values) for _, values in sorted(found, key=lambda pair: pair[0]))
 
 
 def _own(unknown: Free, name: str) -> NDArray[np.bool_]:
@@ -55,7 +77,7 @@ def _open(unknown: Free, name: str) -> bool:
 
 
 def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tuple[float, Array]]:
-    """The best shapes of one effect: squared residual that each explains, and values (P,) of all entries."""
+    """The best shapes of one effect: squared residual that each leaves, and values (P,) of all entries."""
     start, mine = unknown.starts[0], _own(unknown, name)
     rest = unknown.holding(start, mine)
     rest = replace(rest, vehicle=rest.vehicle.without(name))
@@ -72,8 +94,8 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
         values = start.copy()
         values[~mine] = rest.within(rest.starts[0] + step[:count] * rest.scales)
         values[mine] = _values(unknown, mine, suspect.begin(step[count:]))
-        found.append((gain, values))
-    return sorted(found, key=lambda pair: -pair[0])[:KEPT]
+        found.append((normal.cost - gain, values))
+    return sorted(found, key=lambda pair: pair[0])[:KEPT]
 
 
 def _values(unknown: Free, mine: NDArray[np.bool_], table: Mapping[str, Any]) -> Array:

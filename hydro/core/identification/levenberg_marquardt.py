@@ -99,10 +99,10 @@ def descend(
         matrix = normal.matrix.sum(axis=0) + np.diag(known)
         score = normal.score.sum(axis=0) - known * (x - prior.centre)
         worth = max(enough * max(1.0, normal.chi2), share * (normal.cost - normal.residuals))
-        # Cost where the parameters stay and only the pieces' own unknowns move: what a step has to beat.
-        here, stayed = problem.cost(unknown.at(unknown.within(x * scales)), np.zeros(len(x)), normal)
-        before = here + prior.cost(x)
-        after, stride = stayed, np.zeros(len(x))
+        # A step has to beat the cost where the parameters stay and only the pieces' own unknowns move.  The
+        # linear problem says what that is; it is predicted where a step does not come below what that says.
+        fine, stay = prior.cost(x), None  # type: float, tuple[float, Problem] | None
+        stride = np.zeros(len(x))
         while damping < GIVEN_UP:
             step = bounded_step(matrix + damping * np.diag(np.diag(matrix)), score, low - x, high - x)
             promise = float(2.0 * score @ step - step @ matrix @ step)
@@ -110,17 +110,26 @@ def descend(
                 break
             trial = unknown.within((x + step) * scales)
             cost, along = problem.cost(unknown.at(trial), step, normal)
-            if cost + prior.cost(x + step) < before:
-                after, stride = along, step
+            total = cost + prior.cost(x + step)
+            if stay is None and not total < normal.cost + fine:
+                stay = _stayed(unknown, x, problem, normal)
+            if total < (normal.cost if stay is None else stay[0]) + fine:
+                stride = step
                 break
             damping = max(damping * 10.0, 1e-4)
         # Without a step the pieces' own unknowns move on alone, while that brings them on.
-        if not stride.any() and min(here - normal.cost, reached - here) <= max(worth, 1e-9 * here):
-            break
-        reached = cost if stride.any() else here
-        x, problem, damping = x + stride, after, max(damping * 0.1, 1e-9)
+        if not stride.any():
+            cost, along = stay or _stayed(unknown, x, problem, normal)
+            if min(cost - normal.cost, reached - cost) <= max(worth, 1e-9 * cost):
+                break
+        reached, x, problem, damping = cost, x + stride, along, max(damping * 0.1, 1e-9)
         normal = linearised(unknown, x, problem)
     return unknown.within(x * scales), normal, problem
+
+
+def _stayed(unknown: Free, x: Array, problem: Problem, normal: Normal) -> tuple[float, Problem]:
+    """Cost where the parameters stay at x (P,) in scales, and the problem with its own unknowns moved."""
+    return problem.cost(unknown.at(unknown.within(x * unknown.scales)), np.zeros(len(x)), normal)
 
 
 def linearised(unknown: Free, x: Array, problem: Problem) -> Normal:
@@ -154,15 +163,16 @@ def linear_step(normal: Normal, columns: Sequence[int]) -> tuple[float, Array]:
     return float(score @ step), step
 
 
-def searched(unknown: Free, values: Array, problem: Problem) -> Array:
+def searched(unknown: Free, values: Array, problem: Problem, narrowest: float = 0.0) -> Array:
     """Values (P,) with each entry that acts in steps at the best place along its own line.
 
-    At every place all else is where the linearised problem would have it.
+    At every place all else is where the linearised problem would have it.  The search ends at the entry's
+    resolution, or at the narrowest distance that is given, in scales.
     """
     low, high = unknown.bounds
     for i, entry in enumerate(unknown.entries):
         width = WIDEST
-        while entry.resolution and width >= entry.resolution:
+        while entry.resolution and width >= max(entry.resolution, narrowest):
             trials = np.repeat(values[None], len(PLACES) + 1, axis=0)
             trials[1:, i] = np.clip(values[i] + width * entry.scale * PLACES, low[i], high[i])
             values = trials[np.argmin(_profile(unknown, trials, problem))]

@@ -2,8 +2,10 @@
 
 An effect that is linear in its parameters gives one column per parameter.  One that is not (the rate of a
 memory, the place of an anchor) gives several suspects, each with that parameter held at one value of a grid;
-the best of them is where a fit of the effect begins.  A few coarse ones tell whether the effect is worth a
-closer look, and a fine grid (`shapes`) then where to begin.  Which shapes an effect has its record says.
+the best of them is where a fit of the effect begins.  So does one that acts by a threshold or late (a dead
+band, a delay): each of its suspects is a change of a size, not a derivative.  A few coarse ones tell whether
+the effect is worth a closer look, and a fine grid (`shapes`) then where to begin.  Which shapes an effect has
+its record says.
 """
 
 from __future__ import annotations

@@ -297,7 +297,8 @@ def _unit_wrench(thruster: Thruster) -> Array:
         return np.array(wrench)
     if wrench is not None or position is None or direction is None:
         raise DataError(f"thruster {thruster.name}: give either position and direction, or wrench")
-    return np.array([*direction, *np.cross(position, direction)])
+    (x, y, z), (a, b, c) = position, direction
+    return np.array([a, b, c, y * c - z * b, z * a - x * c, x * b - y * a])
 
 
 def _commands(table: Array, commands: ArrayLike, t: ArrayLike) -> tuple[Array, Array]:

@@ -109,6 +109,20 @@ def test_a_known_value_that_the_recording_contradicts_is_told_and_kept(known):
     assert all(entry.effect != "quadratic_damping" for entry in found.estimates.entries)
 
 
+def with_band(vehicle: Vehicle, width: float) -> Vehicle:
+    thrusters = (msgspec.structs.replace(one, deadband=width) for one in vehicle.thruster)
+    return msgspec.structs.replace(vehicle, thruster=tuple(thrusters))
+
+
+@pytest.mark.parametrize(("true", "file"), [(0.03, 0.15), (0.15, 0.0)], ids=["narrower", "wider"])
+def test_a_dead_band_is_found_where_a_derivative_says_nothing(known, true, file):
+    """The cost has corners: only a search along the width comes to the true one."""
+    raw = recorded(with_band(known, true))
+    first = diagnose(misjudged(with_band(known, file)), raw).findings[0]
+    assert (first.verdict, first.effect) == ("missing", "thruster_deadband")
+    assert first.parameters["d"] == pytest.approx(true - file, abs=0.002)
+
+
 def test_nothing_hidden_is_nothing_missing(known):
     found = diagnose(known, recorded(known))
     assert found.findings[0].verdict == "nothing_missing"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 import synthetic
@@ -9,6 +10,7 @@ import synthetic
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.suspects import CURVED, suspects
+from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
 
 REACH = np.array([[0.0, 0.0, 5.0], [8.0, 3.0, 7.0], [2.0, -4.0, 6.0]])
@@ -25,6 +27,23 @@ def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
 def test_what_is_left_out_is_not_tried():
     found = suspects(synthetic.vehicle(), without=["tether", "added_mass"], reach=REACH)
     assert {one.effect for one in found} == set(CATALOGUE) - {"tether", "added_mass"}
+
+
+@pytest.mark.parametrize("band", [0.0, 0.1])
+def test_thresholds_are_tried_at_sizes_within_what_the_file_leaves_room_for(band):
+    """Wider dead bands than the file's, and narrower ones where it has any; begun no farther than no band."""
+    known = synthetic.vehicle()
+    thrusters = tuple(msgspec.structs.replace(one, deadband=band) for one in known.thruster)
+    known = msgspec.structs.replace(known, thruster=thrusters)
+    tried = [one for one in suspects(known, reach=REACH) if one.effect == "thruster_deadband"]
+    widths = {candidate(one.changed[0]).thrusters[0, DEADBAND] for one in tried}
+    assert max(widths) >= band + 0.2
+    assert min(widths) == (0.0 if band else 0.05)
+    for one in tried:
+        for amount in (-3.0, 0.2, 5.0):
+            begun = one.begin(np.array([amount]))["d"]
+            assert -band <= begun <= 0.9
+            assert begun != 0.0
 
 
 @pytest.mark.parametrize("number", range(3))
