@@ -32,6 +32,7 @@ LEVELS = {
     "hydro.core": (
         ("diagnosis",),
         ("evaluation",),
+        ("residual",),
         ("identification",),
         ("distillation",),
         ("simulation",),

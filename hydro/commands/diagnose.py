@@ -27,12 +27,25 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hydro.core.diagnosis.findings import Diagnosis
+    from hydro.core.residual.hull import Hull
     from hydro.io.provenance import Provenance
+    from hydro.io.table import Artefact
+
+
+Before = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RAW",
+        show_default=False,
+        help="A recording of the vehicle before a change: tells what has changed since.",
+    ),
+]
 
 
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = STREAM,
+    before: Before = None,
     output: Output = STREAM,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
@@ -42,9 +55,15 @@ def diagnose(
     the effects it could be confused with, its values with standard errors, and what to do or to fly next.
     Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add writes them into the
     file.
+
+    With --before it finds what has changed since another recording: what the hull does beside the file is
+    learnt from that one, by a regression on a library of forces, and held fixed. The file's effects keep
+    their values, and a change of one is a finding like any other. A change is named from 10 % of the error
+    on that it removes from stretches which it was not fitted to.
     """
     from hydro.core import effects
-    from hydro.core.diagnosis.diagnose import diagnose as compute
+    from hydro.core.diagnosis.diagnose import diagnose_log, hull_of
+    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 
@@ -54,13 +73,19 @@ def diagnose(
     source = read(measured, "raw")
     with about(measured):
         tell_not_shown(known, source.frame)
+    earlier = None if before is None else read_before(before, source)
+    hull = None
+    if before is not None and earlier is not None:
+        with about(before):
+            hull = hull_of(known, earlier.frame)
     with about(measured), progress("diagnose") as update:
-        found = compute(
+        found = diagnose_log(
             known,
-            source.frame,
+            preprocess(known, source.frame),
+            hull=hull,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
-    _print(found)
+    _print(found, hull)
     if shows_table(output):
         return
     made = table.make(
@@ -68,10 +93,24 @@ def diagnose(
         found.frame(),
         stage="diagnose",
         parameters={"chi2": [round(value, 4) for value in found.chi2]},
-        inputs=[source],
+        inputs=[source] if earlier is None else [source, earlier],
         vehicle_text=text,
     )
     write(made, output)
+
+
+def read_before(name: str, source: Artefact) -> Artefact:
+    """The recording before.
+
+    Raises:
+        DataError: It is the measured one.
+    """
+    from hydro.core.errors import DataError
+
+    earlier = read(name, "raw")
+    if earlier.provenance.content == source.provenance.content:
+        raise DataError(f"{name}: the same rows as the measured recording; a change needs two")
+    return earlier
 
 
 def add(
@@ -134,11 +173,19 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
         console.print(f"    {advice}")
 
 
-def _print(found: Diagnosis) -> None:
+def _print(found: Diagnosis, hull: Hull | None) -> None:
     """The findings for a person, and how much of the residual they leave."""
     console = person()
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
+    if hull is not None:
+        console.print(
+            f"\nThe recording before: mean squared residual (1: noise alone) {hull.given:.3g} of the file, "
+            f"{hull.left:.3g} with the model of the hull on stretches that it was not fitted to. After, in "
+            f"units of what that leaves (1: nothing has changed): {given:.3g}, {all_of_it:.3g} with what was "
+            "found."
+        )
+        return
     console.print(
         f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "
         f"own effects re-estimated, {all_of_it:.3g} with what was found."
