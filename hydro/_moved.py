@@ -35,7 +35,7 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.recording": "segments smoothing readings:sensor_faults dead_reckoning",
     "hydro.core.vehicle": "frames rigid_body allocation:thrusters mixing:control_allocation panels ellipsoid",
     "hydro.sim.bridge": "callbacks native fields structs pointers states water mjcf",
-    "hydro.sim.residual": "lowering layers network control",
+    "hydro.sim.residual": "control",
     "hydro.rl.environment": "action config encoding environments fleet geometry guidance judge:step "
     "observation planner reward sonar tasks torch_env conditions",
     "hydro.rl.training": "sac train curriculum divergence evaluate runs policy returns",
@@ -49,6 +49,7 @@ MODULES = {
     "hydro.rl.build": "hydro.rl.training.build",
     "hydro.core.conditioning": "hydro.sim.residual.conditioning",
     "hydro.core.ranking": "hydro.report.ranking",
+    **{f"hydro.sim.{name}": f"hydro.core.residual.{name}" for name in ("lowering", "layers", "network")},
 }
 """Old dotted name of a module: its new one."""
 

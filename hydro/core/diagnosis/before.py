@@ -91,7 +91,7 @@ class Compared:
     weight: Array = field(default_factory=lambda: np.ones(1))
 
     def left_out(self, normal: Normal) -> Array:
-        """Weighed squared residual of each shot, predicted by a Gauss-Newton step to all other folds, (S,)."""
+        """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
         weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
         return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 

@@ -1,4 +1,4 @@
-"""What one recording has taught of a hull: the wrench beside its file, and how much of the error that leaves."""
+"""What one recording has taught of a hull: the wrench beside its file, and how much error that leaves."""
 
 from __future__ import annotations
 

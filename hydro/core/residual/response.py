@@ -1,8 +1,8 @@
 """How the motion predicted in shots answers to a further wrench that is known as a function of time.
 
 Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b with
-b = [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along the measured motion,
-so that the transition from one row to the next is worked out once, for all shots and wrenches:
+b = [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along
+the measured motion, so that the transition from one row to the next is worked out once for all wrenches:
 
     delta_k+1 = A_k (delta_k + dt/2 b_k) + dt/2 b_k+1,
 
