@@ -21,7 +21,8 @@ from typing import Any
 _PACKAGES = {  # new package: old name of a module, and its new one where that is another
     "hydro.core.diagnosis": "diagnose explain search evidence:score_test naming:confidence "
     "left_out:confidence sensor_tests coloured undetermined:identifiability unexplained slow:unexplained "
-    "wiring:thruster_order log_faults findings extend:findings advice manoeuvres",
+    "wiring:thruster_order log_faults findings extend:findings",
+    "hydro.core.experiment": "advice manoeuvres",
     "hydro.core.evaluation": "compare misfit metrics conditions:regimes places:failure_regimes "
     "restarts:rolling_prediction",
     "hydro.core.identification": "fit parameters shooting:multiple_shooting "

@@ -31,6 +31,7 @@ MAY_IMPORT = {
 LEVELS = {
     "hydro.core": (
         ("diagnosis",),
+        ("experiment",),
         ("evaluation",),
         ("residual",),
         ("identification",),

@@ -6,8 +6,8 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.advice import separating
 from hydro.core.effects import CATALOGUE
+from hydro.core.experiment.advice import separating
 from hydro.report import plots, words
 from hydro.report.charts import Charts
 from hydro.report.sources import Sources

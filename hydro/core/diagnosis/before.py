@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hydro.core.columns import Array, Progress, Rows
-from hydro.core.diagnosis import advice
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs, stated
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -25,6 +24,7 @@ from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.sensor_tests import vetoed
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
+from hydro.core.experiment import advice
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.normal_equations import Normal
@@ -131,9 +131,28 @@ def diagnose_change(
         change = Change.of(compared, last, rivals)
         if change is None or (change.score_of_floor < FURTHER if changes else change.score < NAMED):
             break
-        changes.append(change)
-        last = change.best.model
+        changes = reconsidered(compared, first, [*changes, change])
+        last = changes[-1].best.model
     return told(compared, first, changes)
+
+
+def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
+    """The changes; the second alone where, fitted without the first, it is the better of the two.
+
+    An effect that only its own fit shows, as a threshold does, may come to light beside a poorer one first.
+    """
+    if len(changes) != 2:
+        return changes
+    before, name = changes[0], changes[1].best.effect
+    (table,) = changes[1].best.model.vehicle.effects(name)
+    try:
+        alone = fitted(compared, first, table)
+    except (Diverges, np.linalg.LinAlgError):
+        return changes
+    whole = float(before.whole.sum())
+    if alone.fined(whole) >= before.best.fined(whole):
+        return changes
+    return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
 @dataclass(frozen=True)

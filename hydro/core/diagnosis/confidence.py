@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.advice import suspecting
 from hydro.core.diagnosis.findings import SURE, Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
+from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, block_length
 

@@ -18,7 +18,6 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
-from hydro.core.diagnosis import advice
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
@@ -32,7 +31,6 @@ from hydro.core.diagnosis.confidence import (
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.diagnosis.identifiability import aliases, undetermined
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
-from hydro.core.diagnosis.manoeuvres import best, plain, showing
 from hydro.core.diagnosis.model import (
     SLOW,
     Diverges,
@@ -49,6 +47,8 @@ from hydro.core.diagnosis.unexplained import unexplained
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
+from hydro.core.experiment import advice
+from hydro.core.experiment.manoeuvres import best, plain, showing
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import UNDETERMINED, Fit, with_uncertainty

@@ -11,7 +11,6 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis import advice
 from hydro.core.diagnosis.diagnose import _retuned, diagnose, refine, refit, stable_shots, stable_start
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
@@ -19,6 +18,7 @@ from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Baseline, Outcome, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.experiment import advice
 from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free

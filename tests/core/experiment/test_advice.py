@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hydro.core.diagnosis import advice
-from hydro.core.diagnosis.manoeuvres import Flight, Manoeuvre
 from hydro.core.effects import CATALOGUE
+from hydro.core.experiment import advice
+from hydro.core.experiment.manoeuvres import Flight, Manoeuvre
 
 
 def test_advice_says_what_to_fly_for_how_long_and_what_to_expect():

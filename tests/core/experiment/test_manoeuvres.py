@@ -11,9 +11,9 @@ import pytest
 from recordings import damped
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, best, library, plain, showing
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.experiment.manoeuvres import FLIGHT_LENGTH, best, library, plain, showing
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.fit import OutputError
 from hydro.core.recording.arrays import recording

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydro.core.diagnosis.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.effects import CATALOGUE
+from hydro.core.experiment.manoeuvres import FLIGHT_LENGTH, Flight
 from hydro.core.identification.prior import Change
 
 ADD = "add it with `hydro add`"
