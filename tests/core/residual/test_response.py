@@ -55,7 +55,7 @@ def test_what_a_wrench_does_is_taken_from_what_was_measured(extra, log):
     for part in (slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)):
         there = np.abs(before[..., part]).max()
         assert there > 1e-4
-        assert np.abs(after[..., part]).max() < 0.05 * there
+        assert np.abs(after[..., part]).max() < 0.1 * there
     assert np.abs(true_velocity(model, record, record.nu)[50:-50] - motion.nu[50:-50]).max() < 1e-3
 
 
@@ -79,4 +79,4 @@ def test_the_answer_to_a_beginning_is_the_derivative_of_the_prediction():
     for i, unit in enumerate(np.eye(12)):
         first = multiple_shooting.displaced(shots.first, little * unit[None])
         moved_on = (still - multiple_shooting.residuals(prepared, shots, first)) / little
-        np.testing.assert_allclose(answers[..., i], moved_on, atol=2e-3 * max(1.0, np.abs(moved_on).max()))
+        np.testing.assert_allclose(answers[..., i], moved_on, atol=1e-2 * max(1.0, np.abs(moved_on).max()))
