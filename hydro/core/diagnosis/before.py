@@ -31,6 +31,7 @@ from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.identification.suspects import Suspect, shapes, suspects
+from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.regression import robust
 from hydro.core.residual.response import Transitions
@@ -46,8 +47,8 @@ SCALES = 2.0
 """Prior standard deviation of a suspect's parameters in their natural scales."""
 FINE = 0.004
 """Share of the residual that each further parameter must remove for a larger effect to be preferred."""
-AGAIN = 2
-"""Times that the hull's wrench is worked out anew for a current."""
+ASKED = ("flow", "sensor")
+"""Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
 RESAMPLES = 2000
 MOST_CHANGES = 3
 TIED = 0.02
@@ -261,14 +262,16 @@ def stepped(
 
 
 def fitted(compared: Compared, last: Model, table: Mapping[str, object]) -> Contender:
-    """An effect fitted from the values of a table; with a current the hull's wrench is worked out anew."""
+    """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
     name = str(table["name"])
-    begun, problem, reach = last.vehicle, last.problem, compared.log.positions
-    model = fit_model(begun, [table], problem, reach, QUICK)
-    if CATALOGUE[name].kind == "flow":
-        for _ in range(AGAIN):
-            problem = compared.corrected(model.vehicle)
-            model = fit_model(model.vehicle, [name], problem, reach, QUICK)
+    reach = compared.log.positions
+    if CATALOGUE[name].kind not in ASKED:
+        model = fit_model(last.vehicle, [table], last.problem, reach, QUICK)
+    else:
+        shots = compared.problem.shots
+        anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
+        model = fit_model(last.vehicle, [table], anew, reach, QUICK)
+        model = replace(model, problem=compared.corrected(model.vehicle))
     return Contender(name, model, compared.left_out(model.normal))
 
 
