@@ -22,12 +22,15 @@ from hydro.commands.shell import (
     write,
 )
 
+from hydro.core.errors import UsageError
+
 if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
     from hydro.core.diagnosis.findings import Diagnosis
-    from hydro.core.residual.hull import Hull
+    from hydro.core.residual.hull import Hull, Law
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
 
@@ -42,10 +45,21 @@ Before = Annotated[
 ]
 
 
+Network = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MODEL",
+        show_default=False,
+        help="With --before: a network of hydro train in the place of the built-in regression.",
+    ),
+]
+
+
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = STREAM,
     before: Before = None,
+    model: Network = None,
     output: Output = STREAM,
 ) -> None:
     """Find which physical effects are missing in a vehicle file, and how sure that is.
@@ -58,8 +72,8 @@ def diagnose(
 
     With --before it finds what has changed since another recording: what the hull does beside the file is
     learnt from that one, by a regression on a library of forces, and held fixed. The file's effects keep
-    their values, and a change of one is a finding like any other. A change is named from 10 % of the error
-    on that it removes from stretches which it was not fitted to.
+    their values, and a change of one is a finding like any other. A change is named where it takes
+    10 % or more of the error away from stretches which it was not fitted to.
     """
     from hydro.core import effects
     from hydro.core.diagnosis.diagnose import diagnose_log, hull_of
@@ -74,10 +88,13 @@ def diagnose(
     with about(measured):
         tell_not_shown(known, source.frame)
     earlier = None if before is None else read_before(before, source)
+    if model is not None and before is None:
+        raise UsageError("--model needs --before, which says how much the network leaves unexplained")
     hull = None
     if before is not None and earlier is not None:
+        law = None if model is None else _law(model, known)
         with about(before):
-            hull = hull_of(known, earlier.frame)
+            hull = hull_of(known, earlier.frame, law)
     with about(measured), progress("diagnose") as update:
         found = diagnose_log(
             known,
@@ -97,6 +114,19 @@ def diagnose(
         vehicle_text=text,
     )
     write(made, output)
+
+
+def _law(name: str, known: Vehicle) -> Law:
+    """The wrench that a network says beside a file.
+
+    Raises:
+        DataError: It cannot stand beside this one.
+    """
+    from hydro.core.residual.learnt import Learnt
+    from hydro.io.model import from_artefact
+
+    with about(name):
+        return Learnt.of(from_artefact(read(name, "model")), known)
 
 
 def read_before(name: str, source: Artefact) -> Artefact:

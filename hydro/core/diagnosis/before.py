@@ -39,6 +39,8 @@ from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
 """Share of the residual left out that a change must remove to be named,"""
+LEAST = 0.06
+"""Share of the floor that it must remove besides,"""
 FURTHER = 0.20
 """and a further one of what the first leaves, or of the floor where that is greater."""
 CONTENDERS = 5
@@ -130,7 +132,7 @@ def diagnose_change(
         progress(f"{len(changes)} changes found, looking for more", 0.3 + 0.2 * len(changes))
         rivals = contend(compared, last, [one.best.effect for one in changes])
         change = Change.of(compared, last, rivals)
-        if change is None or (change.score_of_floor < FURTHER if changes else change.score < NAMED):
+        if change is None or not change.seen(further=bool(changes)):
             break
         changes = reconsidered(compared, first, [*changes, change])
         last = changes[-1].best.model
@@ -186,11 +188,12 @@ class Change:
         """Share of the squared residual left out that the best removes."""
         return float(1.0 - self.best.costs.sum() / self.whole.sum())
 
-    @property
-    def score_of_floor(self) -> float:
-        """The same as a share of the floor, where that is greater."""
+    def seen(self, further: bool) -> bool:
+        """Whether it is large enough to be named, as the first or a further one."""
         whole = float(self.whole.sum())
-        return self.score * whole / max(whole, self.floor)
+        if further:
+            return self.score * whole >= FURTHER * max(whole, self.floor)
+        return self.score >= NAMED and self.score * whole >= LEAST * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """95 % interval of the score."""

@@ -60,7 +60,7 @@ from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.identification.tracking import shot_seconds
-from hydro.core.residual.hull import Hull, learnt
+from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.vehicle.description import Vehicle
 
 SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
@@ -107,13 +107,19 @@ def diagnose(
     return diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
 
 
-def hull_of(vehicle: Vehicle, before: pl.DataFrame) -> Hull:
+def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
     """What the raw table of an unchanged vehicle teaches of its hull.
+
+    Args:
+        vehicle: The model.
+        before: Raw table.
+        law: The hull's wrench where it is known, as from a network; by default the built-in regression.
 
     Raises:
         DataError: The recording does not fit the vehicle, or is too short.
     """
-    return learnt(vehicle, stable_shots(vehicle, preprocess(vehicle, before)))
+    problem = stable_shots(vehicle, preprocess(vehicle, before))
+    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
 
 
 def diagnose_log(

@@ -74,6 +74,13 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
     return judged(vehicle, problem, OutputError(replace(shots, measured=measured)), found)
 
 
+def known_by(vehicle: Vehicle, problem: OutputError, law: Law) -> Hull:
+    """A law that is known already, as a network's, with its floor on the shots of an unchanged vehicle."""
+    transitions = Transitions.of(candidate(vehicle), problem.shots)
+    corrected = OutputError(transitions.corrected(law.wrench(vehicle, problem.shots)))
+    return judged(vehicle, problem, corrected, law)
+
+
 def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: Law) -> Hull:
     """A law with the floor that corrected shots, to which it was not fitted, have of it."""
     given, left = (one.linearise(vehicle, [], []) for one in (problem, corrected))
