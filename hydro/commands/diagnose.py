@@ -21,7 +21,6 @@ from hydro.commands.shell import (
     tell_not_shown,
     write,
 )
-
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
