@@ -42,7 +42,8 @@ NAMED = 0.10
 LEAST = 0.06
 """Share of the floor that it must remove besides,"""
 FURTHER = 0.20
-"""and a further one of what the first leaves, or of the floor where that is greater."""
+"""and a further one of what the first leaves, or of the floor where that is greater; below this share
+confidence falls with it, since the hull's own error imitates small changes."""
 CONTENDERS = 5
 QUICK = 6  # iterations of a contender's fit
 SCALES = 2.0
@@ -188,12 +189,17 @@ class Change:
         """Share of the squared residual left out that the best removes."""
         return float(1.0 - self.best.costs.sum() / self.whole.sum())
 
+    @property
+    def plain(self) -> float:
+        """What it removes, as a share of what there is or of the floor where that is greater."""
+        whole = float(self.whole.sum())
+        return self.score * whole / max(whole, self.floor)
+
     def seen(self, further: bool) -> bool:
         """Whether it is large enough to be named, as the first or a further one."""
-        whole = float(self.whole.sum())
         if further:
-            return self.score * whole >= FURTHER * max(whole, self.floor)
-        return self.score >= NAMED and self.score * whole >= LEAST * self.floor
+            return self.plain >= FURTHER
+        return self.score >= NAMED and self.score * float(self.whole.sum()) >= LEAST * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
         """95 % interval of the score."""
@@ -315,7 +321,7 @@ def _finding(change: Change, file: Vehicle, dt: float) -> Finding:
         (name,),
         change.score,
         *change.interval(),
-        confidence=wins[name],
+        confidence=wins[name] * min(1.0, change.plain / FURTHER),
         parameters=parameters,
         standard_errors=dict(table["standard_error"]),
         advice=words,
