@@ -36,13 +36,13 @@ import polars as pl
 from mujoco import batch
 
 from hydro.core.effects import assemble
+from hydro.core.residual.network import Network
 from hydro.core.simulation.simulate import INTEGRATION_RATE, steps_of_row, trajectory
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import PREFIX, residual, wet
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.network import Network
 from hydro.sim.teacher import collect, teacher
 
 VEHICLES = Path(__file__).resolve().parents[1] / "datasets" / "vehicles"

@@ -19,11 +19,12 @@ from types import ModuleType
 from typing import Any
 
 _PACKAGES = {  # new package: old name of a module, and its new one where that is another
-    "hydro.core.diagnosis": "diagnose explain search evidence:score_test naming:confidence "
-    "left_out:confidence sensor_tests coloured undetermined:identifiability unexplained slow:unexplained "
+    "hydro.core.diagnosis": "diagnose explain search naming:confidence "
+    "left_out:confidence undetermined:identifiability unexplained slow:unexplained "
     "wiring:thruster_order log_faults findings extend:findings",
     "hydro.core.experiment": "advice manoeuvres",
-    "hydro.core.evaluation": "compare misfit metrics conditions:regimes places:failure_regimes "
+    "hydro.core.preprocessing": "sensor_tests coloured",
+    "hydro.core.evaluation": "evidence:score_test compare misfit metrics conditions:regimes places:failure_regimes "
     "restarts:rolling_prediction",
     "hydro.core.identification": "fit parameters shooting:multiple_shooting "
     "sensitivity weakform:weak_form normal:normal_equations descent:levenberg_marquardt suspects candidate "
@@ -36,7 +37,7 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.recording": "segments smoothing readings:sensor_faults dead_reckoning",
     "hydro.core.vehicle": "frames rigid_body allocation:thrusters mixing:control_allocation panels ellipsoid",
     "hydro.sim.bridge": "callbacks native fields structs pointers states water mjcf",
-    "hydro.sim.residual": "lowering layers network control",
+    "hydro.sim.residual": "control",
     "hydro.rl.environment": "action config encoding environments fleet geometry guidance judge:step "
     "observation planner reward sonar tasks torch_env conditions",
     "hydro.rl.training": "sac train curriculum divergence evaluate runs policy returns",
@@ -50,6 +51,7 @@ MODULES = {
     "hydro.rl.build": "hydro.rl.training.build",
     "hydro.core.conditioning": "hydro.sim.residual.conditioning",
     "hydro.core.ranking": "hydro.report.ranking",
+    **{f"hydro.sim.{name}": f"hydro.core.residual.{name}" for name in ("lowering", "layers", "network")},
 }
 """Old dotted name of a module: its new one."""
 

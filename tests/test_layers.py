@@ -33,6 +33,8 @@ LEVELS = {
         ("diagnosis",),
         ("experiment",),
         ("evaluation",),
+        ("preprocessing",),
+        ("residual",),
         ("identification",),
         ("distillation",),
         ("simulation",),

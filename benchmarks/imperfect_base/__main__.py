@@ -1,6 +1,7 @@
 """Run studies of changed vehicles whose hulls no formula describes, and sum them up.
 
     python -m benchmarks.imperfect_base run --studies 60 --first-seed 0 -o base.parquet
+    python -m benchmarks.imperfect_base run --before -o base.parquet
     python -m benchmarks.imperfect_base report base.parquet
     python -m benchmarks.imperfect_base write --kind changed --first-seed 12 --folder bases -o study/
 
@@ -26,7 +27,7 @@ import polars as pl
 from benchmarks.imperfect_base import base, changes, report, study
 from benchmarks.imperfect_base.work import Results, done, said
 
-KEY = ("kind", "seed", "seconds")
+KEY = ("kind", "seed", "seconds", "with_before")
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -39,12 +40,12 @@ def run(chosen: argparse.Namespace) -> None:
     ]
     results = Results(chosen.out, study.SCHEMA)
     known = set(results.table.select(KEY).rows())
-    cases = [case for case in cases if (case.kind, case.seed, chosen.seconds) not in known]
+    cases = [case for case in cases if (case.kind, case.seed, chosen.seconds, chosen.before) not in known]
     hulls = {(case.preset, case.seed // base.GROUP * base.GROUP) for case in cases}
     fits = [(preset, seed, chosen.seconds, folder) for preset, seed in sorted(hulls)]
     for one in done(base.of, fits, chosen.workers):  # before the studies, so that each is made once
         print(f"base {one.unchanged.stem}", flush=True)
-    tasks = [(case, chosen.seconds, folder, not chosen.no_oracle) for case in cases]
+    tasks = [(case, chosen.seconds, folder, not chosen.no_oracle, chosen.before) for case in cases]
     for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
@@ -78,6 +79,9 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--studies", type=int, default=30, help="per kind")
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("--no-oracle", action="store_true", help="do not fit the true change")
+    one.add_argument(
+        "--before", action="store_true", help="with the unchanged flights as the recording before"
+    )
     one.add_argument("-o", "--out", type=Path, default=Path("imperfect_base.parquet"))
     one.set_defaults(action=run)
     two = commands.add_parser("report", help="sum up results, as Markdown")

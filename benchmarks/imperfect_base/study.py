@@ -34,6 +34,7 @@ SCHEMA: dict[str, Any] = {
     **{k: ANSWERS[k] for k in ("verdicts", "effects", "members", "found_shares", "confidences", "p_values")},
     **{k: ANSWERS[k] for k in ("chi2_given", "chi2_own", "chi2_end", "before", "after", "oracle", "floor")},
     "unchanged": pl.String,
+    "with_before": pl.Boolean,
     "wall": pl.Float64,
     "cpu": pl.Float64,
     "study_cpu": pl.Float64,
@@ -44,7 +45,8 @@ SCHEMA: dict[str, Any] = {
 `base_error` is the root mean square 5 s error of the fitted file on the unchanged vehicle's held-out flight
 and `base_floor` that of noise alone there; `share` the part of the given file's squared 5 s error on the
 changed vehicle's held-out flight that the true change, added to the file, takes away; `unchanged` the path of
-the flights that the file was fitted to.  `cpu` is the diagnosis' processor time and `study_cpu` that of all,
+the flights that the file was fitted to, and `with_before` whether the diagnosis had them as the recording
+before.  `cpu` is the diagnosis' processor time and `study_cpu` that of all,
 a base fitted beforehand left out [s].
 """
 
@@ -113,7 +115,9 @@ def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Repla
     return case, found, Replay(found.held_out, known.vehicle)
 
 
-def run(case: Case, seconds: float, folder: Path, with_oracle: bool = True) -> dict[str, Any]:
+def run(
+    case: Case, seconds: float, folder: Path, with_oracle: bool = True, with_before: bool = False
+) -> dict[str, Any]:
     """The row of one study; what went wrong stands under `failure`."""
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
         "kind": case.kind,
@@ -122,6 +126,7 @@ def run(case: Case, seconds: float, folder: Path, with_oracle: bool = True) -> d
         "seconds": seconds,
         "title": case.title,
         "called": list(case.called),
+        "with_before": with_before,
         "failure": "",
     }
     begun = time.process_time()
@@ -134,7 +139,8 @@ def run(case: Case, seconds: float, folder: Path, with_oracle: bool = True) -> d
         row["before"], row["floor"] = errors.of(known.vehicle), errors.floor
         row["share"] = shares(case, flown, errors, row["before"])[0]
         wall, cpu = time.perf_counter(), time.process_time()
-        found = diagnose(flown.given, flown.measured)
+        earlier = pl.read_parquet(known.unchanged) if with_before else None
+        found = diagnose(flown.given, flown.measured, before=earlier)
         row |= {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
         row |= answer(found)
         row["after"] = errors.of(found.vehicle)

@@ -25,7 +25,7 @@ from hydro.commands.shell import (
     vehicle_to_fit,
     write,
 )
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     import polars as pl
@@ -33,15 +33,39 @@ if TYPE_CHECKING:
 
     from hydro.core.diagnosis.findings import Diagnosis
     from hydro.core.experiment.flight import Flight
+    from hydro.core.residual.hull import Hull, Law
     from hydro.core.simulation.estimates import Estimates
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
+
+
+Before = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RAW",
+        show_default=False,
+        help="A recording of the vehicle before a change: tells what has changed since.",
+    ),
+]
+
+
+Network = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MODEL",
+        show_default=False,
+        help="With --before: a network of hydro train in the place of the built-in regression.",
+    ),
+]
 
 
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = STREAM,
     known: Known = None,
+    before: Before = None,
+    model: Network = None,
     output: Output = STREAM,
     fly: Annotated[
         Path | None,
@@ -79,6 +103,13 @@ def diagnose(
     clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
     writes them into the file. Beside the table that -o names lies the covariance of all values.
 
+    With --before it finds what has changed since another recording: what the hull does beside the file is
+    learnt from that one, by a regression on a library of forces, and held fixed. The file's effects keep
+    their values, and a change of one is a finding like any other. A change is named where it takes
+    10 % or more of the error away from stretches which it was not fitted to.
+
+        hydro diagnose vehicle.toml after.parquet --before before.parquet
+
     With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are
     written as commands for hydro simulate or an autopilot. They count by what a rival cannot imitate with
     its own values, as far as the recording leaves these open. Every predicted position of every rival keeps
@@ -88,7 +119,8 @@ def diagnose(
 
         hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 --space 10 --thrust 0.6
     """
-    from hydro.core.diagnosis.diagnose import diagnose as compute
+    from hydro.core.diagnosis.diagnose import diagnose_log, hull_of
+    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
@@ -99,31 +131,68 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(measured):
         tell_not_shown(start, source.frame)
+    if model is not None and before is None:
+        raise UsageError("--model needs --before, which says how much the network leaves unexplained")
+    earlier = None if before is None else read_before(before, source)
+    hull = None
+    if before is not None and earlier is not None:
+        law = None if model is None else _law(model, start)
+        with about(before):
+            hull = hull_of(start, earlier.frame, law)
     with about(measured), progress("diagnose") as update:
-        found = compute(
+        found = diagnose_log(
             start,
-            source.frame,
+            preprocess(start, source.frame),
+            hull=hull,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
-    _print(found)
+    _print(found, hull)
+    inputs = [source] if earlier is None else [source, earlier]
     if not shows_table(output):
         made = table.make(
             "diagnosis",
             found.frame(),
             stage="diagnose",
             parameters={"chi2": [round(value, 4) for value in found.chi2]},
-            inputs=[source],
+            inputs=inputs,
             vehicle_text=text,
         )
         write(made, output)
         if found.estimates is not None and output != STREAM:
-            covariance.write(found.estimates, output, stage="diagnose", inputs=[source], vehicle_text=text)
+            covariance.write(found.estimates, output, stage="diagnose", inputs=inputs, vehicle_text=text)
+    if fly is not None and found.question is None:
+        typer.echo("hydro: no flight written: no rivals are left that one could part", err=True)
     if fly is not None and found.question is not None:
         with about(measured):
             flight = advise(found.question, limits)
         _print_flight(flight, fly)
-        made = table.make("commands", flight.table(), stage="diagnose", inputs=[source], vehicle_text=text)
+        made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
         write(made, str(fly))
+
+
+def _law(name: str, known: Vehicle) -> Law:
+    """The wrench that a network says beside a file.
+
+    Raises:
+        DataError: It cannot stand beside this one.
+    """
+    from hydro.core.residual.learnt import Learnt
+    from hydro.io.model import from_artefact
+
+    with about(name):
+        return Learnt.of(from_artefact(read(name, "model")), known)
+
+
+def read_before(name: str, source: Artefact) -> Artefact:
+    """The recording before.
+
+    Raises:
+        DataError: It is the measured one.
+    """
+    earlier = read(name, "raw")
+    if earlier.provenance.content == source.provenance.content:
+        raise DataError(f"{name}: the same rows as the measured recording; a change needs two")
+    return earlier
 
 
 def add(
@@ -206,11 +275,19 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
         console.print(f"    {advice}")
 
 
-def _print(found: Diagnosis) -> None:
+def _print(found: Diagnosis, hull: Hull | None) -> None:
     """The findings for a person, and how much of the residual they leave."""
     console = person()
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
+    if hull is not None:
+        console.print(
+            f"\nThe recording before: mean squared residual (1: noise alone) {hull.given:.3g} of the file, "
+            f"{hull.left:.3g} with the model of the hull on stretches that it was not fitted to. After, in "
+            f"units of what that leaves (1: nothing has changed): {given:.3g}, {all_of_it:.3g} with what was "
+            "found."
+        )
+        return
     console.print(
         f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "
         f"own effects re-estimated, {all_of_it:.3g} with what was found."

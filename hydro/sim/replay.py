@@ -19,13 +19,13 @@ from hydro.core.errors import UsageError
 from hydro.core.evaluation.metrics import Subject, consecutive, measure, rows_of
 from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
+from hydro.core.residual.lowering import TrainedModel
+from hydro.core.residual.network import Network
 from hydro.core.vehicle.description import Vehicle
 from hydro.sim.bridge.water import Water, dry, residual, wet
 from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import OFF, Conditioning
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.lowering import TrainedModel
-from hydro.sim.residual.network import Network
 from hydro.sim.student import Physics, Student
 
 Progress = Callable[[str, int, int], None]

@@ -11,12 +11,12 @@ from sim.trained import trained
 from strategies import velocities
 
 from hydro.core.effects import inertia_matrix
+from hydro.core.residual.network import Network
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.rigid_body import coriolis_matrix, mass_matrix
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.bridge.water import residual
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.network import Network
 from hydro.sim.student import Physics, Student
 
 

@@ -12,6 +12,7 @@ import torch
 from hydro.core.distillation.features import INPUTS, OUTPUTS, features
 from hydro.core.errors import DataError, UsageError
 from hydro.core.recording.smoothing import estimate, smooth
+from hydro.core.residual.network import Network
 from hydro.io import table as tables
 from hydro.io.model import from_artefact, to_artefact
 from hydro.learn import rows
@@ -19,7 +20,6 @@ from hydro.learn import train as training
 from hydro.learn.evaluate import predict, predict_rows
 from hydro.learn.networks import ARCHITECTURES
 from hydro.learn.train import train, trusted_accelerations
-from hydro.sim.residual.network import Network
 
 
 def stored(model) -> bytes:

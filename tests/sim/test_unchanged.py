@@ -12,10 +12,10 @@ from mujoco import batch, rollout
 from sim.effects import ETA, NU, commands, preset, with_effect
 from sim.trained import trained
 
+from hydro.core.residual.network import Network
 from hydro.sim.bridge import mjcf, native, states
 from hydro.sim.bridge.water import residual, wet
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.network import Network
 
 STEPS = 150
 

@@ -18,8 +18,8 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.columns import Progress
+from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
-from hydro.core.diagnosis.coloured import coloured
 from hydro.core.diagnosis.confidence import (
     doubted,
     explained_share,
@@ -63,6 +63,8 @@ from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.identification.tracking import shot_seconds
+from hydro.core.preprocessing.coloured import coloured
+from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.vehicle.description import Vehicle
 
 SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
@@ -78,28 +80,60 @@ STABLE = 0.95
 LEAST_SHOTS = 16
 
 
-def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None = None) -> Diagnosis:
-    """Find what is missing in a vehicle file.
+def diagnose(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    before: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find what is missing in a vehicle file, or what has changed since an earlier recording.
 
     Args:
         vehicle: The model.
         raw: Raw table of the measured motion and commands.
+        before: Another one, of the same vehicle before a change.  What its hull does beside the file is
+            learnt from it and held fixed, see `diagnosis.before`.
         progress: Called with a few words and the share of the work done.
 
     Returns:
         Findings, the most telling first.  Shares are of the error beyond the noise that is left once the
         file's own effects are fitted anew; of `retune` of those effects, of the error of the file as given.
+        With `before` they are of the squared residual that the model of the hull leaves.
 
     Raises:
-        DataError: The recording or the vehicle is at fault, or the recording is too short.
+        DataError: A recording or the vehicle is at fault, or a recording is too short.
     """
-    return diagnose_log(vehicle, preprocess(vehicle, raw), progress=progress)
+    hull = None
+    if before is not None:
+        (progress or (lambda words, share: None))("the recording before", 0.0)
+        hull = hull_of(vehicle, before)
+    return diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
 
 
-def diagnose_log(vehicle: Vehicle, log: Preprocessed, *, progress: Progress | None = None) -> Diagnosis:
+def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
+    """What the raw table of an unchanged vehicle teaches of its hull.
+
+    Args:
+        vehicle: The model.
+        before: Raw table.
+        law: The hull's wrench where it is known, as from a network; by default the built-in regression.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or is too short.
+    """
+    problem = stable_shots(vehicle, preprocess(vehicle, before))
+    return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
+
+
+def diagnose_log(
+    vehicle: Vehicle, log: Preprocessed, *, hull: Hull | None = None, progress: Progress | None = None
+) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings."""
     progress = progress or (lambda words, share: None)
     progress("shots", 0.0)
+    if hull is not None:
+        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress)
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
     baseline = refit(vehicle, log, problem, start)

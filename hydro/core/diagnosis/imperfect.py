@@ -18,7 +18,6 @@ from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_sh
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.search import Baseline, Outcome
-from hydro.core.diagnosis.sensor_tests import shown
 from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
 from hydro.core.diagnosis.unexplained import unexplained
 from hydro.core.experiment import advice
@@ -26,6 +25,7 @@ from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.normal_equations import block_length
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
+from hydro.core.preprocessing.sensor_tests import shown
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""

@@ -10,12 +10,12 @@ import polars as pl
 
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.tracking import tracked
 from hydro.core.logs.axis_faults import axis_faults
+from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.sensor_faults import (
     Corrected,

@@ -19,13 +19,13 @@ import numpy as np
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
-from hydro.core.diagnosis.score_test import Columns, Evidence, p_values
-from hydro.core.diagnosis.sensor_tests import KinematicTest, shown, vetoed
+from hydro.core.evaluation.score_test import Columns, Evidence, p_values
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step, moved
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
+from hydro.core.preprocessing.sensor_tests import KinematicTest, shown, vetoed
 from hydro.core.vehicle.description import Vehicle
 
 ALPHA = 0.01

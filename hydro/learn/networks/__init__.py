@@ -21,7 +21,7 @@ those here come as near as their shape allows:
 The paper's widths of its baseline do not give the count that it states.
 
 To add a model: write a `Residual` in a file of its own, enter it in `NETWORKS`, describe its default in
-`ARCHITECTURES`, and say in `sim.residual.lowering` how the simulation runs it.
+`ARCHITECTURES`, and say in `core.residual.lowering` how the simulation runs it.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hydro.core.errors import DataError, UsageError
+from hydro.core.residual.lowering import TrainedModel
+from hydro.core.residual.network import Network
 from hydro.core.vehicle.description import Vehicle
 from hydro.io.vehicle import vehicle_hash
 from hydro.rl.environment.config import Settings
@@ -14,8 +16,6 @@ from hydro.sim.plant import StudentPlant
 from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.lowering import TrainedModel
-from hydro.sim.residual.network import Network
 
 NO_WATER, EFFECTS = "R_0", "R_effects"
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}

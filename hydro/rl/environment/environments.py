@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array32
 from hydro.core.errors import UsageError
+from hydro.core.residual.lowering import TrainedModel
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
@@ -27,7 +28,6 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet, Guidance, Info
 from hydro.rl.environment.observation import bounds
-from hydro.sim.residual.lowering import TrainedModel
 
 VEHICLE = "auv151"
 """The vehicle of the reference paper."""

@@ -28,10 +28,10 @@ from hydro.core.compiled import jit
 from hydro.core.distillation import history
 from hydro.core.errors import UsageError
 from hydro.core.recording.smoothing import Design, filter_step, gains
+from hydro.core.residual.layers import COLUMNS, damping
+from hydro.core.residual.network import Network, Weights, network_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
-from hydro.sim.residual.layers import COLUMNS, damping
-from hydro.sim.residual.network import Network, Weights, network_kernel
 
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""

@@ -7,8 +7,8 @@ import pytest
 from recordings import damped, moved, noisy
 
 from hydro.core.diagnosis.identifiability import undetermined
-from hydro.core.diagnosis.score_test import Evidence
 from hydro.core.effects import CATALOGUE
+from hydro.core.evaluation.score_test import Evidence
 from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import Normal

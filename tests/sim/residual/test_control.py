@@ -11,6 +11,7 @@ from sim.trained import trained
 from hydro.core.distillation import history
 from hydro.core.errors import UsageError
 from hydro.core.recording.smoothing import Design, smooth
+from hydro.core.residual.network import Network
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.bridge import mjcf, native, states
@@ -18,7 +19,6 @@ from hydro.sim.bridge.water import residual
 from hydro.sim.residual import control
 from hydro.sim.residual.conditioning import COUNTS, Conditioning, condition
 from hydro.sim.residual.control import Control
-from hydro.sim.residual.network import Network
 from hydro.sim.student import control_states
 
 ETA = np.array([0.0, 0.0, 5.0, 0.1, -0.2, 1.0])

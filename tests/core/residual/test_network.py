@@ -9,8 +9,8 @@ from sim.trained import trained
 
 from hydro.core.distillation.features import features
 from hydro.core.errors import DataError
+from hydro.core.residual.network import Network
 from hydro.learn.networks import ARCHITECTURES
-from hydro.sim.residual.network import Network
 
 
 def torch_says(network, model, states, past=None):

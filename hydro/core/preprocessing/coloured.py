@@ -15,9 +15,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.sensor_tests import ENTRIES, KinematicTest, shown
 from hydro.core.effects import sensor
 from hydro.core.identification.normal_equations import Normal
+from hydro.core.preprocessing.sensor_tests import ENTRIES, KinematicTest, shown
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, drawn, noise
 from hydro.core.recording.dead_reckoning import pose_error
 from hydro.core.vehicle.frames import rotation

@@ -11,7 +11,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.sensor_tests import (
+from hydro.core.effects.sensor import LOG, corrected
+from hydro.core.errors import DataError
+from hydro.core.preprocessing.sensor_tests import (
     ENTRIES,
     _mount,
     _mount_derivatives,
@@ -20,8 +22,6 @@ from hydro.core.diagnosis.sensor_tests import (
     shown,
     vetoed,
 )
-from hydro.core.effects.sensor import LOG, corrected
-from hydro.core.errors import DataError
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 from hydro.io import vehicle as files

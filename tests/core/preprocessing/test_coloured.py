@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.coloured import POSE_CHANNELS, coloured, velocity_noise
-from hydro.core.diagnosis.sensor_tests import kinematic_tests
 from hydro.core.identification.normal_equations import Normal
+from hydro.core.preprocessing.coloured import POSE_CHANNELS, coloured, velocity_noise
+from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.recording.arrays import noise, recording
 from hydro.core.simulation.sensor_noise import PROFILES, Noise, disturb
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hydro.core.diagnosis.score_test import Evidence, p_values
+from hydro.core.evaluation.score_test import Evidence, p_values
 from hydro.core.identification.normal_equations import Normal
 
 SHOTS, ROWS = 60, 40

@@ -1,8 +1,8 @@
-"""The forward pass of a trained residual network in compiled code, for use inside the simulation.
+"""The forward pass of a trained residual network in compiled code, for shots and for the simulation alike.
 
-Features, then a program of layers (`sim.residual.layers`, written by `sim.residual.lowering`), then physical
-units.  A model that remembers is given its memory by whoever runs it (`sim.residual.control` keeps it among
-MuJoCo's activations).
+Features, then a program of layers (`core.residual.layers`, written by `core.residual.lowering`), then
+physical units.  A model that remembers is given its memory by whoever runs it (`sim.residual.control` keeps
+it among MuJoCo's activations).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from hydro.core.compiled import jit
 from hydro.core.distillation import history
 from hydro.core.distillation.features import names, physfeat_kernel
 from hydro.core.errors import DataError
-from hydro.sim.residual import layers
-from hydro.sim.residual.lowering import TrainedModel, lower
+from hydro.core.residual import layers
+from hydro.core.residual.lowering import TrainedModel, lower
 
 _STATES, _AXES = 12, 6
 
@@ -29,7 +29,7 @@ class Network:
     """A residual network: (nu, nu_dot), past nu -> features -> layers -> tau_res.
 
     Attributes:
-        program: Steps of `sim.residual.layers`.
+        program: Steps of `core.residual.layers`.
         weights: Weights of all steps, end to end.
         room: Numbers of the workspace: the inputs first, the wrench last.
         physfeat: Whether the features are the 45 of `distillation.features`; otherwise the twelve states.

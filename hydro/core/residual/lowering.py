@@ -1,4 +1,4 @@
-"""From the description and tensors of a model artefact to a program for `sim.residual.layers`.
+"""From the description and tensors of a model artefact to a program for `core.residual.layers`.
 
 Each architecture is a function that writes its steps; the six numbers placed last are its wrench.
 """
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Array32
 from hydro.core.errors import DataError
+from hydro.core.residual import layers
 from hydro.core.vehicle.description import Vehicle
-from hydro.sim.residual import layers
 
 AXES = 6
 PACE = 10.0  # s, of the structured model's inertia

@@ -1,0 +1,1 @@
+"""What a hull does that no formula of its file says: learnt from one recording, held fixed in another."""

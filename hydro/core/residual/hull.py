@@ -1,0 +1,97 @@
+"""What one recording has taught of a hull: the wrench beside its file, and how much error that leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.errors import DataError
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.identification.output_error import OutputError
+from hydro.core.residual.regression import learn, robust
+from hydro.core.residual.response import Transitions
+from hydro.core.vehicle.description import Vehicle
+
+STRETCH = 10.0
+"""Length of a stretch that is left out [s]."""
+FOLDS = 8
+"""Sets of stretches that are left out together, so that each holds some of every session."""
+LEAST_SHOTS = 32
+"""In the recording that a hull is learnt from."""
+
+
+class Law(Protocol):
+    """The wrench of a hull beside its file's."""
+
+    def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
+        """At every row of a recording, (N, 6) [N, N m]; current and velocity log are the vehicle's."""
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A hull as a recording shows it.
+
+    Attributes:
+        law: Its wrench beside the file's.
+        sigma: Noise of the channels of that recording, (12,).
+        floor: Root mean square residual of stretches that the law was not fitted to, in units of the noise
+            and at least 1, (12,).
+        given: Mean squared residual of the file alone in units of the noise, and
+        left: that of stretches left out.
+    """
+
+    law: Law
+    sigma: Array
+    floor: Array
+    given: float
+    left: float
+
+
+def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
+    """Learn from the shots of an unchanged vehicle by the built-in regression.
+
+    Raises:
+        DataError: There are too few.
+    """
+    shots = problem.shots
+    if len(shots.starts) < LEAST_SHOTS:
+        raise DataError(
+            f"{len(shots.starts)} shots are too few to learn a hull from; record {LEAST_SHOTS} at least"
+        )
+    transitions, fold = Transitions.of(candidate(vehicle), shots), stretches(shots)
+    found = learn(vehicle, transitions, fold)
+    parts = []
+    for number, coefficients in enumerate(found.left_out):
+        left_out = replace(found, coefficients=coefficients)
+        parts.append((fold == number, transitions.corrected(left_out.wrench(vehicle, shots))))
+    measured = shots.measured.copy()
+    for chosen, corrected in parts:
+        measured[chosen] = corrected.measured[chosen]
+    return judged(vehicle, problem, OutputError(replace(shots, measured=measured)), found)
+
+
+def known_by(vehicle: Vehicle, problem: OutputError, law: Law) -> Hull:
+    """A law that is known already, as a network's, with its floor on the shots of an unchanged vehicle."""
+    transitions = Transitions.of(candidate(vehicle), problem.shots)
+    corrected = OutputError(transitions.corrected(law.wrench(vehicle, problem.shots)))
+    return judged(vehicle, problem, corrected, law)
+
+
+def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: Law) -> Hull:
+    """A law with the floor that corrected shots, to which it was not fitted, have of it."""
+    given, left = (one.linearise(vehicle, [], []) for one in (problem, corrected))
+    weight = robust(left.gram[:, -1, -1])
+    weight /= weight.mean()
+    level = replace(left, channels=left.channels * weight[:, None]).rms
+    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), given.chi2, left.chi2)
+
+
+def stretches(shots: Shots) -> Rows:
+    """The set of stretches that each shot is left out with, (S,)."""
+    seconds = (shots.length - shots.lead) * shots.record.dt
+    number = np.arange(len(shots.starts)) // max(round(STRETCH / seconds), 1)
+    return np.asarray(number % min(FOLDS, int(number[-1]) + 1), np.int64)

@@ -1,0 +1,135 @@
+"""The wrench beside a file that a residual network of `hydro train` says.
+
+A label is y = tau - M nu_dot - g on the left-hand side of the balance, C(nu) nu in it
+(`distillation.labels`), so that the water's true forces are F = C nu - y with the C of all of M.  The file
+has F_0: what acts beside it is
+
+    w = C(nu_r) nu_r - y(nu_r, nu_r_dot) - F_0,
+
+in a steady current too, since a network of still water holds in the frame that drifts with it (Fossen 2011,
+property 8.1).  Of labels that left all effects out, y = C_RB nu - w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.distillation import history
+from hydro.core.effects import CATALOGUE, inertia_matrix
+from hydro.core.effects.columns import effect_wrenches
+from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.errors import DataError
+from hydro.core.identification.candidate import candidate, true_velocity
+from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.residual.library import Flow
+from hydro.core.residual.lowering import TrainedModel
+from hydro.core.residual.network import Network
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.rigid_body import mass_matrix
+
+IN_LABELS = ("inertia", "actuator", "sensor")
+"""Kinds of effects that every label has been worked out with."""
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """A network, and the file that it stands beside.
+
+    Attributes:
+        network: The network.
+        file: The file.
+        forces: Whether the file's forces are in what the network learnt, and have to be taken from it.
+        window: Velocities that it is given, the present one included.
+    """
+
+    network: Network
+    file: Vehicle
+    forces: bool
+    window: int
+
+    @classmethod
+    def of(cls, model: TrainedModel, file: Vehicle) -> Learnt:
+        """A model artefact beside a file.
+
+        Raises:
+            DataError: Its labels were made with another rigid body, thrusters or inertia, or in a current; or
+                its layers are not known.
+        """
+        require_same(model, file)
+        window = int(model.architecture.get("window", 1))
+        return cls(Network.of(model), file, model.subtract != "effects", window)
+
+    def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
+        """The wrench beside the file's at every row of a recording, (N, 6) [N, N m].
+
+        Args:
+            vehicle: Its current and velocity log say how the water passes.
+            shots: Of the recording.
+        """
+        record, model = shots.record, candidate(vehicle)
+        flow = Flow.of(model, shots)
+        past = None
+        if self.network.memory and self.network.period is not None:
+            rows = history.stride(self.network.period, record.dt)
+            past = history.past(flow.nu, record.segments, self.window, rows)
+        said = self.network.wrench(np.hstack([flow.nu, flow.nu_dot]), past)
+        mass = mass_matrix(self.file)
+        if not self.forces:
+            return np.asarray(coriolis(mass, flow.nu) - said)
+        currents = [table for table in vehicle.effect if CATALOGUE[table["name"]].kind == "flow"]
+        beside = msgspec.structs.replace(self.file, effect=(*self.file.effect, *currents))
+        over_ground = true_velocity(model, record, shots.nu)
+        known = effect_wrenches(beside, shots.eta, over_ground, record.segments, record.dt)
+        return np.asarray(coriolis(mass + inertia_matrix(self.file), flow.nu) - said - known)
+
+
+def coriolis(mass: Array, nu: Array) -> Array:
+    """C(nu) nu of many velocities (N, 6), (N, 6) (Fossen 2011, theorem 3.2)."""
+    momentum = nu @ mass.T
+    force = np.cross(nu[:, 3:], momentum[:, :3])
+    moment = np.cross(nu[:, :3], momentum[:, :3]) + np.cross(nu[:, 3:], momentum[:, 3:])
+    return np.hstack([force, moment])
+
+
+def require_same(model: TrainedModel, file: Vehicle) -> None:
+    """Refuse a network whose labels say something else beside another file.
+
+    Raises:
+        DataError: They do.
+    """
+    if any(CATALOGUE[table["name"]].kind == "flow" for table in file.effect):
+        raise DataError(
+            f"{file.name} has a current: a network can only be asked beside a file of still water"
+        )
+    labelled = model.labelled
+    if labelled is None:
+        return
+    differ = [
+        part
+        for part in ("rigid_body", "buoyancy", "thruster", "environment")
+        if getattr(labelled, part) != getattr(file, part)
+    ]
+    kinds = IN_LABELS if model.subtract != "effects" else ("wrench", *IN_LABELS)
+    if _tables(labelled, kinds) != _tables(file, kinds):
+        differ.append("[[effect]] of " + ", ".join(kinds))
+    if any(CATALOGUE[table["name"]].kind == "flow" for table in labelled.effect):
+        differ.append("a current")
+    if differ:
+        raise DataError(
+            f"the labels of {model.name} were made with another vehicle file ({', '.join(differ)} differ); "
+            "train on labels made with this one"
+        )
+
+
+def _tables(vehicle: Vehicle, kinds: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Effects of some kinds, without what a fit notes beside them."""
+    return [
+        {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
+        for table in vehicle.effect
+        if CATALOGUE[table["name"]].kind in kinds
+    ]

@@ -1,0 +1,151 @@
+"""How the motion predicted in shots answers to a further wrench that is known as a function of time.
+
+Small deviations delta of position (NED), rotation, velocity and rates (body) obey delta' = J delta + b with
+b = [0; M^-1 w] along a motion (`simulation.variational_equation`).  J is that of the file's forces along
+the measured motion, so that the transition from one row to the next is worked out once for all wrenches:
+
+    delta_k+1 = A_k (delta_k + dt/2 b_k) + dt/2 b_k+1,
+
+which is of second order in the sample time.  It is Phi_k int Phi_j^-1 b dt with Phi the product of the A, and
+inverts nothing.  Internal states of the file's effects are taken not to answer.
+
+What a late or turned velocity log makes of the motion it makes of the deviation too, but for its bias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.effects import sensor
+from hydro.core.effects.layout import INVERSE_MASS_MATRIX
+from hydro.core.effects.program import constants_of
+from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
+from hydro.core.identification.multiple_shooting import (
+    CHANNELS,
+    LONGEST_STEP,
+    SHOTS_TOGETHER,
+    Answers,
+    InitialStates,
+    Places,
+    Shots,
+    displaced,
+    shoot,
+)
+from hydro.core.simulation.dynamics import BODY
+from hydro.core.simulation.simulate import steps_of_row
+from hydro.core.simulation.variational_equation import Changes
+from hydro.core.vehicle.frames import quaternion_from_euler
+
+NOTHING = Changes(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """How deviations go from row to row in the shots of a recording.
+
+    Attributes:
+        model: The vehicle whose forces carry them.
+        shots: The shots.
+        each: Transition from every row of a shot to the next, (S, length - 1, 12, 12).
+    """
+
+    model: Candidate
+    shots: Shots
+    each: Array
+
+    @classmethod
+    def of(cls, model: Candidate, shots: Shots) -> Transitions:
+        """Follow the measured motion of each shot, smoothed, one row at a time."""
+        record = shots.record
+        nu = true_velocity(model, record, shots.nu)
+        states = np.hstack([shots.eta[:, :3], quaternion_from_euler(*shots.eta[:, 3:].T), nu])
+        rotors, memory = rotor_states(model, record), memories(model, record, shots.eta, nu)
+        rows = shots.starts[:, None] + np.arange(shots.length - 1)
+        each = np.empty((*rows.shape, CHANNELS, CHANNELS))
+        for m, (at, segment) in enumerate(zip(rows, shots.segment, strict=True)):
+            begun = InitialStates(states[at], rotors[at], memory[at])
+            each[m] = _one_row(model, shots, at, int(segment), begun)
+        return cls(model, shots, each)
+
+    @property
+    def accelerated(self) -> Array:
+        """M^-1 of the vehicle with all its effects, (6, 6)."""
+        begin = INVERSE_MASS_MATRIX
+        inverse: Array = constants_of(self.model.program.flat)[begin : begin + 36].reshape(6, 6)
+        return inverse
+
+    def answers(self, part: slice, wrenches: Array, begun: Array | None = None) -> Array:
+        """Deviations of what is logged, row by row.
+
+        Args:
+            part: Which shots.
+            wrenches: Of each row, (s, length, 6, Q) [N, N m], Q of them beside one another.
+            begun: Deviations at the first row, (12, Q); 0 by default.
+
+        Returns:
+            (s, length, 12, Q): position [m], small rotation about the body's axes [rad], velocity, rates.
+        """
+        each, half = self.each[part], 0.5 * self.shots.record.dt
+        push = half * np.einsum("ij,skjq->skiq", self.accelerated, wrenches)
+        out = np.zeros((*push.shape[:2], CHANNELS, push.shape[3]))
+        if begun is not None:
+            out[:, 0] = begun
+        for k in range(out.shape[1] - 1):
+            now = out[:, k].copy()
+            now[:, 6:] += push[:, k]
+            np.matmul(each[:, k], now, out=out[:, k + 1])
+            out[:, k + 1, 6:] += push[:, k + 1]
+        return self._logged(out)
+
+    def _logged(self, deviations: Array) -> Array:
+        """What the vehicle's velocity log writes down of deviations."""
+        log = self.model.log
+        if not log.any():
+            return deviations
+        unbiased = log.copy()
+        unbiased[sensor.BIAS] = 0.0
+        clock = np.arange(deviations.shape[1]) * self.shots.record.dt
+        motion = deviations[:, :, 6:].transpose(0, 3, 1, 2)
+        deviations[:, :, 6:] = sensor.measured(unbiased, clock, motion).transpose(0, 2, 3, 1)
+        return deviations
+
+    def corrected(self, wrench: Array) -> Shots:
+        """The shots with what a wrench beside the file's makes of the motion taken from what was measured.
+
+        Args:
+            wrench: Of every row of the recording, (N, 6) [N, N m].
+        """
+        shots = self.shots
+        measured = shots.measured.copy()
+        for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
+            part = slice(begin, begin + SHOTS_TOGETHER)
+            answer = self.answers(part, wrench[rows_of(shots, part)][..., None])[..., 0]
+            logged = measured[part].reshape(-1, BODY)
+            measured[part] = displaced(logged, -answer.reshape(-1, CHANNELS)).reshape(measured[part].shape)
+        return replace(shots, measured=measured)
+
+
+def rows_of(shots: Shots, part: slice = slice(None)) -> Rows:
+    """Rows of the recording that some shots have, (s, length)."""
+    rows: Rows = shots.starts[part, None] + np.arange(shots.length)
+    return rows
+
+
+def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: InitialStates) -> Array:
+    """Transitions from rows (K,) of a segment to the ones after them, (K, 12, 12)."""
+    record, count = shots.record, rows.size
+    places = Places(
+        record.commands,
+        record.t,
+        np.repeat(record.segments[segment : segment + 1], count, axis=0),
+        np.repeat(record.after_gap[segment : segment + 1], count),
+        rows,
+        steps_of_row(record.dt, 1.0 / LONGEST_STEP),
+    )
+    ahead = np.zeros((count, begun.memory.shape[1], 0))
+    states, answers = np.empty((count, 2, BODY)), np.empty((count, 2, CHANNELS, CHANNELS))
+    shoot(model.program.flat, places, begun, states, Answers(NOTHING, ahead, answers))
+    return answers[:, 1]

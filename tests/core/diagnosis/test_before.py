@@ -1,0 +1,48 @@
+"""What changed between two recordings of a vehicle whose hull its file does not describe."""
+
+from __future__ import annotations
+
+import polars as pl
+import pytest
+from recordings import damped, moved, noisy
+
+from hydro.core.diagnosis.diagnose import diagnose, hull_of
+from hydro.core.errors import DataError
+
+HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
+WEAK = {"name": "thruster_gain", "g": [0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+
+
+def flown(*effects, seed):
+    sessions = [
+        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
+            session=pl.lit(f"s{i}")
+        )
+        for i in range(4)
+    ]
+    return pl.concat(sessions)
+
+
+@pytest.fixture(scope="module")
+def before():
+    return flown(seed=10)
+
+
+def test_the_hull_is_learnt_and_a_change_stands_alone(before):
+    file = damped()
+    hull = hull_of(file, before)
+    assert hull.left < 0.5 * hull.given, "the library takes most of the file's error away"
+    found = diagnose(file, flown(WEAK, seed=40), before=before).findings[0]
+    assert (found.verdict, found.effect) == ("missing", "thruster_gain")
+    assert found.parameters["g"][1] == pytest.approx(-0.3, abs=0.05)
+
+
+def test_nothing_changed(before):
+    (found,) = diagnose(damped(), flown(seed=70), before=before).findings
+    assert found.verdict == "nothing_missing"
+    assert "nothing has changed beyond what the model of the hull leaves" in found.advice
+
+
+def test_a_recording_before_that_is_too_short(before):
+    with pytest.raises(DataError, match=r"too short|too few"):
+        hull_of(damped(), before.head(1000))
