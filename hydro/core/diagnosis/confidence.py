@@ -27,6 +27,10 @@ from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
 from hydro.core.identification.normal_equations import Normal, block_length
 
+RIGHT = 2.0
+"""Mean squared residual in units of the noise of a model that may be right: then likelihood names effects."""
+NEAR = 14.0 / 18.0
+"""Share of such names that were right where more is left."""
 ODDS, ODDS_BY_SCORE = -1.83, 5.95
 """Logarithm of the odds that a name by transfer is right, at a score of 0 and for a score of 1 more."""
 RESAMPLES = 2000
@@ -251,6 +255,19 @@ def stated(finding: Finding) -> Finding:
     if finding.verdict != "missing" or finding.confidence >= SURE:
         return finding
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
+
+
+def by_likelihood_confidence(frequency: float, left: float) -> float:
+    """Probability that a name is right where likelihood names it.
+
+    Of 72 such names on the benchmarks' logs where the model reaches the noise all were right, at a frequency
+    of 1; of 18 where more is left 14.
+
+    Args:
+        frequency: Share of the resampled recordings in which the effect wins, see `selection_frequency`.
+        left: Mean squared residual of the model, in units of the noise.
+    """
+    return frequency if left <= RIGHT else NEAR * frequency
 
 
 def by_transfer_confidence(score: float) -> float:

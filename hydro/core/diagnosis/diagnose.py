@@ -21,6 +21,7 @@ from hydro.core.columns import Progress
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
+    by_likelihood_confidence,
     doubted,
     explained_share,
     selection_frequency,
@@ -316,7 +317,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         share,
         low,
         high,
-        tied[effect],
+        by_likelihood_confidence(tied[effect], model.normal.chi2),
         found.p_value,
         parameters,
         errors,

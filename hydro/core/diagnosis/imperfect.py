@@ -33,6 +33,8 @@ MOVED = 2.0
 """Standard deviations of what is known of a value by which a fit must move it to be a finding."""
 NEARLY = 0.7
 """Part of the score of what is named from which others are told beside it."""
+OWN = 0.9
+"""Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
 STEPS = 12
 """Of the last fit."""
 
@@ -169,7 +171,7 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     table = next(one for one in fit.tables() if one["name"] == rival.effect)
     values = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
     others = [one for one in surveyed.rivals if one is not rival]
-    sure = by_transfer_confidence(rival.score)
+    sure = by_transfer_confidence(rival.score) * (OWN if rival.own else 1.0)
     in_file = bool(model.vehicle.effects(rival.effect)) and rival.own
     words = advice.retuning(rival.effect) if in_file else advice.adding(rival.effect, values, dt)
     near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]

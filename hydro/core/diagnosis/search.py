@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from hydro.core.columns import Progress
+from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -41,10 +42,8 @@ VISIBLE = 0.005
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST_FINDINGS = 4
-RIGHT = 2.0
-"""Mean squared residual in units of the noise of a model that may be right: then likelihood names effects,"""
 ALMOST_ALL = 0.9
-"""and where so much of the error is explained; else what transfers to other data does."""
+"""Part of the error from which likelihood names what explains it, though more than noise is left."""
 EACH = 0.25
 """Part of the error that findings must explain on average for the search to go on."""
 QUICK = 4  # iterations of a contender's fit

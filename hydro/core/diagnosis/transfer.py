@@ -35,9 +35,9 @@ CORRELATED = 10.0
 """Numbers of a shot that err alike where a model is wrong."""
 SUSPECT = 2.0
 """Standard deviation of an effect that may be missing, in scales about its absence."""
-SURVEY_SHOTS = 80
+SURVEY_SHOTS = 48
 """Shots on which all effects are fitted."""
-STEPS = 6
+STEPS = 4
 """Of a fit in the survey."""
 AS_GOOD = 0.98
 """Part of the best score from which an effect of fewer entries is named in its place."""
