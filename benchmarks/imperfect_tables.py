@@ -87,11 +87,13 @@ def _median(values: Iterable[float]) -> str:
 
 def base(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
     """The diagnosis, its rivals, and what bounds them."""
-    scored = [score(row) for row in results.to_dicts() if not row["failure"]]
-    yield {"by": "`hydro diagnose`", **told(scored)}
+    for words, with_before in (("", False), (" --before", True)):
+        scored = [score(row) for row in results.filter(with_before=with_before, failure="").to_dicts()]
+        if scored:
+            yield {"by": f"`hydro diagnose{words}`", **told(scored)}
     yield from _rivals(others.filter(condition=BASE))
-    hidden, nothing = _parted(scored)
-    best = [one.row | {"after": one.row["oracle"]} for one in hidden]
+    hidden, nothing = _parted([score(row) for row in results.filter(failure="").to_dicts()])
+    best = [one.row | {"after": one.row["oracle"]} for one in hidden if one.row["oracle"] is not None]
     yield {"by": "the true change, fitted (bound)", "error after / before": _ratio(best)}
     silent = {
         "nothing named": rate(True for _ in hidden),

@@ -18,6 +18,7 @@ import numpy as np
 
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import RIGHT
+from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
@@ -172,9 +173,13 @@ class Search:
         return (first.normal.cost - model.normal.cost) / max(first.excess, 1e-9)
 
     def wrong(self, outcome: Outcome) -> bool:
-        """Whether no model that was found is right, though there is something to find."""
-        model, there = outcome.model, bool(outcome.found) or outcome.last.significant
-        return there and model.normal.chi2 > RIGHT and not self.explained(model) >= ALMOST_ALL
+        """Whether no model that was found is right, though there is something to find.
+
+        What leaves more than FIT is no fit, whatever the tests of single effects say.
+        """
+        model, left = outcome.model, outcome.model.normal.chi2
+        there = bool(outcome.found) or outcome.last.significant or not left <= FIT
+        return there and not left <= RIGHT and not self.explained(model) >= ALMOST_ALL
 
     def visible(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""
