@@ -109,9 +109,12 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change that removes most of the error of data that it was not fitted to."""
     fine = baseline.problem
     baseline = replace(baseline, problem=resolved(fine))
-    surveyed = survey(baseline, progress)
     effects, reach = baseline.effects, baseline.log.positions
-    refitted, known = tempered(baseline.vehicle, effects, baseline.problem, reach)
+    try:
+        surveyed = survey(baseline, progress)
+        refitted, known = tempered(baseline.vehicle, effects, baseline.problem, reach)
+    except Diverges:  # the file's own predictions: there is nothing to begin from
+        return Named((), baseline.refitted, None, baseline.refitted)
     for rival in surveyed.rivals:
         if rival.score < NAMED:
             break
