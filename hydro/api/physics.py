@@ -109,12 +109,19 @@ def compare(
 
 
 @vehicle_first
-def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None = None) -> pl.DataFrame:
-    """Find which physical effects are missing in a vehicle, and how sure that is.
+def diagnose(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    before: pl.DataFrame | None = None,
+    progress: Progress | None = None,
+) -> pl.DataFrame:
+    """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
+        before: raw table of the same vehicle before a change: then findings are of what has changed since.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -126,7 +133,7 @@ def diagnose(vehicle: Vehicle, raw: pl.DataFrame, *, progress: Progress | None =
     from hydro.core.diagnosis.diagnose import diagnose as find
     from hydro.io.table import conform
 
-    return conform("diagnosis", find(vehicle, raw, progress=progress).frame())
+    return conform("diagnosis", find(vehicle, raw, before=before, progress=progress).frame())
 
 
 def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
