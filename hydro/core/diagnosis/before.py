@@ -18,7 +18,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Progress, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs, stated
-from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.effects import CATALOGUE
@@ -309,6 +309,8 @@ def _finding(change: Change, file: Vehicle, dt: float) -> Finding:
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; some of the recording would rather have {', '.join(rivals)}"
+    # What a model of the hull leaves, formulas of drag and lift take up first.
+    absorbs = CATALOGUE[name].identification.absorbs
     known = bool(file.effects(name))
     if known:
         entries = [entry for entry in model.unknown.entries if entry.effect == name]
@@ -321,9 +323,11 @@ def _finding(change: Change, file: Vehicle, dt: float) -> Finding:
         (name,),
         change.score,
         *change.interval(),
-        confidence=wins[name] * min(1.0, change.plain / FURTHER),
+        confidence=wins[name] * min(1.0, change.plain / FURTHER) * (1.0 - absorbs),
         parameters=parameters,
         standard_errors=dict(table["standard_error"]),
         advice=words,
     )
+    if known and found.confidence < SURE:
+        return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
