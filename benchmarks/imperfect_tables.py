@@ -132,16 +132,22 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("--rivals", type=Path, required=True)
     parser.add_argument("--commit", required=True, help="of the code that was measured")
+    parser.add_argument("--rivals-commit", help="of the code that the rivals ran beside; by default the same")
     chosen = parser.parse_args()
     results, others = pl.read_parquet(chosen.results), pl.read_parquet(chosen.rivals)
     rows = list({"base": base, "logs": logs}[chosen.which](results, others))
     command = f"python -m benchmarks.imperfect_{chosen.which} run --seconds {results['seconds'][0]:g}"
     columns = list(dict.fromkeys(name for row in rows for name in row))
     whence = origin(results, command, chosen.commit)
+    beside = whence | {
+        "seeds": f"{others['seed'].min()} to {others['seed'].max()}",
+        "commit": chosen.rivals_commit or chosen.commit,
+    }
+    rivals = set(others["rival"])
     with (RESULTS / f"imperfect_{chosen.which}.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, [*columns, *whence], restval="")
         writer.writeheader()
-        writer.writerows(row | whence for row in rows)
+        writer.writerows(row | (beside if row["by"] in rivals else whence) for row in rows)
 
 
 if __name__ == "__main__":

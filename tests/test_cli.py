@@ -103,7 +103,8 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     for target in (data / "sample.parquet", data / "replay90.parquet"):
         target.write_bytes((work / "raw.parquet").read_bytes())
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
-    shutil.copytree(ROOT / "datasets" / "logs", data.parent / "logs")
+    for folder in ("logs", "hidden"):
+        shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
     line = re.sub(r"\bhydro\b", shlex.join(HYDRO), COMMANDS[name])

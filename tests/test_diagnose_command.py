@@ -115,8 +115,8 @@ def unsure(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = Question(
         (), model, ("thruster_asymmetry",), NOISE, np.array([0, 0, 3.0, 0, 0, 0]), np.zeros((1, 3))
     )
-    made = Diagnosis(FOUND, known, (9.0, 5.0, 1.0), asked)
-    monkeypatch.setattr("hydro.core.diagnosis.diagnose.diagnose", lambda *_, **__: made)
+    made = Diagnosis(FOUND, known, (9.0, 5.0, 1.0), question=asked)
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.diagnose_log", lambda *_, **__: made)
 
 
 def test_the_advised_flight_is_a_table_of_commands_that_can_be_simulated(unsure, tmp_path, capsys) -> None:

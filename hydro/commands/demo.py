@@ -50,12 +50,13 @@ def _missing(root: Any, folder: Path) -> list[Path]:
     """Find what hides in the bundled recordings; the report, and the other files and folders written."""
     data, report, study = _bundled("hidden"), folder / "report.html", folder / "study"
     comparison, diagnosis = folder / "comparison.parquet", folder / "diagnosis.parquet"
+    covariance = folder / "diagnosis.covariance.parquet"
     given = [str(data / "vehicle.toml"), str(data / "measured.parquet")]
     _run(root, ["compare", *given, "-o", str(comparison)])
     _run(root, ["diagnose", *given, "-o", str(diagnosis)])
     _run(root, ["explain", *given, "--holdout", str(data / "heldout.parquet"), "-o", str(study)])
     _run(root, ["report", str(study), "-o", str(report)])
-    return [report, comparison, diagnosis, study]
+    return [report, comparison, diagnosis, covariance, study]
 
 
 def _learnt(root: Any, folder: Path, epochs: int) -> list[Path]:

@@ -305,6 +305,6 @@ def _print_flight(flight: Flight, path: Path) -> None:
 COMMANDS = {
     diagnose: "hydro diagnose datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet "
     "-o diagnosis.parquet",
-    add: "hydro diagnose datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet | "
-    "hydro add datasets/stonefish/vehicle.toml -o vehicle2.toml",
+    add: "hydro diagnose datasets/hidden/vehicle.toml datasets/hidden/measured.parquet | "
+    "hydro add datasets/hidden/vehicle.toml -o vehicle2.toml",
 }

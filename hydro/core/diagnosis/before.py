@@ -44,6 +44,8 @@ LEAST = 0.06
 FURTHER = 0.20
 """and a further one of what the first leaves, or of the floor where that is greater; below this share
 confidence falls with it, since the hull's own error imitates small changes."""
+PLAIN = 0.6
+"""Part of the floor that a change must take of the residual to be plain beside what the hull's model leaves."""
 CONTENDERS = 5
 QUICK = 6  # iterations of a contender's fit
 SCALES = 2.0
@@ -294,13 +296,17 @@ def told(compared: Compared, first: Model, changes: Sequence[Change]) -> Diagnos
         )
         nothing = Finding("nothing_missing", advice=words)
         return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))
-    findings = [_finding(change, first.vehicle, compared.log.record.dt) for change in changes]
+    left = [given, *(compared.chi2(change.best.model) for change in changes)]
+    findings = [
+        _finding(change, first.vehicle, compared.log.record.dt, removed)
+        for change, removed in zip(changes, -np.diff(left), strict=True)
+    ]
     last = changes[-1].best.model
     return Diagnosis((*compared.log.faults, *findings), last.vehicle, (given, given, compared.chi2(last)))
 
 
-def _finding(change: Change, file: Vehicle, dt: float) -> Finding:
-    """A change as a finding."""
+def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Finding:
+    """A change as a finding; `removed` is what it takes of the mean squared residual, in units of the floor."""
     name, wins, model = change.best.effect, change.wins(), change.best.model
     fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
     table = next(one for one in fit.tables() if one["name"] == name)
@@ -323,7 +329,10 @@ def _finding(change: Change, file: Vehicle, dt: float) -> Finding:
         (name,),
         change.score,
         *change.interval(),
-        confidence=wins[name] * min(1.0, change.plain / FURTHER) * (1.0 - absorbs),
+        confidence=wins[name]
+        * min(1.0, change.plain / FURTHER)
+        * min(1.0, max(removed, 0.0) / PLAIN)
+        * (1.0 - absorbs),
         parameters=parameters,
         standard_errors=dict(table["standard_error"]),
         advice=words,

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, wi
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.search import Baseline, Outcome
 from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
-from hydro.core.diagnosis.unexplained import unexplained
+from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.normal_equations import block_length
@@ -64,7 +64,8 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     named = by_transfer(there, lambda words, share: progress(words, 0.4 + 0.5 * share))
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
-    findings = [*misread, *named.findings, *unexplained(baseline, last)]
+    known = contradicted(baseline, outcome)
+    findings = [*misread, *known, *named.findings, *unexplained(baseline, last)]
     if baseline.warnings and findings:
         words = "; ".join(baseline.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
