@@ -45,7 +45,7 @@ FURTHER = 0.20
 """and a further one of what the first leaves, or of the floor where that is greater; below this share
 confidence falls with it, since the hull's own error imitates small changes."""
 PLAIN = 0.6
-"""Part of the floor that a change must take of the residual to be plain beside what the hull's model leaves."""
+"""Part of the floor that a change must take to be plain beside what the hull's model leaves."""
 CONTENDERS = 5
 QUICK = 6  # iterations of a contender's fit
 SCALES = 2.0
@@ -306,7 +306,7 @@ def told(compared: Compared, first: Model, changes: Sequence[Change]) -> Diagnos
 
 
 def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Finding:
-    """A change as a finding; `removed` is what it takes of the mean squared residual, in units of the floor."""
+    """A change as a finding; `removed` is what it takes of the residual, in units of the floor."""
     name, wins, model = change.best.effect, change.wins(), change.best.model
     fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
     table = next(one for one in fit.tables() if one["name"] == name)
