@@ -94,7 +94,8 @@ def base(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
     yield from _rivals(others.filter(condition=BASE))
     hidden, nothing = _parted([score(row) for row in results.filter(failure="").to_dicts()])
     best = [one.row | {"after": one.row["oracle"]} for one in hidden if one.row["oracle"] is not None]
-    yield {"by": "the true change, fitted (bound)", "error after / before": _ratio(best)}
+    if best:
+        yield {"by": "the true change, fitted (bound)", "error after / before": _ratio(best)}
     silent = {
         "nothing named": rate(True for _ in hidden),
         "alarm, nothing hidden": rate(False for _ in nothing),
