@@ -22,7 +22,7 @@ import polars as pl
 
 from benchmarks.flown_advice import study
 from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_base.work import Results, add_report, done
 
 KEY = ("seed", "seconds")
 FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
@@ -97,13 +97,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("-o", "--out", type=Path, default=Path("flown_advice.parquet"))
     one.set_defaults(action=run)
-    two = commands.add_parser("report", help="sum up results, as Markdown")
-    two.add_argument("results", type=Path, nargs="+")
-    two.set_defaults(
-        action=lambda chosen: print(
-            summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(KEY)), end=""
-        )
-    )
+    add_report(commands, summary, KEY)
     return top
 
 

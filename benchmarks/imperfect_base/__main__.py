@@ -22,10 +22,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from benchmarks.imperfect_base import base, changes, report, study
-from benchmarks.imperfect_base.work import Results, done, said
+from benchmarks.imperfect_base.work import Results, add_report, done, said
 
 KEY = ("kind", "seed", "seconds", "with_before")
 
@@ -84,13 +82,7 @@ def parser() -> argparse.ArgumentParser:
     )
     one.add_argument("-o", "--out", type=Path, default=Path("imperfect_base.parquet"))
     one.set_defaults(action=run)
-    two = commands.add_parser("report", help="sum up results, as Markdown")
-    two.add_argument("results", type=Path, nargs="+")
-    two.set_defaults(
-        action=lambda chosen: print(
-            report.summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(KEY)), end=""
-        )
-    )
+    add_report(commands, report.summary, KEY)
     three = commands.add_parser("write", help="write one study as files", parents=[common])
     three.add_argument("-o", "--out", type=Path, default=Path("study"))
     three.set_defaults(action=write)

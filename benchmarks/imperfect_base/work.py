@@ -38,6 +38,17 @@ def said(row: Mapping[str, Any]) -> str:
     return f"{'; '.join(word.strip() for word in words)} | {errors} | chi2 {row['chi2_end']:.3g} | {time}"
 
 
+def add_report(commands: Any, summary: Callable[[pl.DataFrame], str], key: Sequence[str]) -> None:
+    """Add a subcommand that prints the summary of one or more results files, each study once."""
+    report = commands.add_parser("report", help="sum up results, as Markdown")
+    report.add_argument("results", type=Path, nargs="+")
+    report.set_defaults(
+        action=lambda chosen: print(
+            summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(key)), end=""
+        )
+    )
+
+
 class Results:
     """A table on disk, one row more at a time, whole or not at all."""
 

@@ -19,9 +19,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
-from benchmarks.imperfect_base.work import Results, done, said
+from benchmarks.imperfect_base.work import Results, add_report, done, said
 from benchmarks.imperfect_logs import report, study
 
 KEY = ("kind", "seed", "condition", "seconds")
@@ -64,13 +62,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--workers", type=int, default=1)
     one.add_argument("-o", "--out", type=Path, default=Path("imperfect_logs.parquet"))
     one.set_defaults(action=run)
-    two = commands.add_parser("report", help="sum up results, as Markdown")
-    two.add_argument("results", type=Path, nargs="+")
-    two.set_defaults(
-        action=lambda chosen: print(
-            report.summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(KEY)), end=""
-        )
-    )
+    add_report(commands, report.summary, KEY)
     return top
 
 

@@ -309,8 +309,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Findin
     """A change as a finding; `removed` is what it takes of the residual, in units of the floor."""
     name, wins, model = change.best.effect, change.wins(), change.best.model
     fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
-    table = next(one for one in fit.tables() if one["name"] == name)
-    parameters = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
+    parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
@@ -334,7 +333,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Findin
         * min(1.0, max(removed, 0.0) / PLAIN)
         * (1.0 - absorbs),
         parameters=parameters,
-        standard_errors=dict(table["standard_error"]),
+        standard_errors=errors,
         advice=words,
     )
     if known and found.confidence < SURE:

@@ -91,10 +91,12 @@ class Fitted:
     Attributes:
         normal: The problem about its values, in units of the entries' scales.
         amounts: How far each entry has moved from where it is without data, in scales, (P,).
+        information: How firmly it is held there, (P,); by default as little as PRIOR scales hold it.
     """
 
     normal: Normal
     amounts: Array
+    information: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -134,21 +136,28 @@ def folds(session: ArrayLike) -> Rows:
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
 
 
-def left_out_costs(fitted: Fitted, fold: Rows) -> Array:
-    """Squared residual of each shot, predicted by the fit to all other folds, (S,).
+def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
+    """Squared residual of each shot, predicted by one Gauss-Newton step to the fit to all other folds, (S,).
 
     Entries that only the fold left out tells of go back to where they are without data.
 
     Args:
         fitted: The model.
-        fold: What is left out with each shot, (S,), of `folds`.
+        fold: What is left out with each shot, (S,).
+        new: Entries of which the other folds must tell,
+        kept: and the part of all information on them that they must have; else the shots' costs are NaN.
     """
     matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
-    prior = np.full(len(fitted.amounts), PRIOR**-2)
+    prior = fitted.information
+    prior = np.full(len(fitted.amounts), PRIOR**-2) if prior is None else prior
     seen = np.isfinite(costs)
+    shown = np.einsum("sii->si", matrix)[:, list(new)].sum(axis=1)
     total, sums = matrix[seen].sum(axis=0) + np.diag(prior), score[seen].sum(axis=0)
     for number in np.unique(fold):
         out = (fold == number) & seen
+        if shown[seen & ~out].sum() < kept * shown[seen].sum():
+            costs[out] = np.nan
+            continue
         rest, pull = total - matrix[out].sum(axis=0), sums - score[out].sum(axis=0)
         step = np.linalg.solve(rest, pull - prior * fitted.amounts)
         costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step

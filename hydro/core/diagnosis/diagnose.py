@@ -269,9 +269,9 @@ def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
 
 def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     """What was found, the most telling first; then other values of the file's, and what did not show."""
-    first, model = baseline.refitted, outcome.model
+    model = outcome.model
     remaining = unexplained(baseline, outcome)
-    together = float(np.clip((first.normal.cost - model.normal.cost) / max(first.excess, 1e-9), 0.0, 1.0))
+    together = float(np.clip(baseline.explained(model), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
     findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
@@ -333,11 +333,9 @@ def _change(effect: str, baseline: Baseline, model: Model) -> Change:
 
 def _tables(fit: Fit | None, effect: str) -> tuple[dict[str, object], dict[str, object]]:
     """Values and standard errors of one fitted effect."""
-    for table in fit.tables() if fit else ():
-        if table["name"] == effect:
-            values = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
-            return values, dict(table["standard_error"])
-    raise KeyError(effect)
+    if fit is None:
+        raise KeyError(effect)
+    return fit.table(effect)
 
 
 def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:

@@ -60,7 +60,8 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     """What is said then, see `diagnosis.imperfect`: after what kinematics alone shows of the velocity log."""
     misread = list(_misread(baseline, outcome))
     read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in misread])
-    there = replace(baseline, vehicle=read, effects=tuple(_others(baseline.effects, misread)))
+    rest = tuple(name for name in baseline.effects if name not in {one.effect for one in misread})
+    there = replace(baseline, vehicle=read, effects=rest)
     named = by_transfer(there, lambda words, share: progress(words, 0.4 + 0.5 * share))
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
@@ -78,26 +79,19 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     return Diagnosis((*baseline.log.faults, *told), fitted, (given, refitted, found), estimates)
 
 
-def _others(effects: Sequence[str], findings: Sequence[Finding]) -> list[str]:
-    """Names of effects that no finding is of."""
-    named = {one.effect for one in findings}
-    return [name for name in effects if name not in named]
-
-
 def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Errors of the velocity log that joined the search and that kinematics shows, with its values."""
-    first, dt = baseline.refitted, baseline.log.record.dt
+    dt = baseline.log.record.dt
     for one in outcome.found:
         test = baseline.sensors.get(one.effect)
         if test is None or not shown(test):
             continue
         values = {key: value for key, value in test.table.items() if key != "name"}
-        gain = (first.normal.cost - one.rivals[one.effect].normal.cost) / max(first.excess, 1e-9)
         yield Finding(
             "retune" if baseline.vehicle.effects(one.effect) else "missing",
             one.effect,
             (one.effect,),
-            float(np.clip(gain, 0.0, 1.0)),
+            float(np.clip(baseline.explained(one.rivals[one.effect]), 0.0, 1.0)),
             confidence=1.0 - test.p_value,
             p_value=test.p_value,
             parameters=values,
@@ -172,17 +166,15 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     """The naming, with its share of the error beyond the noise that the model without it leaves."""
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
-    table = next(one for one in fit.tables() if one["name"] == rival.effect)
-    values = {k: v for k, v in table.items() if k not in ("name", "standard_error") and v is not None}
+    values, errors = fit.table(rival.effect)
     others = [one for one in surveyed.rivals if one is not rival]
     sure = by_transfer_confidence(rival.score) * (OWN if rival.own else 1.0)
-    in_file = bool(model.vehicle.effects(rival.effect)) and rival.own
-    words = advice.retuning(rival.effect) if in_file else advice.adding(rival.effect, values, dt)
+    words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]
     words += _standing(rival, model, near)
     stated = sure >= SURE
     return Finding(
-        ("retune" if in_file else "missing") if stated else "suspect",
+        ("retune" if rival.own else "missing") if stated else "suspect",
         rival.effect,
         (rival.effect,),
         share,
@@ -190,7 +182,7 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
         high,
         sure,
         parameters=values,
-        standard_errors=dict(table["standard_error"]),
+        standard_errors=errors,
         advice=words if stated else advice.suspecting(rival.effect, words),
     )
 

@@ -78,6 +78,10 @@ class Baseline:
     start: Vehicle | None = None
     warnings: tuple[str, ...] = ()
 
+    def explained(self, model: Model) -> float:
+        """Part of the error beyond the noise that a model explains of what the file's own effects leave."""
+        return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
+
 
 @dataclass(frozen=True)
 class Found:
@@ -167,11 +171,6 @@ class Search:
         most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
         return self.visible(gain) and bool(lower or most or gain >= MATERIAL * first)
 
-    def explained(self, model: Model) -> float:
-        """Part of the error beyond the noise that a model explains of what the file's own effects leave."""
-        first = self.baseline.refitted
-        return (first.normal.cost - model.normal.cost) / max(first.excess, 1e-9)
-
     def wrong(self, outcome: Outcome) -> bool:
         """Whether no model that was found is right, though there is something to find.
 
@@ -179,7 +178,7 @@ class Search:
         """
         model, left = outcome.model, outcome.model.normal.chi2
         there = bool(outcome.found) or outcome.last.significant or not left <= FIT
-        return there and not left <= RIGHT and not self.explained(model) >= ALMOST_ALL
+        return there and not left <= RIGHT and not self.baseline.explained(model) >= ALMOST_ALL
 
     def visible(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""
@@ -332,7 +331,7 @@ class Search:
                 return Outcome(model, tuple(found), screening)
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
-            if model.normal.chi2 > RIGHT and self.explained(model) < EACH * len(found):
+            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < EACH * len(found):
                 return Outcome(model, tuple(found), screening)
 
     def reconsider(self, outcome: Outcome) -> Outcome:

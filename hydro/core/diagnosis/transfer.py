@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array, Progress, Rows
-from hydro.core.diagnosis.confidence import folds
+from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, repeated_effects
 from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
@@ -199,26 +199,13 @@ def regimes_of(shots: Shots) -> Rows:
 
 
 def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) -> Array:
-    """Squared residual of each shot, predicted by one Gauss-Newton step to the fit to all other folds, (S,).
+    """Squared residual of each shot, see `confidence.left_out_costs`, the entries held to what is known.
 
     NaN where the other folds keep less than KEPT of the information on the entries `new`.
     """
-    normal, prior = model.normal, known(model.unknown)
-    costs, seen = np.array(normal.gram[:, -1, -1]), ~normal.lost
-    matrix, score = normal.matrix, normal.score
-    shown = np.einsum("sii->si", matrix)[:, list(new)].sum(axis=1)
-    total, pull = matrix[seen].sum(axis=0) + np.diag(prior.information), score[seen].sum(axis=0)
-    pull = pull - prior.information * (model.values / model.unknown.scales - prior.centre)
-    for number in np.unique(fold):
-        out = (fold == number) & seen
-        if len(new) and shown[seen & ~out].sum() < KEPT * shown[seen].sum():
-            costs[out] = np.nan
-            continue
-        rest, left = total - matrix[out].sum(axis=0), pull - score[out].sum(axis=0)
-        step = np.linalg.solve(rest, left)
-        costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step
-    costs[~seen] = np.nan
-    return costs
+    prior = known(model.unknown)
+    moved = model.values / model.unknown.scales - prior.centre
+    return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
 
 
 def _rival(

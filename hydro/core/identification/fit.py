@@ -119,6 +119,19 @@ class Fit:
             tables.append({"name": name} | replaced | table | {"standard_error": spread})
         return tuple(tables)
 
+    def table(self, effect: str) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Values and standard errors of one fitted effect, see `tables`.
+
+        Raises:
+            KeyError: It was not fitted.
+        """
+        for table in self.tables():
+            if table["name"] == effect:
+                apart = ("name", "standard_error")
+                values = {k: v for k, v in table.items() if k not in apart and v is not None}
+                return values, dict(table["standard_error"])
+        raise KeyError(effect)
+
     def estimates(self) -> Estimates:
         """The fitted values as they stand in `tables`, with their covariance."""
         written = {table["name"]: table for table in self.tables()}
