@@ -2,16 +2,18 @@
 
 All suspects are linearised together about the present model, over short shots
 (`identification.multiple_shooting`).  Those that tell most, by more than chance would let the most telling of
-all do (`diagnosis.score_test`), are fitted in earnest with everything that is in the model already; the best
-joins it, and the search goes on.  Afterwards every finding must still be needed beside the others, and be the
-best in its place.
+all do (`evaluation.score_test`), are fitted in earnest with everything that is in the model already; the best
+joins it, and the search goes on.  Where the model leaves far more than the noise, a few shots tell most
+suspects apart, and only those are fitted to all shots that these do not rule out.  Afterwards every finding
+must still be needed beside the others, and be the best in its place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -23,7 +25,13 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
 from hydro.core.identification.fit import Fit
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, Problem, linear_step, moved
+from hydro.core.identification.levenberg_marquardt import (
+    ITERATIONS,
+    Problem,
+    linear_step,
+    linearised,
+    moved,
+)
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
@@ -49,6 +57,12 @@ EACH = 0.25
 """Part of the error that findings must explain on average for the search to go on."""
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
+FEW = 48
+"""Shots on which contenders are compared at first where a model leaves more than RIGHT times the noise,"""
+WORSE = 4.0
+"""standard errors of the difference by which one must be worse there than the best to be ruled out,"""
+ROOM = 1.5
+"""and times what a fit leaves of them that the same may leave of all shots."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +117,15 @@ class Screening:
     """All suspects about one model.
 
     Attributes:
+        model: The model, perhaps over a part of the shots.
         ranked: Best shape of each effect with its columns, the most telling first.
         normal: The linearised problem, in the units that the columns' steps have.
         evidence: The same in columns of unit size.
         own: Columns of the model's own entries.
-        gains: Squared residual that each effect would explain.
+        gains: Squared residual that each effect would explain of all shots.
     """
 
+    model: Model
     ranked: Mapping[str, tuple[Suspect, Columns]]
     normal: Normal
     evidence: Evidence
@@ -207,15 +223,21 @@ class Search:
             steps += suspect.steps
         normal = model.problem.linearise(model.vehicle, changed, steps)
         evidence = Evidence.of(normal)
+        whole = len(self.baseline.problem.shots.starts) / len(normal.gram)
         best: dict[str, tuple[float, Suspect, Columns]] = {}
         for suspect, columns in places:
-            gain = evidence.gain(own, columns)
+            gain = evidence.gain(own, columns) * whole
             if suspect.effect not in best or gain > best[suspect.effect][0]:
                 best[suspect.effect] = (gain, suspect, columns)
         order = sorted(best, key=lambda name: -best[name][0])
         ranked = {name: best[name][1:] for name in order}
         gains = {name: best[name][0] for name in order}
-        return Screening(ranked, normal, evidence, own, gains)
+        return Screening(model, ranked, normal, evidence, own, gains)
+
+    def fewer(self, model: Model) -> Model:
+        """The model over a few of its shots where they tell enough: it leaves far more than the noise."""
+        enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW
+        return over_few(model) if enough else model
 
     def contend(
         self,
@@ -234,34 +256,40 @@ class Search:
         refutes does not come at all.
         """
         known = known or {}
-        fits, gains = dict(known), screening.gains
         if not screening.significant:
-            return fits
-        sure = [name for name, test in self.baseline.sensors.items() if shown(test) and name in gains]
+            return dict(known)
+        few = screening.model is not model
+        rivals = {name: over_few(fit) if few else fit for name, fit in known.items()}
+        gains, sensors = screening.gains, self.baseline.sensors
+        sure = [name for name, test in sensors.items() if shown(test) and name in gains]
         material = {name: gains[name] for name in sure if self.material(gains[name], model)}
-        fits |= self.quick_fits(model, chosen, screening, material, known)
+        fits = self.quick_fits(chosen, screening, material, rivals)
         if fits.keys() == known.keys():
             # All refuted: what else is missing spoils what the dynamics say of the log.
             rest = {name: gain for name, gain in gains.items() if name not in material}
-            fits |= self.quick_fits(model, chosen, screening, rest, known)
-        least = np.inf
-        for name in sorted(fits, key=lambda name: fits[name].normal.cost)[:CLOSEST]:
-            if fits[name].excess <= FAR * least:
-                if name not in known:
-                    fits[name] = self.converged(fits[name], [*chosen, name])
-                least = min(least, fits[name].excess + VISIBLE * fits[name].normal.residuals)
-        return fits
+            fits = self.quick_fits(chosen, screening, rest, rivals)
+        order = sorted(fits, key=lambda name: fits[name].normal.chi2)
+        last, least = dict(known) if few else fits, np.inf
+        for name in (not_ruled_out(fits) if few else order)[:CLOSEST]:
+            if beyond_noise(fits[name]) > FAR * least:
+                continue
+            if name not in known:
+                try:
+                    last[name] = self.converged(fits[name], model, [*chosen, name])
+                except Diverges:
+                    continue
+            least = min(least, beyond_noise(last[name]) + VISIBLE)
+        return last
 
     def quick_fits(
         self,
-        model: Model,
         chosen: Sequence[str],
         screening: Screening,
         gains: Mapping[str, float],
         known: Mapping[str, Model],
     ) -> dict[str, Model]:
         """Quick fits of those suspects that tell nearly as much as the most telling of them."""
-        most, fits = max(gains.values(), default=0.0), dict(known)
+        most, fits, vehicle = max(gains.values(), default=0.0), dict(known), screening.model.vehicle
         for name in gains:
             if name in known:
                 continue
@@ -269,39 +297,53 @@ class Search:
             near = (NEAR_CURVED if name in CURVED and not all_explained else NEAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
-            fine = shapes(model.vehicle, name, reach=self.baseline.log.positions)
+            fine = shapes(vehicle, name, reach=self.baseline.log.positions)
             try:
-                fit = self.joined(model, chosen, self.linearise(model, fine) if fine else screening, name)
+                finer = self.linearise(screening.model, fine) if fine else screening
+                fit = self.joined(chosen, finer, name)
             except Diverges:  # wherever it begins: no contender
                 continue
             if not self.refuted(name, fit.vehicle):
                 fits[name] = fit
         return fits
 
-    def converged(self, model: Model, chosen: Sequence[str]) -> Model:
-        """The model fitted to the end: a name rests on the difference of two fits.
+    def converged(self, quick: Model, before: Model, chosen: Sequence[str]) -> Model:
+        """A contender fitted to the end, over all shots: a name rests on the difference of two fits.
 
         Begun again where the recording saw the vehicle: what a poor model has made of the initial states may
         hold a good one back.  Where both diverge it stays as it is.
+
+        Args:
+            quick: Its quick fit.
+            before: The model that it joins.
+            chosen: Names of what is in the model beside the baseline's effects.
+
+        Raises:
+            Diverges: Both do, and the quick fit was to a few of the shots.
         """
-        at_sight = self.baseline.problem.at_measured_states(model.vehicle)
-        for problem, enough in ((at_sight, model.normal.cost), (model.problem, np.inf)):
+        few = len(quick.costs) < len(before.costs)
+        enough = quick.normal.chi2 * (ROOM if few else 1.0)
+        at_sight = self.baseline.problem.at_measured_states(quick.vehicle)
+        along = before.problem if few else quick.problem
+        for problem, most in ((at_sight, enough), (along, np.inf)):
             try:
-                again = self._fit(model.vehicle, chosen, problem, ITERATIONS)
+                again = self._fit(quick.vehicle, chosen, problem, ITERATIONS)
             except Diverges:
                 continue
-            if again.normal.cost <= enough:
+            if again.normal.chi2 <= most:
                 return again
-        return model
+        if few:
+            raise Diverges("a fit to a few of the shots does not hold for all of them")
+        return quick
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
         test = self.baseline.sensors.get(effect)
         return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
-    def joined(self, model: Model, chosen: Sequence[str], screening: Screening, name: str) -> Model:
+    def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""
-        suspect, columns = screening.ranked[name]
+        model, (suspect, columns) = screening.model, screening.ranked[name]
         both, step = [*screening.own, *columns], np.zeros(len(screening.normal.gram[0]) - 1)
         _, step[both] = linear_step(screening.normal, both)
         own = model.unknown.within(model.values + step[: len(model.values)] * model.unknown.scales)
@@ -321,18 +363,23 @@ class Search:
         while True:
             chosen = [one.effect for one in found]
             progress(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
-            screening = self.screen(model, chosen)
+            screening = self.screen(self.fewer(model), chosen)
+            if screening.model is not model and not screening.significant:
+                screening = self.screen(model, chosen)
             telling = any(self.belongs(name, gain, model) for name, gain in screening.gains.items())
             if len(found) == MOST_FINDINGS or not telling:
-                return Outcome(model, tuple(found), screening)
+                break
             fits = self.contend(model, chosen, screening)
             best = leader(fits)
             if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
-                return Outcome(model, tuple(found), screening)
+                break
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
             if model.normal.chi2 > RIGHT and self.baseline.explained(model) < EACH * len(found):
-                return Outcome(model, tuple(found), screening)
+                break
+        if screening.model is not model:
+            screening = self.screen(model, [one.effect for one in found])
+        return Outcome(model, tuple(found), screening)
 
     def reconsider(self, outcome: Outcome) -> Outcome:
         """Drop what the others have made needless, and swap what another effect does better in its place."""
@@ -350,7 +397,7 @@ class Search:
                 continue
             place = kept.index(one)
             if one is not outcome.found[-1] or len(kept) < len(outcome.found):
-                screening = self.screen(lesser, others)
+                screening = self.screen(self.fewer(lesser), others)
                 fits = self.contend(lesser, others, screening, {one.effect: model})
                 best = leader(fits) or one.effect
                 kept[place] = Found(best, min(screening.p_value, one.p_value), fits)
@@ -377,6 +424,35 @@ class Search:
         """A vehicle's own effects and those chosen, fitted together."""
         wanted = [*self.baseline.effects, *chosen]
         return fit_model(vehicle, wanted, problem, self.baseline.log.positions, iterations)
+
+
+def over_few(model: Model) -> Model:
+    """The model over FEW of its shots, spread evenly."""
+    problem = cast(OutputError, model.problem).some(FEW)
+    return replace(
+        model, problem=problem, normal=linearised(model.unknown, model.values / model.unknown.scales, problem)
+    )
+
+
+def beyond_noise(model: Model) -> float:
+    """Mean squared residual beyond the noise."""
+    return model.excess / model.normal.residuals
+
+
+def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
+    """The best of some models, and those that the scatter of its lead does not rule out, the best first.
+
+    Their shots are the same.
+    """
+    order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
+    if not order:
+        return []
+    worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
+    return [
+        name
+        for name, each in worse.items()
+        if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each) or name == order[0]
+    ]
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:

@@ -22,7 +22,6 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model, repeated_effects
 from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification import multiple_shooting
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.output_error import OutputError
@@ -130,7 +129,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         progress: Called with a few words and the share of the work done.
     """
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.positions
-    problem = some(baseline.problem, SURVEY_SHOTS)
+    problem = baseline.problem.some(SURVEY_SHOTS)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(file, own, problem, reach)
     rivals = []
@@ -174,13 +173,6 @@ def tempered(file: Vehicle, own: Sequence[str], problem: OutputError, reach: Arr
         known = Known(file, max(model.normal.chi2, 1.0))
         model = fit_model(file, list(own), problem, reach, STEPS, known=known)
     return model, Known(file, max(model.normal.chi2, 1.0))
-
-
-def some(problem: OutputError, most: int) -> OutputError:
-    """The problem with at most so many of its shots, spread evenly."""
-    kept = np.zeros(len(problem.shots.starts), bool)
-    kept[multiple_shooting.evenly(len(kept), most)] = True
-    return OutputError(multiple_shooting.select(problem.shots, kept))
 
 
 def sessions_of(shots: Shots) -> Rows:

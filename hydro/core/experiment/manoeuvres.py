@@ -21,8 +21,8 @@ from hydro.core.errors import DataError
 from hydro.core.experiment.library import Manoeuvre, library
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import Candidate, candidate
-from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
+from hydro.core.identification.sensitivity import linearise
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.simulate import trajectory
@@ -125,20 +125,11 @@ def _grams(
             continue
         shots = predicted_shots(models[0], manoeuvre, motion, sigma, lead)
         own, *rest = (multiple_shooting.prepare(model, shots) for model in models)
-        moved = [
-            multiple_shooting.displaced(shots.first, step[None]) for step in np.diag(multiple_shooting.NUDGE)
-        ]
-        columns = [multiple_shooting.residuals(own, shots, first) for first in moved]
-        columns += [multiple_shooting.residuals(other, shots) for other in rest]
-        flat = np.stack([column.reshape(len(column), -1) for column in columns], axis=-1)
-        flat[..., : multiple_shooting.CHANNELS] /= multiple_shooting.NUDGE
-        if not np.isfinite(flat).all():
+        normal = linearise(own, rest, [1.0] * len(rest), shots)
+        if normal.lost.any():
             continue
-        left, _ = eliminate(
-            flat.transpose(0, 2, 1) @ flat, multiple_shooting.CHANNELS, multiple_shooting.TRUST**-2
-        )
         flown += 1
-        yield manoeuvre, left.sum(axis=0)
+        yield manoeuvre, normal.matrix.sum(axis=0)
     if not flown:
         raise DataError(f"every manoeuvre of vehicle {reference.name} diverges; check its damping")
 

@@ -43,7 +43,7 @@ WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
 ENDLESS = 1e9
 """Residual or derivative [standard deviations] of a prediction that diverges: sums still hold it."""
-SHOTS_TOGETHER = 16  # shots of one piece of work: their derivatives stay within some tens of MB
+SHOTS_TOGETHER = 8  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
 class Places(NamedTuple):

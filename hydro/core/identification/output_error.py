@@ -41,6 +41,12 @@ class OutputError:
         """The problem with its shots begun as this vehicle's velocity log says."""
         return OutputError(multiple_shooting.corrected_first(self.shots, candidate(vehicle)))
 
+    def some(self, most: int) -> OutputError:
+        """The problem with at most so many of its shots, spread evenly; itself where it has no more."""
+        kept = np.zeros(len(self.shots.starts), bool)
+        kept[multiple_shooting.evenly(len(kept), most)] = True
+        return self if kept.all() else OutputError(multiple_shooting.select(self.shots, kept))
+
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `sensitivity.linearise`."""
         prepared = multiple_shooting.prepare(candidate(base), self.shots)

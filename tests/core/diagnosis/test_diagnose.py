@@ -15,7 +15,7 @@ from hydro.core.diagnosis.diagnose import _retuned, diagnose, refine, refit, sta
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import Baseline, Outcome, Search
+from hydro.core.diagnosis.search import FEW, Baseline, Outcome, Search, leader
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -167,7 +167,7 @@ def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
     with pytest.raises(DataError, match="diverges"):
         fit_model(hiding(known, far), ["net_buoyancy"], problem, search.baseline.log.positions, 0)
     wild = {**screening.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
-    joined = search.joined(first, [], replace(screening, ranked=wild), "net_buoyancy")
+    joined = search.joined([], replace(screening, ranked=wild), "net_buoyancy")
     assert joined.normal.cost <= first.normal.cost
 
 
@@ -176,10 +176,10 @@ def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
     first, true = search.baseline.refitted, Search.joined
     screening = search.screen(first, [])
 
-    def joined(self, model, chosen, screening, name):
+    def joined(self, chosen, screening, name):
         if name == "net_buoyancy":
             raise Diverges("it does")
-        return true(self, model, chosen, screening, name)
+        return true(self, chosen, screening, name)
 
     monkeypatch.setattr(Search, "joined", joined)
     fits = search.contend(first, [], screening)
@@ -307,3 +307,23 @@ def test_a_tie_comes_with_the_motion_that_ends_it():
     assert "all headings" in advice.separating(["ocean_current", "tether"])
     assert "tilts" in advice.separating(["net_buoyancy", "payload"])
     assert CATALOGUE["tether"].excitation in advice.separating(["tether", "thruster_lag"])
+
+
+def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all(known):
+    """Suspects are ranked alike on a part of the shots; the models that are compared at last see all of them."""
+    raw = recorded(hiding(known, CURRENT), rows=2 * FEW * 100 + 200)
+    search = searching(known, raw, {})
+    first = search.baseline.refitted
+    few = search.screen(search.fewer(first), [])
+    whole = search.screen(first, [])
+    assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW, True]
+    assert next(iter(few.ranked)) == next(iter(whole.ranked)) == "ocean_current"
+    assert few.gains["ocean_current"] == pytest.approx(whole.gains["ocean_current"], rel=0.3)
+    fits = search.contend(first, [], few)
+    assert {len(fit.costs) for fit in fits.values()} == {len(first.costs)}
+    assert leader(fits) == "ocean_current"
+
+
+def test_near_the_noise_all_shots_are_asked(known):
+    search = searching(known, recorded(known, rows=2 * FEW * 100 + 200), {})
+    assert search.fewer(search.baseline.refitted) is search.baseline.refitted
