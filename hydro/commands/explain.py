@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.before import Before, Network, learnt
 from hydro.commands.shell import (
     STREAM,
     Known,
@@ -47,6 +48,8 @@ def explain(
         ),
     ] = None,
     known: Known = None,
+    before: Before = None,
+    model: Network = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
@@ -61,6 +64,15 @@ def explain(
     best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
     against velocity; of the best bands.parquet, 95 % bands of its predictions; sessions.parquet lists what
     was recorded. The same study in the same folder resumes where it stopped; another one replaces it.
+
+    With --before it adds, step by step, what has changed since another recording, until nothing more has.
+    What the hull does beside the file is learnt from that one and held fixed, and so are the file's own
+    values: a step adds the change that is stated, or suspected with a confidence of 30 % or more, and refits
+    it together with earlier changes alone. What is left is told in units of what the model of the hull leaves
+    of stretches of that recording that it was not fitted to. So is what is left of --holdout, a recording of
+    the changed vehicle: it ends the study where a step makes that worse.
+
+        hydro explain vehicle.toml after.parquet --before before.parquet -o study
     """
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
@@ -71,7 +83,9 @@ def explain(
     other = None if holdout is None else _held_out(holdout, source, start)
     with about(measured):
         tell_not_shown(start, source.frame)
-    study = Study(folder, text, source, other)
+    earlier = learnt(before, model, start, source)
+    told = (earlier.inputs, earlier.parameters) if earlier else ()
+    study = Study(folder, text, source, other, *told)
     study.open()
     steps = study.done()
     if study.clear(steps) and not steps:
@@ -84,7 +98,8 @@ def explain(
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
         frame = None if other is None else other.frame
-        for step in compute(start, source.frame, holdout=frame, done=list(steps), progress=advance):
+        hull, done = earlier.hull if earlier else None, list(steps)
+        for step in compute(start, source.frame, holdout=frame, hull=hull, done=done, progress=advance):
             steps.append(step)
             study.save_step(steps)
             _tell(step)
@@ -162,7 +177,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     import polars as pl
 
     from hydro.core.diagnosis.explain import DATASETS
-    from hydro.report import ladder, yardsticks
+    from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 
     console = person()
@@ -173,6 +188,8 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
     if told := yardsticks.sentence(simple):
         console.print(told)
+    if change.PARAMETER in study.parameters:
+        console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
     for step in steps[1:]:
         console.print(f"\nStep {step.number}", style="bold")
         for table in step.tables:
