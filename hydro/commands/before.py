@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hydro.commands.shell import about, dataset_name, read
+from hydro.commands.shell import about, dataset_name, read, report
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ Network = Annotated[
         help="With --before: a network of hydro train in the place of the built-in regression.",
     ),
 ]
+
+ASIDE = "best name another recording of the unchanged vehicle"
 
 
 @dataclass(frozen=True)
@@ -75,14 +77,25 @@ def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Arte
     earlier = read(before, "raw")
     if earlier.provenance.content == source.provenance.content:
         raise DataError(f"{before}: the same rows as the measured recording; a change needs two")
-    told, inputs, law = {"recording": dataset_name(before)}, [earlier], None
+    told: dict[str, Any] = {"recording": dataset_name(before)}
+    inputs, law = [earlier], None
     if model is not None:
         network = read(model, "model")
         with about(model):
             law = Learnt.of(from_artefact(network), vehicle)
-        told["network"] = dataset_name(model)
+        told |= {"network": dataset_name(model), "learnt": _learnt_from(network, earlier)}
+        if told["learnt"]:
+            report(model, f"has learnt from {before}, and leaves less of it than of other motion; {ASIDE}")
         inputs.append(network)
     with about(before):
         hull = hull_of(vehicle, earlier.frame, law)
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
     return Earlier(hull, tuple(inputs), {"before": told | figures})
+
+
+def _learnt_from(network: Artefact, recording: Artefact) -> bool:
+    """Whether a network was trained on a recording."""
+    from hydro.io.provenance import lineage
+
+    content = recording.provenance.content
+    return any(node.content == content for _, node in lineage(network.provenance))

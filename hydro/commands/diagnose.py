@@ -90,10 +90,11 @@ def diagnose(
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
 
-    With --model a network of hydro train says what the hull does. Train it on labels of the recording before,
-    made with this very file; how much it leaves is measured on that recording.
+    With --model a network of hydro train says what the hull does. Train it on labels of the unchanged
+    vehicle, made with this very file. What it leaves is measured on the recording before: best another one
+    than it learnt from.
 
-        hydro labels before.parquet --vehicle vehicle.toml | hydro split | hydro train -o net.parquet
+        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | hydro train -o net.parquet
         hydro diagnose vehicle.toml after.parquet --before before.parquet --model net.parquet
 
     With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are

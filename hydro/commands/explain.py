@@ -80,7 +80,7 @@ def explain(
 
     source = read(measured, "raw")
     start, text = vehicle_to_fit(vehicle, known, source)
-    other = None if holdout is None else _held_out(holdout, source, start)
+    other = None if holdout is None else _held_out(holdout, source, start, beside=before is not None)
     with about(measured):
         tell_not_shown(start, source.frame)
     earlier = learnt(before, model, start, source)
@@ -148,7 +148,7 @@ def _save_bands(study: Study, step: Step) -> None:
     study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
-def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
+def _held_out(name: str, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
     """The held-out recording.
 
     Raises:
@@ -160,7 +160,7 @@ def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
     if other.provenance.content == source.provenance.content:
         raise DataError(f"{name}: the same rows as the measured recording; hold other sessions out")
     with about(name):
-        long_enough(known, other.frame)
+        long_enough(known, other.frame, beside=beside)
     return other
 
 

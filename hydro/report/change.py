@@ -32,14 +32,14 @@ def section(sources: Sources) -> dict[str, Any] | None:
         lines += fall(sources.ladder.frame)
     elif sources.diagnoses and "chi2" in (given := sources.diagnoses[-1].artefact.provenance.parameters):
         lines.append(left(tuple(given["chi2"])))
-    tables = [table for one in sources.comparisons[:1] if not (table := errors(one.frame)).is_empty()]
+    table = errors(sources.comparisons[0].frame) if sources.comparisons else pl.DataFrame()
     return {
         "recording": told["recording"],
         "lines": lines,
-        "columns": tables[0].columns if tables else [],
-        "rows": [[words.figure(v) if isinstance(v, float) else v for v in row] for row in tables[0].rows()]
-        if tables
-        else [],
+        "columns": table.columns,
+        "rows": [
+            [words.figure(one) if isinstance(one, float) else one for one in row] for row in table.rows()
+        ],
     }
 
 
@@ -49,11 +49,13 @@ def learnt(before: Mapping[str, Any]) -> str:
     Args:
         before: Its entry of a table's parameters.
     """
-    of = f"with the network {before['network']}" if "network" in before else "with the model of the hull"
-    unseen = "" if "network" in before else ", on stretches that it was not fitted to"
+    model = "with the model of the hull, on stretches that it was not fitted to"
+    if "network" in before:
+        learns = "has" if before["learnt"] else "has not"
+        model = f"with the network {before['network']}, which {learns} learnt from it"
     return (
         f"Recording before, {before['recording']}: mean squared residual (1: noise alone) "
-        f"{before['given']:.3g} of the file, {before['left']:.3g} {of}{unseen}."
+        f"{before['given']:.3g} of the file, {before['left']:.3g} {model}."
     )
 
 
@@ -74,8 +76,8 @@ def errors(comparison: pl.DataFrame) -> pl.DataFrame:
         comparison: Comparison table.
 
     Returns:
-        `axis`; errors of the file alone, before and after; with the hull, before (the `floor`) and `after`; and
-        how many `times` the floor that is.
+        `axis`; errors of the file alone, before and after; with the hull, before (the `floor`) and `after`;
+        and how many `times` the floor that is.
     """
     rows = comparison.filter(level=LEVEL)
     table = rows.filter(pl.col("axis") != FLOOR).select("axis", "unit").unique(maintain_order=True)
@@ -105,8 +107,8 @@ def fall(ladder: pl.DataFrame) -> Iterator[str]:
         if steps:
             told = [f"{rmse:.2f} {f'with {effect}' if effect else 'as given'}" for rmse, effect in steps]
             yield (
-                f"Root mean square error on {label}, in units of what the model of the hull leaves of the recording before "
-                f"(1: nothing has changed): {', '.join(told)}."
+                f"Root mean square error on {label}, in units of what the model of the hull leaves of the "
+                f"recording before (1: nothing has changed): {', '.join(told)}."
             )
 
 

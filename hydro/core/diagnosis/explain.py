@@ -23,7 +23,7 @@ import polars as pl
 from hydro.core.columns import Progress
 from hydro.core.diagnosis.beside import AFTER, BESIDE, FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.beside import LEVEL as OF_HULL
-from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_start, weighed_fit
+from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
 from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted, own_effects
@@ -152,7 +152,7 @@ def explain(
     """
     for recorded in (raw, holdout):
         if recorded is not None:
-            long_enough(vehicle, recorded)
+            long_enough(vehicle, recorded, beside=hull is not None)
     steps = list(done)
     if steps and ending(steps):
         return
@@ -162,16 +162,19 @@ def explain(
         yield steps[-1]
 
 
-def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
-    """Hold a recording to what the ladder needs of it.
+def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
+    """Hold a recording to what the ladder needs of it, with the model of a hull beside the file or without.
 
     Raises:
-        DataError: It does not fit the vehicle, or no session lasts HORIZON.
+        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with the model of a hull,
+            there are too few shots.
     """
     record = recording(vehicle, raw)
     rows = round(HORIZON / record.dt) + 1
     if (record.segments[:, 1] - record.segments[:, 0]).max() < rows:
         raise DataError(f"no session lasts {HORIZON:g} s without a gap; record longer sessions")
+    if beside:
+        stable_shots(vehicle, Preprocessed(raw, tracked(vehicle, record), ()))
 
 
 def ending(steps: Sequence[Step]) -> str:
