@@ -21,7 +21,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.columns import Progress
-from hydro.core.diagnosis.beside import AFTER, BESIDE, FLOOR, fit_changes, with_hull
+from hydro.core.diagnosis.beside import BESIDE, FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.beside import LEVEL as OF_HULL
 from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
 from hydro.core.diagnosis.findings import extended, suspects, tables
@@ -317,9 +317,9 @@ def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataF
     With the model of the hull also that of all channels together in units of its floor.
     """
     key = ["axis", "horizon"]
-    beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("place") == AFTER)
+    beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)
     own = (pl.col("level") == "replay") & (pl.col("by") == "all")
-    rungs = comparison.filter(own | (beside & (pl.col("by") == BESIDE))).select(
+    rungs = comparison.filter(own | beside).select(
         pl.lit(number, pl.Int64).alias("step"),
         pl.lit(", ".join(added)).alias("effect"),
         *(pl.lit(dataset).alias(name) if name == "dataset" else name for name in RUNG),
