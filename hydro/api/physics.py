@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
     from hydro.core.diagnosis.explain import Step
     from hydro.core.identification.fit import Fit
+    from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
+    from hydro.io.model import Model
 
 
 @vehicle_first
@@ -85,6 +87,8 @@ def compare(
     raw: pl.DataFrame,
     *,
     against: pl.DataFrame | None = None,
+    before: pl.DataFrame | None = None,
+    model: Model | None = None,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Compare a vehicle with a recording: how large are its errors, and where do they lie?
@@ -93,6 +97,9 @@ def compare(
         vehicle: the vehicle.
         raw: raw table.
         against: an earlier comparison with the same recording, whose errors are to stand beside the new ones.
+        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
+            from it and held fixed; rows of the level `hull` tell what is left then, here and there.
+        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -102,10 +109,16 @@ def compare(
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
+    from hydro.core.diagnosis.beside import with_hull
+    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as measure
     from hydro.io.table import conform
 
-    return conform("comparison", measure(vehicle, raw, against=against, progress=progress))
+    hull = _hull(vehicle, before, model)
+    found = measure(vehicle, raw, against=against, progress=progress)
+    if hull is not None:
+        found = with_hull(found, vehicle, preprocess(vehicle, raw), hull)
+    return conform("comparison", found)
 
 
 @vehicle_first
@@ -114,6 +127,7 @@ def diagnose(
     raw: pl.DataFrame,
     *,
     before: pl.DataFrame | None = None,
+    model: Model | None = None,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
@@ -122,18 +136,23 @@ def diagnose(
         vehicle: the vehicle.
         raw: raw table.
         before: raw table of the same vehicle before a change: then findings are of what has changed since.
+        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
         progress: called with a few words and the share of the work done.
 
     Returns:
         The diagnosis table: one finding per row, the most telling first, with verdict, values and advice.
 
     Raises:
-        hydro.core.errors.DataError: the table does not fit the vehicle, or is too short.
+        hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
+        hydro.core.errors.UsageError: there is a model without a recording before.
     """
-    from hydro.core.diagnosis.diagnose import diagnose as find
+    from hydro.core.diagnosis.diagnose import diagnose_log
+    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.io.table import conform
 
-    return conform("diagnosis", find(vehicle, raw, before=before, progress=progress).frame())
+    hull = _hull(vehicle, before, model)
+    found = diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
+    return conform("diagnosis", found.frame())
 
 
 def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] | None = None) -> Vehicle:
@@ -170,14 +189,19 @@ def explain(
     raw: pl.DataFrame,
     *,
     holdout: pl.DataFrame | None = None,
+    before: pl.DataFrame | None = None,
+    model: Model | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
-    """Add what a vehicle lacks, step by step, until nothing more is found.
+    """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
 
     Args:
         vehicle: the vehicle.
         raw: raw table.
         holdout: raw table that nothing is fitted to; a step that predicts it worse is the last.
+        before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
+            from it and held fixed; steps then add what has changed since.
+        model: with `before`: a network of `hydro.train` in the place of the built-in regression.
         progress: called with a few words and the share of the present step that is done.
 
     Yields:
@@ -192,10 +216,24 @@ def explain(
     from hydro.core.diagnosis.explain import explain as steps
     from hydro.io.table import conform
 
-    for step in steps(vehicle, raw, holdout=holdout, progress=progress):
+    hull = _hull(vehicle, before, model)
+    for step in steps(vehicle, raw, holdout=holdout, hull=hull, progress=progress):
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),
             diagnosis=conform("diagnosis", step.diagnosis),
             ladder=conform("ladder", step.ladder),
         )
+
+
+def _hull(vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None) -> Hull | None:
+    """What a recording from before, or a network, says of the hull; None without a recording."""
+    from hydro.core.diagnosis.diagnose import hull_of
+    from hydro.core.errors import UsageError
+    from hydro.core.residual.learnt import Learnt
+
+    if before is None:
+        if model is not None:
+            raise UsageError("model needs before, which says how much the network leaves unexplained")
+        return None
+    return hull_of(vehicle, before, None if model is None else Learnt.of(model, vehicle))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.before import Before, Network, learnt
 from hydro.commands.shell import (
     STREAM,
     Measured,
@@ -25,6 +26,7 @@ from hydro.core.errors import DataError
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.commands.before import Earlier
     from hydro.io.table import Artefact
 
 
@@ -39,6 +41,8 @@ def compare(
             "and its places are looked at again.",
         ),
     ] = None,
+    before: Before = None,
+    model: Network = None,
     output: Output = STREAM,
 ) -> None:
     """Compare a vehicle file with a recording: how large are its errors, and where do they lie?
@@ -47,8 +51,18 @@ def compare(
     unexplained, and the motion predicted 1, 5 and 20 s ahead from restarts all along the recording, and over
     each whole session. Then the regimes of motion in which the model fails, with their share of the
     unexplained error. They are printed on the terminal, on stderr where stdout is a pipe.
+
+    With --before it shows, axis by axis, where the vehicle has changed since another recording. What the hull
+    does beside the file is learnt from that one and held fixed. The errors of short predictions with it, in
+    the recording after, stand beside those in stretches of the one before that it was not fitted to, the
+    floor, and beside those of the file alone. Above the floor something has changed, or the vehicle moves as
+    it did not before; hydro diagnose --before says what, and how sure that is.
+
+        hydro compare vehicle.toml after.parquet --before before.parquet
     """
     from hydro.core import effects
+    from hydro.core.diagnosis.beside import with_hull
+    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as compute
     from hydro.io import table
     from hydro.io import vehicle as vehicles
@@ -57,41 +71,49 @@ def compare(
     with about(str(vehicle)):
         effects.validate(known)
     source = read(measured, "raw")
-    earlier = None if against is None else _earlier(against, source)
+    former = None if against is None else _former(against, source)
     with about(measured):
         tell_not_shown(known, source.frame)
+    earlier = learnt(before, model, known, source)
     with about(measured), progress("compare") as update:
         frame = compute(
             known,
             source.frame,
-            against=None if earlier is None else earlier.frame,
+            against=None if former is None else former.frame,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
-    _print(frame)
+        if earlier is not None:
+            frame = with_hull(frame, known, preprocess(known, source.frame), earlier.hull)
+    _print(frame, earlier)
     if shows_table(output):
         return
-    inputs = [source] if earlier is None else [source, earlier]
-    write(table.make("comparison", frame, stage="compare", inputs=inputs, vehicle_text=text), output)
+    inputs = [source, *([former] if former else []), *(earlier.inputs if earlier else ())]
+    parameters = earlier.parameters if earlier else {}
+    made = table.make(
+        "comparison", frame, stage="compare", parameters=parameters, inputs=inputs, vehicle_text=text
+    )
+    write(made, output)
 
 
-def _earlier(against: str, source: Artefact) -> Artefact:
+def _former(against: str, source: Artefact) -> Artefact:
     """The earlier comparison.
 
     Raises:
         DataError: it is of another recording.
     """
     earlier = read(against, "comparison")
-    recordings = {one.content for one in earlier.provenance.inputs if one.kind == "raw"}
-    if source.provenance.content not in recordings:
+    # The first recording is the one that the vehicle was held against, another the one from before.
+    recordings = [one.content for one in earlier.provenance.inputs if one.kind == "raw"]
+    if source.provenance.content not in recordings[:1]:
         raise DataError(
             f"{against}: a comparison with another recording; name one that was made with this recording"
         )
     return earlier
 
 
-def _print(frame: pl.DataFrame) -> None:
+def _print(frame: pl.DataFrame, earlier: Earlier | None) -> None:
     """The comparison for a person."""
-    from hydro.report import comparison, yardsticks
+    from hydro.report import change, comparison, yardsticks
 
     console = person()
     forces = comparison.forces(frame)
@@ -114,6 +136,9 @@ def _print(frame: pl.DataFrame) -> None:
         print_table(ranked, "Where it fails: share of the unexplained error and of the time", console)
     if not former.is_empty():
         print_table(former, "Where it failed before", console)
+    if earlier is not None:
+        print_table(change.errors(frame), change.title(frame), console)
+        console.print(f"\n{change.learnt(earlier.parameters[change.PARAMETER])}\n{change.summary(frame)}")
     console.print(f"\n{comparison.headline(frame)}")
     if told := yardsticks.sentence(simple):
         console.print(told)

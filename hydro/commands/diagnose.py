@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.before import Before, Network, learnt
 from hydro.commands.shell import (
     STREAM,
     Known,
@@ -25,39 +26,18 @@ from hydro.commands.shell import (
     vehicle_to_fit,
     write,
 )
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
+    from hydro.commands.before import Earlier
     from hydro.core.diagnosis.findings import Diagnosis
     from hydro.core.experiment.flight import Flight
-    from hydro.core.residual.hull import Hull, Law
     from hydro.core.simulation.estimates import Estimates
-    from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
-
-
-Before = Annotated[
-    str | None,
-    typer.Option(
-        metavar="RAW",
-        show_default=False,
-        help="A recording of the vehicle before a change: tells what has changed since.",
-    ),
-]
-
-
-Network = Annotated[
-    str | None,
-    typer.Option(
-        metavar="MODEL",
-        show_default=False,
-        help="With --before: a network of hydro train in the place of the built-in regression.",
-    ),
-]
 
 
 def diagnose(
@@ -110,6 +90,13 @@ def diagnose(
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
 
+    With --model a network of hydro train says what the hull does. Train it on labels of the unchanged
+    vehicle, made with this very file. What it leaves is measured on the recording before: best another one
+    than it learnt from.
+
+        hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | hydro train -o net.parquet
+        hydro diagnose vehicle.toml after.parquet --before before.parquet --model net.parquet
+
     With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are
     written as commands for hydro simulate or an autopilot. They count by what a rival cannot imitate with
     its own values, as far as the recording leaves these open. Every predicted position of every rival keeps
@@ -119,7 +106,7 @@ def diagnose(
 
         hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 --space 10 --thrust 0.6
     """
-    from hydro.core.diagnosis.diagnose import diagnose_log, hull_of
+    from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
@@ -131,29 +118,23 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(measured):
         tell_not_shown(start, source.frame)
-    if model is not None and before is None:
-        raise UsageError("--model needs --before, which says how much the network leaves unexplained")
-    earlier = None if before is None else read_before(before, source)
-    hull = None
-    if before is not None and earlier is not None:
-        law = None if model is None else _law(model, start)
-        with about(before):
-            hull = hull_of(start, earlier.frame, law)
+    earlier = learnt(before, model, start, source)
     with about(measured), progress("diagnose") as update:
         found = diagnose_log(
             start,
             preprocess(start, source.frame),
-            hull=hull,
+            hull=earlier.hull if earlier else None,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
-    _print(found, hull)
-    inputs = [source] if earlier is None else [source, earlier]
+    _print(found, earlier)
+    inputs = [source, *(earlier.inputs if earlier else ())]
     if not shows_table(output):
         made = table.make(
             "diagnosis",
             found.frame(),
             stage="diagnose",
-            parameters={"chi2": [round(value, 4) for value in found.chi2]},
+            parameters={"chi2": [round(value, 4) for value in found.chi2]}
+            | (earlier.parameters if earlier else {}),
             inputs=inputs,
             vehicle_text=text,
         )
@@ -168,31 +149,6 @@ def diagnose(
         _print_flight(flight, fly)
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
         write(made, str(fly))
-
-
-def _law(name: str, known: Vehicle) -> Law:
-    """The wrench that a network says beside a file.
-
-    Raises:
-        DataError: It cannot stand beside this one.
-    """
-    from hydro.core.residual.learnt import Learnt
-    from hydro.io.model import from_artefact
-
-    with about(name):
-        return Learnt.of(from_artefact(read(name, "model")), known)
-
-
-def read_before(name: str, source: Artefact) -> Artefact:
-    """The recording before.
-
-    Raises:
-        DataError: It is the measured one.
-    """
-    earlier = read(name, "raw")
-    if earlier.provenance.content == source.provenance.content:
-        raise DataError(f"{name}: the same rows as the measured recording; a change needs two")
-    return earlier
 
 
 def add(
@@ -275,18 +231,15 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
         console.print(f"    {advice}")
 
 
-def _print(found: Diagnosis, hull: Hull | None) -> None:
+def _print(found: Diagnosis, earlier: Earlier | None) -> None:
     """The findings for a person, and how much of the residual they leave."""
+    from hydro.report import change
+
     console = person()
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
-    if hull is not None:
-        console.print(
-            f"\nThe recording before: mean squared residual (1: noise alone) {hull.given:.3g} of the file, "
-            f"{hull.left:.3g} with the model of the hull on stretches that it was not fitted to. After, in "
-            f"units of what that leaves (1: nothing has changed): {given:.3g}, {all_of_it:.3g} with what was "
-            "found."
-        )
+    if earlier is not None:
+        console.print(f"\n{change.learnt(earlier.parameters[change.PARAMETER])} {change.left(found.chi2)}")
         return
     console.print(
         f"\nMean squared residual (1: noise alone): {given:.3g} as given, {own:.3g} with the file's "

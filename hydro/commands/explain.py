@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.before import Before, Network, learnt
 from hydro.commands.shell import (
     STREAM,
     Known,
@@ -47,20 +48,31 @@ def explain(
         ),
     ] = None,
     known: Known = None,
+    before: Before = None,
+    model: Network = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
-    and the held-out one. What is only suspected, with a confidence below 90 %, is told and not added. It ends
-    when nothing is significant and material, when a step makes the predictions of the held-out recording
-    worse, or after six steps.
+    and the held-out one. What is only suspected, with a confidence below 90 %, is told and not added, but for
+    a name by transfer with 30 % or more where nothing is stated. It ends when nothing is significant and
+    material, when a step makes the predictions of the held-out recording worse, or after six steps.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
     vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
     best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
     against velocity; of the best bands.parquet, 95 % bands of its predictions; sessions.parquet lists what
     was recorded. The same study in the same folder resumes where it stopped; another one replaces it.
+
+    With --before it adds, step by step, what has changed since another recording, until nothing more has.
+    What the hull does beside the file is learnt from that one and held fixed, and so are the file's own
+    values: a step adds the change that is stated, or suspected with a confidence of 30 % or more, and refits
+    it together with earlier changes alone. What is left is told in units of what the model of the hull leaves
+    of stretches of that recording that it was not fitted to. So is what is left of --holdout, a recording of
+    the changed vehicle: it ends the study where a step makes that worse.
+
+        hydro explain vehicle.toml after.parquet --before before.parquet -o study
     """
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
@@ -68,10 +80,12 @@ def explain(
 
     source = read(measured, "raw")
     start, text = vehicle_to_fit(vehicle, known, source)
-    other = None if holdout is None else _held_out(holdout, source, start)
+    other = None if holdout is None else _held_out(holdout, source, start, beside=before is not None)
     with about(measured):
         tell_not_shown(start, source.frame)
-    study = Study(folder, text, source, other)
+    earlier = learnt(before, model, start, source)
+    told = (earlier.inputs, earlier.parameters) if earlier else ()
+    study = Study(folder, text, source, other, *told)
     study.open()
     steps = study.done()
     if study.clear(steps) and not steps:
@@ -84,7 +98,8 @@ def explain(
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
         frame = None if other is None else other.frame
-        for step in compute(start, source.frame, holdout=frame, done=list(steps), progress=advance):
+        hull, done = earlier.hull if earlier else None, list(steps)
+        for step in compute(start, source.frame, holdout=frame, hull=hull, done=done, progress=advance):
             steps.append(step)
             study.save_step(steps)
             _tell(step)
@@ -133,7 +148,7 @@ def _save_bands(study: Study, step: Step) -> None:
     study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
-def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
+def _held_out(name: str, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
     """The held-out recording.
 
     Raises:
@@ -145,7 +160,7 @@ def _held_out(name: str, source: Artefact, known: Vehicle) -> Artefact:
     if other.provenance.content == source.provenance.content:
         raise DataError(f"{name}: the same rows as the measured recording; hold other sessions out")
     with about(name):
-        long_enough(known, other.frame)
+        long_enough(known, other.frame, beside=beside)
     return other
 
 
@@ -162,7 +177,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     import polars as pl
 
     from hydro.core.diagnosis.explain import DATASETS
-    from hydro.report import ladder, yardsticks
+    from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 
     console = person()
@@ -173,6 +188,8 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
     if told := yardsticks.sentence(simple):
         console.print(told)
+    if change.PARAMETER in study.parameters:
+        console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
     for step in steps[1:]:
         console.print(f"\nStep {step.number}", style="bold")
         for table in step.tables:

@@ -32,8 +32,9 @@ def report(
 
     What was recorded, how good the model is, where it fails, what force is left over at which velocity, what
     is missing and how sure that is, what happened when it was added, commands and measured against simulated
-    motion, and what to fly next: as far as the given tables contain it. The page is one HTML file of some
-    6 MB that needs no network; a table beside each figure has its numbers.
+    motion, and what to fly next: as far as the given tables contain it. Of tables made with --before it tells
+    which recording taught the hull, and what has changed since. The page is one HTML file of some 6 MB that
+    needs no network; a table beside each figure has its numbers.
     """
     from hydro.io.files import write_bytes
     from hydro.report.page import render

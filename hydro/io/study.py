@@ -7,9 +7,10 @@ were made from these inputs.  The ladder is written last.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -39,12 +40,16 @@ class Study:
         vehicle_text: The vehicle file as given.
         measured: The recording.
         holdout: The held-out one, if there is one.
+        beside: What else the steps were made from, such as a recording from before a change.
+        parameters: What all tables say of it.
     """
 
     folder: Path
     vehicle_text: str
     measured: Artefact
     holdout: Artefact | None
+    beside: tuple[Artefact, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def open(self) -> None:
         """Make the folder where it is not there yet.
@@ -117,9 +122,10 @@ class Study:
     def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
         """A table of the study; what rests on the held-out data has them among its inputs."""
         about_both = kind in ("ladder", "replay", "sessions", "bands") and self.holdout is not None
-        inputs = [self.measured, self.holdout] if about_both else [self.measured]
+        inputs = [self.measured, self.holdout if about_both else None, *self.beside]
         given = [one for one in inputs if one is not None]
-        return table.make(kind, frame, stage=STAGE, parameters=parameters, inputs=given, vehicle_text=text)
+        told = {**self.parameters, **parameters}
+        return table.make(kind, frame, stage=STAGE, parameters=told, inputs=given, vehicle_text=text)
 
     def _read(self, number: int, ladder: pl.DataFrame) -> Step | None:
         """A step from its files; None where they are of other inputs.

@@ -9,6 +9,7 @@ import polars as pl
 from hydro.core.effects import CATALOGUE
 from hydro.core.experiment.advice import separating
 from hydro.report import plots, words
+from hydro.report.change import of_change
 from hydro.report.charts import Charts
 from hydro.report.sources import Sources
 from hydro.report.standing import chosen_step
@@ -46,7 +47,7 @@ def findings(sources: Sources, charts: Charts) -> dict[str, Any] | None:
             {
                 "title": _group_title(step, last, taken),
                 "cards": [
-                    _card(row, f"{step}-{row['rank']}", charts, added=bool(taken))
+                    _card(row, f"{step}-{row['rank']}", charts, added=bool(taken), changed=of_change(one))
                     for row in shown.iter_rows(named=True)
                 ],
                 "others": [words.in_short(row) for row in others.iter_rows(named=True)],
@@ -112,9 +113,9 @@ def _unseen(rows: pl.DataFrame) -> str:
     return words.listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
-def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool) -> dict[str, Any]:
+def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool, changed: bool) -> dict[str, Any]:
     """One finding; of one that was added already, without the advice to add it."""
-    label, sentence = words.verdict(row)
+    label, sentence = words.verdict(row, changed)
     values = words.values(row["effect"], row["parameters"], row["standard_errors"])
     drawn = [
         charts.add(f"values-{name}-{number}", plots.parameters(group))

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.beside import FLOOR
 from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
@@ -93,7 +94,11 @@ def headline(rows: pl.DataFrame) -> str:
     told = ", ".join(
         f"{SHORT[name]} {rmse:#.3g} {unit} (noise {noise:#.2g})" for name, rmse, unit, noise in found
     )
-    return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}"
+    times = [
+        f"{SHORT[name]} {rmse:.2f}" for name, rmse in rows.filter(axis=FLOOR).select("dataset", "rmse").rows()
+    ]
+    beside = f"; with the hull, times its floor: {', '.join(times)}" if times else ""
+    return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}{beside}"
 
 
 def values(table: Mapping[str, Any]) -> Iterator[str]:

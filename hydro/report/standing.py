@@ -10,6 +10,7 @@ import polars as pl
 
 from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.report import comparison, words
+from hydro.report.change import of_change
 from hydro.report.sources import Named, Sources
 from hydro.report.tables import of_a_piece
 from hydro.report.words import DATASETS
@@ -165,7 +166,7 @@ def _first_finding(sources: Sources) -> str:
     if not sources.diagnoses or sources.diagnoses[-1].frame.is_empty():
         return ""
     rows = sources.diagnoses[-1].frame.sort("rank").filter(pl.col("verdict") != "log_fault")
-    return words.verdict(rows.row(0, named=True))[1]
+    return words.verdict(rows.row(0, named=True), of_change(sources.diagnoses[-1]))[1]
 
 
 def _worst_place(sources: Sources) -> str:

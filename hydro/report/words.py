@@ -37,6 +37,13 @@ VERDICTS = {
     "nothing_missing": ("Nothing missing", "Noise explains the error that is left."),
 }
 """A verdict's label, and its sentence."""
+OF_CHANGE = {
+    "nothing_missing": (
+        "Nothing changed",
+        "Nothing has changed beyond what the model of the hull leaves of the recording before.",
+    )
+}
+"""The same of those that say another thing of what has changed since a recording before."""
 
 DATASETS = {"fit": "the recording", "holdout": "held-out data"}
 """What a ladder was measured on."""
@@ -93,9 +100,9 @@ def meaning(effect: str) -> str:
     return CATALOGUE[effect].description.partition("\n")[0] if effect in CATALOGUE else ""
 
 
-def verdict(row: dict[str, Any]) -> tuple[str, str]:
-    """Label and sentence of a finding."""
-    label, sentence = VERDICTS[row["verdict"]]
+def verdict(row: dict[str, Any], of_change: bool = False) -> tuple[str, str]:
+    """Label and sentence of a finding, of what is missing or of what has changed."""
+    label, sentence = (VERDICTS | (OF_CHANGE if of_change else {}))[row["verdict"]]
     members = listed([effect_name(name) for name in row["members"]], "or")
     effect, columns = effect_name(row["effect"]), listed(row["members"])
     return label, sentence.format(effect=effect, members=members, columns=columns)

@@ -96,6 +96,17 @@ class Compared:
     fold: Rows
     weight: Array = field(default_factory=lambda: np.ones(1))
 
+    @classmethod
+    def of(
+        cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
+    ) -> tuple[Compared, Model]:
+        """The shots, weighed by the floor and about the errors of a vehicle; and the vehicle as it is."""
+        problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
+        shots = problem.shots
+        compared = cls(log, hull, problem, folds(shots.record.session[shots.segment]))
+        first = as_it_is(vehicle, compared.corrected(vehicle))
+        return replace(compared, weight=robust(first.costs)), first
+
     def left_out(self, normal: Normal) -> Array:
         """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
         weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
@@ -114,7 +125,12 @@ class Compared:
 
 
 def diagnose_change(
-    vehicle: Vehicle, log: Preprocessed, problem: OutputError, hull: Hull, progress: Progress
+    vehicle: Vehicle,
+    log: Preprocessed,
+    problem: OutputError,
+    hull: Hull,
+    progress: Progress,
+    further: bool = False,
 ) -> Diagnosis:
     """Find what has changed.
 
@@ -124,22 +140,19 @@ def diagnose_change(
         problem: Its shots.
         hull: What the recording before has taught.
         progress: Called with a few words and the share of the work done.
+        further: Whether the vehicle has changes already, so that more is asked of the next one.
     """
-    problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
-    shots = problem.shots
-    compared = Compared(log, hull, problem, folds(shots.record.session[shots.segment]))
-    first = last = as_it_is(vehicle, compared.corrected(vehicle))
-    compared = replace(compared, weight=robust(first.costs))
-    changes: list[Change] = []
-    while len(changes) < MOST_CHANGES and not (changes and compared.chi2(last) <= 1.0):
+    compared, first = Compared.of(log, problem, hull, vehicle)
+    last, changes = first, list[Change]()
+    while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
         progress(f"{len(changes)} changes found, looking for more", 0.3 + 0.2 * len(changes))
         rivals = contend(compared, last, [one.best.effect for one in changes])
         change = Change.of(compared, last, rivals)
-        if change is None or not change.seen(further=bool(changes)):
+        if change is None or not change.seen(further=further or bool(changes)):
             break
         changes = reconsidered(compared, first, [*changes, change])
         last = changes[-1].best.model
-    return told(compared, first, changes)
+    return told(compared, first, changes, further)
 
 
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
@@ -274,25 +287,28 @@ def stepped(
 
 def fitted(compared: Compared, last: Model, table: Mapping[str, object]) -> Contender:
     """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
-    name = str(table["name"])
+    model = fitted_together(compared, last, [table])
+    return Contender(str(table["name"]), model, compared.left_out(model.normal))
+
+
+def fitted_together(compared: Compared, last: Model, tables: Sequence[Mapping[str, object]]) -> Model:
+    """Effects fitted together to what a vehicle leaves, from the values of their tables."""
     reach = compared.log.positions
-    if CATALOGUE[name].kind not in ASKED:
-        model = fit_model(last.vehicle, [table], last.problem, reach, QUICK)
-    else:
-        shots = compared.problem.shots
-        anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
-        model = fit_model(last.vehicle, [table], anew, reach, QUICK)
-        model = replace(model, problem=compared.corrected(model.vehicle))
-    return Contender(name, model, compared.left_out(model.normal))
+    if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
+        return fit_model(last.vehicle, tables, last.problem, reach, QUICK)
+    shots = compared.problem.shots
+    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
+    model = fit_model(last.vehicle, tables, anew, reach, QUICK)
+    return replace(model, problem=compared.corrected(model.vehicle))
 
 
-def told(compared: Compared, first: Model, changes: Sequence[Change]) -> Diagnosis:
+def told(compared: Compared, first: Model, changes: Sequence[Change], further: bool = False) -> Diagnosis:
     """The findings; chi2 are in units of what the model of the hull leaves."""
     given = compared.chi2(first)
     if not changes:
         words = (
-            "nothing has changed beyond what the model of the hull leaves: mean squared residual "
-            f"{given:.3g} of that"
+            f"nothing {'more ' * further}has changed beyond what the model of the hull leaves: mean squared "
+            f"residual {given:.3g} of that"
         )
         nothing = Finding("nothing_missing", advice=words)
         return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))

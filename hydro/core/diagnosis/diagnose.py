@@ -29,9 +29,8 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.contenders import left_open
 from hydro.core.diagnosis.findings import Diagnosis, Finding, with_implausible
-from hydro.core.diagnosis.identifiability import aliases, undetermined
+from hydro.core.diagnosis.identifiability import aliases, left_open, undetermined
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import (
@@ -128,13 +127,21 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
 
 
 def diagnose_log(
-    vehicle: Vehicle, log: Preprocessed, *, hull: Hull | None = None, progress: Progress | None = None
+    vehicle: Vehicle,
+    log: Preprocessed,
+    *,
+    hull: Hull | None = None,
+    further: bool = False,
+    progress: Progress | None = None,
 ) -> Diagnosis:
-    """The same of a recording that has been preprocessed: from its shots to the findings."""
+    """The same of a recording that has been preprocessed: from its shots to the findings.
+
+    With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
+    """
     progress = progress or (lambda words, share: None)
     progress("shots", 0.0)
     if hull is not None:
-        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress)
+        return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
     baseline = refit(vehicle, log, problem, start)

@@ -5,19 +5,25 @@ with all effects that the file has or was given, and is held against the recordi
 that no fit has seen.  The errors of all steps make the ladder.  A step that raises the held-out error is the
 last.  All steps are measured by the yardstick of step 0: its weights of the axes, and the simple predictors
 that were fitted to the recording.
+
+With the hull that a recording before has taught, a step adds what changed most, and refits with it nothing
+but the changes of earlier steps.  What it leaves is measured in units of what the model of the hull leaves of
+the recording before, on held-out data too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 
 from hydro.core.columns import Progress
-from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_start, weighed_fit
+from hydro.core.diagnosis.beside import BESIDE, FLOOR, fit_changes, with_hull
+from hydro.core.diagnosis.beside import LEVEL as OF_HULL
+from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
 from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted, own_effects
@@ -27,7 +33,9 @@ from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, Yardstick, column
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.parameters import free
+from hydro.core.identification.tracking import tracked
 from hydro.core.recording.arrays import recording
+from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -87,21 +95,33 @@ class Recordings:
 
     Attributes:
         log: The recording that everything is fitted to.
-        holdout: Raw table of the held-out one, without the faults of its log; None without one.
+        holdout: The held-out one; None without one.
         yardstick: What the file as given, and all steps, are measured by.
+        hull: What a recording before a change has taught; None without one.
     """
 
     log: Preprocessed
-    holdout: pl.DataFrame | None
+    holdout: Preprocessed | None
     yardstick: Yardstick
+    hull: Hull | None
 
     @classmethod
-    def of(cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None) -> Recordings:
+    def of(
+        cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
+    ) -> Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
-        log = preprocess(vehicle, raw)
+        log, other = preprocess(vehicle, raw), None
         if holdout is not None:
-            holdout = in_order(sound(vehicle, holdout).raw, log.wiring)
-        return cls(log, holdout, Yardstick.of(vehicle, log.raw))
+            found = sound(vehicle, holdout)
+            ordered = in_order(found.raw, log.wiring)
+            record = replace(recording(vehicle, ordered), sigma=found.record.sigma)
+            other = Preprocessed(ordered, tracked(vehicle, record), ())
+        return cls(log, other, Yardstick.of(vehicle, log.raw), hull)
+
+    def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
+        """A vehicle against one of them, with the hull's rows where there is a hull."""
+        found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
+        return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
 
 
 def explain(
@@ -109,6 +129,7 @@ def explain(
     raw: pl.DataFrame,
     *,
     holdout: pl.DataFrame | None = None,
+    hull: Hull | None = None,
     done: Sequence[Step] = (),
     progress: Progress | None = None,
 ) -> Iterator[Step]:
@@ -118,6 +139,8 @@ def explain(
         vehicle: The model.
         raw: Raw table of the measured motion and commands.
         holdout: Another one, which nothing is fitted to.
+        hull: What a recording before a change has taught (`diagnosis.diagnose.hull_of`): then what has
+            changed since is added, and the hull's law and the file's own values are held.
         done: First steps of the same study that are known already.
         progress: Called with a few words and the share of the present step that is done.
 
@@ -129,26 +152,29 @@ def explain(
     """
     for recorded in (raw, holdout):
         if recorded is not None:
-            long_enough(vehicle, recorded)
+            long_enough(vehicle, recorded, beside=hull is not None)
     steps = list(done)
     if steps and ending(steps):
         return
-    recordings, progress = Recordings.of(vehicle, raw, holdout), progress or (lambda words, share: None)
+    recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or (lambda words, share: None)
     while not (steps and ending(steps)):
         steps.append(_next(steps, vehicle, recordings, progress))
         yield steps[-1]
 
 
-def long_enough(vehicle: Vehicle, raw: pl.DataFrame) -> None:
-    """Hold a recording to what the ladder needs of it.
+def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
+    """Hold a recording to what the ladder needs of it, with the model of a hull beside the file or without.
 
     Raises:
-        DataError: It does not fit the vehicle, or no session lasts HORIZON.
+        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with the model of a hull,
+            there are too few shots.
     """
     record = recording(vehicle, raw)
     rows = round(HORIZON / record.dt) + 1
     if (record.segments[:, 1] - record.segments[:, 0]).max() < rows:
         raise DataError(f"no session lasts {HORIZON:g} s without a gap; record longer sessions")
+    if beside:
+        stable_shots(vehicle, Preprocessed(raw, tracked(vehicle, record), ()))
 
 
 def ending(steps: Sequence[Step]) -> str:
@@ -161,7 +187,8 @@ def ending(steps: Sequence[Step]) -> str:
         )
     if not _finding(last):
         known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
-        words = "nothing more is found" if known else "what is left no effect of the catalogue explains"
+        words = "nothing more has changed" if _of_change(last) else "nothing more is found"
+        words = words if known else "what is left no effect of the catalogue explains"
         suspected = ", ".join(suspects(last.diagnosis))
         return f"{words}; only suspected, and not added: {suspected}" if suspected else words
     return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
@@ -175,9 +202,13 @@ def best(steps: Sequence[Step]) -> Step:
 def best_step(ladder: pl.DataFrame) -> int:
     """Number of the step to use in a ladder: the last, or the one before it where that predicts better.
 
-    Held-out predictions HORIZON ahead decide; without such data it is the last.
+    Held-out predictions HORIZON ahead decide, or those with the hull beside the file where its model is
+    known; without such data it is the last.
     """
-    rows = ladder.filter(dataset="holdout", axis="all", horizon=HORIZON).sort("step")
+    held_out = ladder.filter(dataset="holdout")
+    rows = held_out.filter(axis=FLOOR).sort("step")
+    if rows.is_empty():
+        rows = held_out.filter(axis="all", horizon=HORIZON).sort("step")
     last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
     return last - 1 if len(errors) > 1 and errors[-1] > RISE * errors[-2] else last
 
@@ -188,6 +219,8 @@ def _finding(step: Step) -> dict[str, Table]:
     New values alone make a step only where the effects have not been fitted in this one.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "")
+    if _of_change(step):
+        return _change(step, with_values)
     missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()
     if not missing:
         missing = _likely(with_values, {table["name"] for table in step.tables})
@@ -196,6 +229,19 @@ def _finding(step: Step) -> dict[str, Table]:
         return {}
     wanted = [*missing[:1], *retuned]
     return {table["name"]: table for table in tables(step.diagnosis, wanted)}
+
+
+def _of_change(step: Step) -> bool:
+    """Whether the step tells of what has changed since a recording before."""
+    return not step.ladder.filter(axis=FLOOR).is_empty()
+
+
+def _change(step: Step, findings: pl.DataFrame) -> dict[str, Table]:
+    """The best change that is stated, or else likely, and has not been fitted in the step."""
+    fitted = {table["name"] for table in step.tables}
+    stated = findings.filter(pl.col("verdict").is_in((*STEP_VERDICTS, "retune"))).sort("rank")["effect"]
+    names = [name for name in stated if name not in fitted] or _likely(findings, fitted)
+    return {table["name"]: table for table in tables(step.diagnosis, names[:1])} if names else {}
 
 
 def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
@@ -208,28 +254,30 @@ def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
 def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
     """The step after these."""
     number, added, fit = len(steps), (), None  # type: int, tuple[str, ...], Fit | None
-    vehicle, log, holdout, yardstick = file, recordings.log, recordings.holdout, recordings.yardstick
+    log, hull = recordings.log, recordings.hull
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         progress("all together", 0.0)
-        fit = _fit_together(last.vehicle, log, _wanted(last, found), file)
+        if hull is None:
+            fit = _fit_together(last.vehicle, log, _wanted(last, found), file)
+        else:
+            fit = fit_changes(file, log, hull, [_bare(one) for one in (*last.tables, *found.values())])
     fitted = fit.tables() if fit else ()
-    vehicle = extended(vehicle, fitted)
-    comparison = compare(vehicle, log.raw, yardstick=yardstick, progress=_part(progress, 0.3, 0.5))
-    compared = [comparison]
-    if holdout is not None:
-        compared.append(compare(vehicle, holdout, yardstick=yardstick, progress=_part(progress, 0.5, 0.6)))
+    vehicle = extended(file, fitted)
+    compared = [recordings.compared(vehicle, log, _part(progress, 0.3, 0.5))]
+    if recordings.holdout is not None:
+        compared.append(recordings.compared(vehicle, recordings.holdout, _part(progress, 0.5, 0.6)))
     # Standard errors from this recording are no second opinion on it.
     plain = extended(file, [_bare(table) for table in fitted])
-    diagnosis = diagnose_log(plain, log, progress=_part(progress, 0.6, 1.0))
+    diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
         added,
         fitted,
         vehicle,
-        comparison,
+        compared[0],
         diagnosis.frame(),
         diagnosis.chi2,
         pl.concat(_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)),
@@ -264,9 +312,14 @@ def _bare(table: Table) -> dict[str, Any]:
 
 
 def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:
-    """Rows of the ladder from one comparison: the errors of predictions over all of the recording."""
+    """Rows of the ladder from one comparison: the errors of predictions over all of the recording.
+
+    With the model of the hull also that of all channels together in units of its floor.
+    """
     key = ["axis", "horizon"]
-    rungs = comparison.filter(level="replay", by="all").select(
+    beside = (pl.col("level") == OF_HULL) & (pl.col("axis") == FLOOR) & (pl.col("by") == BESIDE)
+    own = (pl.col("level") == "replay") & (pl.col("by") == "all")
+    rungs = comparison.filter(own | beside).select(
         pl.lit(number, pl.Int64).alias("step"),
         pl.lit(", ".join(added)).alias("effect"),
         *(pl.lit(dataset).alias(name) if name == "dataset" else name for name in RUNG),

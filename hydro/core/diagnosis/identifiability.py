@@ -5,6 +5,9 @@ much of the effect's others.  And thrusters that always ran in step have gains o
 
 A payload without mass is a net buoyancy and a shifted centre of buoyancy: an exact alias in any recording.
 That its forces say, at many states drawn at random, of every attitude, velocity and command.
+
+What a diagnosis leaves open, effects that explain a recording about as well and what it does not show, is
+the question that the next flight is to answer.
 """
 
 from __future__ import annotations
@@ -15,14 +18,19 @@ from itertools import pairwise
 import numpy as np
 
 from hydro.core.columns import DOF, Array
+from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.search import Baseline, Found, Outcome
 from hydro.core.effects import CATALOGUE, inertia_matrix
+from hydro.core.experiment.discrimination import Rival
+from hydro.core.experiment.flight import Question
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import UNDETERMINED
 from hydro.core.identification.levenberg_marquardt import moved
 from hydro.core.identification.parameters import Entry
 from hydro.core.identification.suspects import suspects
 from hydro.core.recording.arrays import Recording
+from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle
 
 EXACT = 1e-6
@@ -38,6 +46,8 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
 }
 """Names of a vector's entries, where they are not the body's axes."""
 BODY = ("forward", "to starboard", "down")
+CLOSEST = 3
+"""Rivals of a suspect, itself among them."""
 
 
 def undetermined(entries: Sequence[Entry], covariance: Array) -> dict[str, tuple[str, ...]]:
@@ -161,3 +171,34 @@ def _states(thrusters: int) -> Recording:
         session=np.zeros(1, np.int64),
         dt=0.02,
     )
+
+
+def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding]) -> Question:
+    """The rivals of every finding whose name is not sure, and what the recording does not show."""
+    model, log = outcome.model, baseline.log
+    ties = []
+    for found in outcome.found:
+        verdicts = {one.verdict for one in findings if one.effect == found.effect}
+        if verdicts & {"cannot_tell_apart", "suspect"}:
+            members = next(one.members for one in findings if one.effect == found.effect)
+            ties.append(_rivals(found, members, outcome))
+    hidden = tuple(one.effect for one in findings if one.verdict == "not_excited")
+    widened = np.sqrt(max(model.normal.chi2, 1.0) * log.record.dt * LOG_RATE)
+    sigma = baseline.problem.shots.sigma * widened
+    return Question(tuple(ties), _rival("", model), hidden, sigma, log.middle, log.positions)
+
+
+def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Rival, ...]:
+    """The effects of a tie, or of a suspect the nearest contenders; without any, the model without it."""
+    order = sorted(found.rivals, key=lambda name: float(found.rivals[name].penalised.sum()))
+    names = [name for name in members if name in found.rivals]
+    if len(names) < 2:
+        names += [name for name in order if name not in names][: CLOSEST - len(names)]
+    if len(names) < 2:
+        rest = _rival(f"no {found.effect}", outcome.without[found.effect])
+        return (_rival(found.effect, outcome.model), rest)
+    return tuple(_rival(name, found.rivals[name]) for name in names)
+
+
+def _rival(name: str, model: Model) -> Rival:
+    return Rival.of(name, model.unknown, model.values, model.normal)

@@ -40,6 +40,7 @@ class Hull:
         sigma: Noise of the channels of that recording, (12,).
         floor: Root mean square residual of stretches that the law was not fitted to, in units of the noise
             and at least 1, (12,).
+        alone: The same of the file alone, (12,).
         given: Mean squared residual of the file alone in units of the noise, and
         left: that of stretches left out.
     """
@@ -47,6 +48,7 @@ class Hull:
     law: Law
     sigma: Array
     floor: Array
+    alone: Array
     given: float
     left: float
 
@@ -86,8 +88,8 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
     given, left = (one.linearise(vehicle, [], []) for one in (problem, corrected))
     weight = robust(left.gram[:, -1, -1])
     weight /= weight.mean()
-    level = replace(left, channels=left.channels * weight[:, None]).rms
-    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), given.chi2, left.chi2)
+    level, alone = (replace(one, channels=one.channels * weight[:, None]).rms for one in (left, given))
+    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), alone, given.chi2, left.chi2)
 
 
 def stretches(shots: Shots) -> Rows:

@@ -1,0 +1,101 @@
+"""A recording from before a change, and the model of the hull that it teaches, for all commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hydro.commands.shell import about, dataset_name, read, report
+from hydro.core.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from hydro.core.residual.hull import Hull
+    from hydro.core.vehicle.description import Vehicle
+    from hydro.io.table import Artefact
+
+Before = Annotated[
+    str | None,
+    typer.Option(
+        "--before",
+        metavar="RAW",
+        show_default=False,
+        help="A recording of the vehicle before a change: tells what has changed since.",
+    ),
+]
+Network = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="MODEL",
+        show_default=False,
+        help="With --before: a network of hydro train in the place of the built-in regression.",
+    ),
+]
+
+ASIDE = "best name another recording of the unchanged vehicle"
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What a recording from before has taught.
+
+    Attributes:
+        hull: What the hull does beside the file.
+        inputs: The recording, and the network where one is asked.
+        parameters: What a table that rests on it says in its footer, see `report.change`.
+    """
+
+    hull: Hull
+    inputs: tuple[Artefact, ...]
+    parameters: dict[str, Any]
+
+
+def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Artefact) -> Earlier | None:
+    """Learn a hull from --before, or ask --model for it; None without a recording before.
+
+    Args:
+        before: Where the recording is.
+        model: Where the network is.
+        vehicle: The file that the hull's model stands beside.
+        source: The recording after.
+
+    Raises:
+        DataError: It is the recording after itself, does not fit the vehicle or is too short; or the network
+            cannot stand beside the file.
+        UsageError: There is a network alone.
+    """
+    from hydro.core.diagnosis.diagnose import hull_of
+    from hydro.core.residual.learnt import Learnt
+    from hydro.io.model import from_artefact
+
+    if before is None:
+        if model is not None:
+            raise UsageError("--model needs --before, which says how much the network leaves unexplained")
+        return None
+    earlier = read(before, "raw")
+    if earlier.provenance.content == source.provenance.content:
+        raise DataError(f"{before}: the same rows as the measured recording; a change needs two")
+    told: dict[str, Any] = {"recording": dataset_name(before)}
+    inputs, law = [earlier], None
+    if model is not None:
+        network = read(model, "model")
+        with about(model):
+            law = Learnt.of(from_artefact(network), vehicle)
+        told |= {"network": dataset_name(model), "learnt": _learnt_from(network, earlier)}
+        if told["learnt"]:
+            report(model, f"has learnt from {before}, and leaves less of it than of other motion; {ASIDE}")
+        inputs.append(network)
+    with about(before):
+        hull = hull_of(vehicle, earlier.frame, law)
+    figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
+    return Earlier(hull, tuple(inputs), {"before": told | figures})
+
+
+def _learnt_from(network: Artefact, recording: Artefact) -> bool:
+    """Whether a network was trained on a recording."""
+    from hydro.io.provenance import lineage
+
+    content = recording.provenance.content
+    return any(node.content == content for _, node in lineage(network.provenance))

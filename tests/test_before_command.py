@@ -1,0 +1,207 @@
+"""`--before` of compare, explain and report: what has changed, with a model of the hull held fixed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import polars as pl
+import pytest
+from recordings import damped, moved, noisy
+
+import hydro
+from hydro import cli
+from hydro.core.errors import UsageError
+from hydro.io import table
+from hydro.io import vehicle as vehicles
+from hydro.report import change
+from hydro.report.page import render
+from hydro.report.sources import gather
+
+HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
+WEAK = {"name": "thruster_gain", "g": [0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+
+
+def flown(*effects, seed: int) -> pl.DataFrame:
+    sessions = [
+        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
+            session=pl.lit(f"s{i}")
+        )
+        for i in range(4)
+    ]
+    return pl.concat(sessions)
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file that knows nothing of the hull, and the vehicle before, after and without a change."""
+    folder = tmp_path_factory.mktemp("before")
+    hydro.write_vehicle(damped(), folder / "vehicle.toml")
+    recordings = {"earlier": flown(seed=10), "after": flown(WEAK, seed=40), "same": flown(seed=70)}
+    recordings["heldout"] = flown(WEAK, seed=100).filter(pl.col("session") < "s2")
+    for name, frame in recordings.items():
+        hydro.write(frame, folder / f"{name}.parquet", "raw")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def there(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(work)
+
+
+def run(*arguments: object) -> int:
+    return cli.main([str(one) for one in arguments])
+
+
+def times(comparison: pl.DataFrame) -> dict[str, float]:
+    return dict(change.errors(comparison).select("axis", "times").iter_rows())
+
+
+def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
+    found = {}
+    for name in ("after", "same"):
+        line = ["compare", "vehicle.toml", f"{name}.parquet", "--before", "earlier.parquet"]
+        assert run(*line, "-o", f"{name}-compared.parquet") == 0
+        found[name] = table.read(f"{name}-compared.parquet", "comparison")
+    told = capsys.readouterr().err
+    assert "Recording before, earlier: mean squared residual" in told
+    unchanged, changed = times(found["same"].frame), times(found["after"].frame)
+    assert max(unchanged.values()) < 1.5, "a hull alike in both recordings leaves what it left"
+    most = max(changed, key=lambda axis: changed[axis])
+    assert changed[most] > 2.0
+    assert f"most in {most}, {changed[most]:.1f} times" in told
+    rows = found["same"].frame.filter(level="hull", place="after", axis="v")
+    alone, beside = (rows.filter(by=by)["rmse"].item() for by in ("file alone", "with the hull"))
+    assert beside < 0.5 * alone, "without the hull's model the file errs much more"
+    footer = found["after"].provenance
+    assert footer.parameters["before"]["recording"] == "earlier"
+    earlier = table.read("earlier.parquet").provenance.content
+    assert [one.content for one in footer.inputs if one.kind == "raw"][1:] == [earlier]
+    python = hydro.compare(
+        hydro.vehicle("vehicle.toml"), hydro.read("same.parquet"), before=hydro.read("earlier.parquet")
+    )
+    assert python.equals(found["same"].frame)
+
+
+def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
+    line = ["explain", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
+    line += ["--holdout", "heldout.parquet", "-o", "study"]
+    assert run(*line) == 0
+    told = capsys.readouterr().err
+    assert "It ends here: nothing more has changed." in told
+    first, _ = vehicles.read("study/vehicle-0.toml")
+    last, _ = vehicles.read("study/vehicle-1.toml")
+    (gain,) = last.effects("thruster_gain")
+    assert gain["g"][1] == pytest.approx(-0.3, abs=0.05)
+    assert gain["standard_error"]["g"][1] < 0.05
+    assert last.effect[: len(first.effect)] == first.effect, "the file's own values are held"
+    ladder = hydro.read("study/ladder.parquet").filter(axis="floor")
+    for dataset in ("fit", "holdout"):
+        before, after = ladder.filter(dataset=dataset).sort("step")["rmse"]
+        assert after < 0.7 * before
+        assert after < 1.3, "what is left is what the model of the hull leaves"
+    assert hydro.read("study/diagnosis-1.parquet")["verdict"].to_list() == ["nothing_missing"]
+    page = render(gather(["study"]))
+    assert "What has changed since the recording earlier?" in page
+    assert "with thruster_gain" in page
+    assert "Noise explains the error that is left" not in page
+    assert run(*line) == 0
+    assert "(already done)" in capsys.readouterr().err
+    other = ["explain", "vehicle.toml", "after.parquet", "--before", "same.parquet", "-o", "study"]
+    assert run(*other) == 0
+    assert "the files of another study there are replaced" in capsys.readouterr().err
+
+
+def test_held_out_data_too_short_for_a_floor_are_refused_by_name(capsys) -> None:
+    hydro.write(hydro.read("heldout.parquet").filter(session="s0"), "short.parquet", "raw")
+    line = ["explain", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
+    assert run(*line, "--holdout", "short.parquet", "-o", "never") == 1
+    told = capsys.readouterr().err
+    assert told.startswith("hydro: short.parquet: 20 s without a gap are too short")
+    assert told.count("\n") == 1
+
+
+def test_nothing_changed_is_one_step_from_python() -> None:
+    vehicle, before = hydro.vehicle("vehicle.toml"), hydro.read("earlier.parquet")
+    (step,) = hydro.explain(vehicle, hydro.read("same.parquet"), before=before)
+    assert step.diagnosis["verdict"].to_list() == ["nothing_missing"]
+    assert "nothing has changed beyond" in step.diagnosis["advice"][0]
+
+
+@pytest.fixture(scope="module")
+def network(work: Path) -> Path:
+    """A small network of the recording before, by the commands that a user would give."""
+    steps = (
+        ("labels", "earlier.parquet", "--vehicle", "vehicle.toml", "-o", "labels.parquet"),
+        ("split", "labels.parquet", "-o", "split.parquet"),
+        ("train", "split.parquet", "--model", "mlp", "--epochs", "25", "-o", "net.parquet"),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(work)
+        for step in steps:
+            assert run(*step) == 0
+    return work / "net.parquet"
+
+
+@pytest.mark.slow
+def test_a_network_in_the_place_of_the_regression_names_the_change(network: Path, capsys) -> None:
+    line = ["diagnose", "vehicle.toml", "after.parquet", "--before", "same.parquet"]
+    line += ["--model", "net.parquet"]
+    assert run(*line, "-o", "diagnosis.parquet") == 0
+    told = capsys.readouterr().err
+    assert "with the network net, which has not learnt from it" in told
+    made = table.read("diagnosis.parquet", "diagnosis")
+    first = made.frame.row(0, named=True)
+    assert (first["verdict"], first["effect"]) == ("missing", "thruster_gain")
+    assert made.provenance.parameters["before"]["network"] == "net"
+    assert "model" in [one.kind for one in made.provenance.inputs]
+    known, earlier = hydro.vehicle("vehicle.toml"), hydro.read("same.parquet")
+    after, model = hydro.read("after.parquet"), hydro.read_model(network)
+    assert hydro.diagnose(known, after, before=earlier, model=model).equals(made.frame)
+
+
+def test_a_network_that_has_learnt_from_the_recording_before_is_told(network: Path, capsys) -> None:
+    line = ["compare", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
+    assert run(*line, "--model", "net.parquet", "-o", "compared.parquet") == 0
+    told = capsys.readouterr().err
+    assert "hydro: net.parquet: has learnt from earlier.parquet" in told
+    assert "with the network net, which has learnt from it" in told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["compare", "diagnose", "explain"])
+def test_a_network_of_another_vehicle_is_refused_in_one_line(command: str, network: Path, capsys) -> None:
+    body = msgspec.structs.replace(damped().rigid_body, mass=91.0)
+    hydro.write_vehicle(msgspec.structs.replace(damped(), rigid_body=body), "heavier.toml")
+    line = [command, "heavier.toml", "after.parquet", "--before", "earlier.parquet", "--model", "net.parquet"]
+    assert run(*line, "-o", "never") == 1
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told.startswith("hydro: net.parquet: ")
+    assert "made with another vehicle file (rigid_body differ)" in told
+    assert not list(Path("never").glob("*")) if Path("never").is_dir() else not Path("never").exists()
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose", "explain"])
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        (["--model", "net.parquet"], 2, "--model needs --before"),
+        (["--before", "after.parquet"], 1, "the same rows as the measured recording"),
+        (["--before", "nowhere.parquet"], 1, "nowhere.parquet: no such file"),
+        (["--before", "vehicle.toml"], 1, "not a Parquet file"),
+        (["--before", "earlier.parquet", "--model", "earlier.parquet"], 1, "but this needs model"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(command, more, code, words, capsys) -> None:
+    assert run(command, "vehicle.toml", "after.parquet", *more, "-o", "never") == code
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert words in told
+    assert not Path("never").exists()
+
+
+def test_a_model_alone_is_refused_in_python_too() -> None:
+    known, raw = hydro.vehicle("vehicle.toml"), hydro.read("after.parquet")
+    for call in (hydro.compare, hydro.diagnose):
+        with pytest.raises(UsageError, match="model needs before"):
+            call(known, raw, model=object())
