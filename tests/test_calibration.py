@@ -10,7 +10,10 @@ from benchmarks import calibration, kept_tables
 from benchmarks.hidden_effects import study as hidden
 from benchmarks.imperfect_base import study as base
 from benchmarks.imperfect_base.scoring import BIN
+from benchmarks.imperfect_base.work import Results
 from benchmarks.imperfect_logs import study as logs
+from hydro.core.diagnosis.confidence import by_likelihood_confidence
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 
 ANSWER = {"preset": "auv151", "noise": 1.0, "seconds": 160.0, "failure": "", "title": "", "misjudged": []}
 
@@ -170,3 +173,21 @@ def test_a_kept_table_has_its_origin_last_and_is_read_as_it_was_written(tmp_path
     assert read.columns[-5:] == ["commit", "recorded", "date", "command", "seeds"]
     assert read["seeds"].unique().to_list() == ["10000 to 10299"]
     assert read["forecast"].to_list() == list(calibration.FORECASTS)
+
+
+def test_a_results_file_of_before_there_were_supports_is_gone_on_with(tmp_path):
+    path = tmp_path / "hidden.parquet"
+    table([study(10_000, ("missing", "payload", 0.9, 1.0))]).drop("supports").write_parquet(path)
+    Results(path, hidden.SCHEMA).add(study(10_001, ("missing", "payload", 0.9, 0.95)))
+    found = pl.read_parquet(path)
+    assert found.schema == pl.Schema(hidden.SCHEMA)
+    assert found["supports"].to_list() == [None, [0.95]]
+
+
+@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (4.0, 0.7)])
+def test_a_finding_keeps_what_its_confidence_was_made_from(left, stated):
+    """Where more than noise is left, a name is less sure than the share of resamples that it wins."""
+    finding = Finding("missing", "payload", confidence=by_likelihood_confidence(0.9, left), support=0.9)
+    row = hidden.answer(Diagnosis((finding, Finding("nothing_missing")), None, (9.0, 9.0, left)))
+    assert row["confidences"] == [pytest.approx(stated), None]
+    assert row["supports"] == [0.9, None]
