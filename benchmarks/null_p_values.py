@@ -187,11 +187,13 @@ def sums(table: pl.DataFrame) -> Iterator[Row]:
     for words, part in conditions(table):
         each, once = groups(part), part.unique(KEY)["overall"].to_numpy()
         worst, most = each.row(0, named=True), each.sort("rare").row(0, named=True)
+        uneven = each.filter(pl.col("uniform_adjusted") <= 0.05)["group"].to_list()
         yield {
             "noise and length": words,
             "logs": once.size,
             "groups": each.height,
             "least KS p of a group, after Holm": f"{worst['uniform_adjusted']:.2g} ({worst['group']})",
+            "groups at or below 0.05": ", ".join(uneven) or "none",
             "p <= 0.01, all groups": rate(part["p_value"] <= ALPHA),
             "most in one group": f"{rate_of(most)}, after Holm {most['rare_adjusted']:.2g}",
             "KS p of all at once": f"{uniform(once):.2g}",

@@ -43,6 +43,7 @@ def test_uniform_p_values_pass():
     (row,) = nulls.sums(results())
     assert row["logs"] == LOGS
     assert row["groups"] == len(GROUPS)
+    assert row["groups at or below 0.05"] == "none"
     assert row["all at once <= 0.01"].endswith(f"(1 of {LOGS})")
 
 
@@ -52,6 +53,8 @@ def test_a_skewed_group_fails_and_only_it(power):
     assert each["group"][0] == "tether"
     assert each["uniform_adjusted"][0] < 1e-3
     assert each["uniform_adjusted"][1:].min() > 0.99
+    (row,) = nulls.sums(results("tether", power))
+    assert row["groups at or below 0.05"] == "tether"
     # p^3 <= 0.01 for 12 of the 60 quantiles, p^(1/3) for none
     assert each["at_alpha"][0] == (13 if power > 1.0 else 0)
     assert (each["rare_adjusted"][0] < 1e-6) == (power > 1.0)
