@@ -10,11 +10,8 @@ file as given names nothing and lowers no error, which is the baseline.
 from __future__ import annotations
 
 import argparse
-import csv
-import datetime
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -23,10 +20,9 @@ from benchmarks.hidden_effects.scoring import rate
 from benchmarks.imperfect_base.scoring import Score, score
 from benchmarks.imperfect_base.study import SHARE
 from benchmarks.imperfect_logs.study import CONDITIONS
+from benchmarks.kept_tables import Row, keep, origin
 from benchmarks.rivals.contest import BASE
 
-RESULTS = Path(__file__).parent / "results"
-Row = dict[str, Any]
 HIDDEN, UNCHANGED = ("changed", "one"), ("nothing", "none")
 
 
@@ -118,15 +114,6 @@ def _rivals(others: pl.DataFrame) -> Iterator[Row]:
         yield {"by": name, **rival(part.to_dicts())}
 
 
-def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
-    """Where the figures come from, as docs/generate_benchmarks.py reads it."""
-    seeds = f"{results['seed'].min()} to {results['seed'].max()}"
-    return {
-        **{"commit": commit, "recorded": "", "date": datetime.date.today().isoformat()},
-        **{"command": command, "seeds": seeds},
-    }
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("which", choices=("base", "logs"))
@@ -138,17 +125,13 @@ def main() -> None:
     results, others = pl.read_parquet(chosen.results), pl.read_parquet(chosen.rivals)
     rows = list({"base": base, "logs": logs}[chosen.which](results, others))
     command = f"python -m benchmarks.imperfect_{chosen.which} run --seconds {results['seconds'][0]:g}"
-    columns = list(dict.fromkeys(name for row in rows for name in row))
     whence = origin(results, command, chosen.commit)
     beside = whence | {
         "seeds": f"{others['seed'].min()} to {others['seed'].max()}",
         "commit": chosen.rivals_commit or chosen.commit,
     }
     rivals = set(others["rival"])
-    with (RESULTS / f"imperfect_{chosen.which}.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, [*columns, *whence], restval="")
-        writer.writeheader()
-        writer.writerows(row | (beside if row["by"] in rivals else whence) for row in rows)
+    keep(f"imperfect_{chosen.which}", [row | (beside if row["by"] in rivals else whence) for row in rows])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Write docs/benchmarks.md and docs/imperfect.md from templates and the kept results, for `make docs`.
 
 A result table is benchmarks/results/NAME.csv: first what was measured, as it is to be read, then its
-origin. A line `{{table:NAME}}` of docs/*.template.md becomes the table with its origin above it.
+origin. A line `{{table:NAME}}` of docs/*.template.md becomes the table with its origin above it. What stands
+between the lines `{{with:NAME}}` and `{{end}}` is left out as long as there is no such table.
 """
 
 from __future__ import annotations
@@ -21,8 +22,18 @@ ORIGIN = ("commit", "recorded", "date", "command", "seeds")
 
 def page(name: str) -> str:
     """A whole page."""
-    template = (DOCS / f"{name}.template.md").read_text()
+    template = measured((DOCS / f"{name}.template.md").read_text())
     return re.sub(r"^\{\{table:(\w+)\}\}$", lambda found: table(found[1]), template, flags=re.MULTILINE)
+
+
+def measured(template: str) -> str:
+    """The template without what waits for a table that has not been kept yet."""
+
+    def part(found: re.Match[str]) -> str:
+        return found[2] if (RESULTS / f"{found[1]}.csv").exists() else ""
+
+    pattern = r"^\{\{with:(\w+)\}\}\n(.*?)^\{\{end\}\}\n"
+    return re.sub(pattern, part, template, flags=re.MULTILINE | re.DOTALL)
 
 
 def results(name: str) -> list[dict[str, str]]:

@@ -33,6 +33,11 @@ def test_the_page_is_current(name: str) -> None:
     assert "{{" not in PAGES[name]
 
 
+def test_what_waits_for_a_table_is_left_out_until_it_is_kept() -> None:
+    said = "before\n{{with:recovery}}\nkept\n{{end}}\n{{with:of_nothing}}\nnot kept\n{{end}}\nafter\n"
+    assert GENERATOR["measured"](said) == "before\nkept\nafter\n"
+
+
 def test_every_result_table_is_shown_once() -> None:
     shown = re.findall(r"\]\(\.\./benchmarks/results/(\w+\.csv)\)", "".join(PAGES.values()))
     assert sorted(shown) == sorted(path.name for path in RESULTS)

@@ -15,9 +15,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
     os.environ.setdefault(_name, "1")  # studies run beside one another
 
 import argparse
-import multiprocessing
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,29 +23,17 @@ import polars as pl
 
 from benchmarks.hidden_effects import cases, report, study, vehicles
 from benchmarks.hidden_effects.scoring import score
+from benchmarks.imperfect_base.work import Results, done, together
 
 KEY = ("kind", "seed", "source", "seconds")
-Task = tuple[cases.Case, float, Path, bool, float]
-
-
-def done(tasks: list[Task], workers: int) -> Iterator[dict[str, Any]]:
-    """Rows of studies as they end."""
-    if workers == 1:
-        yield from (study.run(*task) for task in tasks)
-        return
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(study.run, *task) for task in tasks]):
-            yield future.result()
 
 
 def run(chosen: argparse.Namespace) -> None:
     """Run what is not in the results file yet."""
-    out: Path = chosen.out
-    out.parent.mkdir(parents=True, exist_ok=True)
-    table = pl.read_parquet(out) if out.exists() else pl.DataFrame(schema=study.SCHEMA)
-    known = set(table.select(KEY).rows())
+    results = Results(chosen.out, study.SCHEMA)
+    known = set(results.table.select(KEY).rows())
     wanted = range(chosen.first_seed, chosen.first_seed + chosen.studies)
-    folder = chosen.folder or out.parent
+    folder = chosen.folder or chosen.out.parent
     drawn = (cases.draw(kind, seed, chosen.source) for kind in chosen.kind for seed in wanted)
     tasks = [
         (case, chosen.seconds, folder, not chosen.no_oracle, chosen.least)
@@ -57,11 +43,8 @@ def run(chosen: argparse.Namespace) -> None:
     ]
     for name in sorted({case.preset for case, *_ in tasks if case.source == "teacher"}):
         vehicles.of_teacher(name, folder)  # before the workers begin, so that only one of them makes it
-    for number, row in enumerate(done(tasks, chosen.workers), 1):
-        table = pl.concat([table, pl.DataFrame([row], schema=study.SCHEMA)])
-        partial = out.with_suffix(".partial")
-        table.write_parquet(partial)
-        partial.replace(out)
+    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+        results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
 
@@ -84,7 +67,7 @@ def line(row: dict[str, Any]) -> str:
 
 def read(paths: Iterable[Path]) -> pl.DataFrame:
     """Results of several files as one table."""
-    return pl.concat([pl.read_parquet(path) for path in paths]).unique(KEY, keep="last", maintain_order=True)
+    return together(map(pl.read_parquet, paths)).unique(KEY, keep="last", maintain_order=True)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -30,11 +30,13 @@ class Named:
         effect: The best one.
         members: All that it may be, the best one among them.
         confidence: As stated; None where none was.
+        support: What that was made from; None where none was stated or the table does not say.
     """
 
     effect: str
     members: frozenset[str]
     confidence: float | None
+    support: float | None = None
 
 
 @dataclass(frozen=True)
@@ -113,11 +115,12 @@ def _matched(truth: Sequence[str], sets: Sequence[frozenset[str]]) -> bool:
 def score(row: Mapping[str, Any]) -> Score:
     """Score a row that holds an answer."""
     truth = frozenset(row["called"])
-    excused = set(row["misjudged"]) - truth
-    told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], strict=True)
+    excused = set(row.get("misjudged") or ()) - truth
+    supports = row.get("supports") or [None] * len(row["verdicts"])
+    told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], supports, strict=True)
     named = tuple(
-        Named(effect, frozenset(members) | {effect}, confidence)
-        for verdict, effect, members, confidence in told
+        Named(effect, frozenset(members) | {effect}, confidence, support)
+        for verdict, effect, members, confidence, support in told
         if verdict in NAMING and not (verdict == "retune" and effect in excused)
     )
     return Score(row, truth, named, not LEFT.isdisjoint(row["verdicts"]))

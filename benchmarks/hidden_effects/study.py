@@ -56,6 +56,7 @@ SCHEMA: dict[str, Any] = {
     "members": pl.List(pl.List(pl.String)),
     "found_shares": pl.List(pl.Float64),
     "confidences": pl.List(pl.Float64),
+    "supports": pl.List(pl.Float64),
     "p_values": pl.List(pl.Float64),
     "chi2_given": pl.Float64,
     "chi2_own": pl.Float64,
@@ -73,7 +74,8 @@ SCHEMA: dict[str, Any] = {
 `called` are the effects that an answer should name and `truth` everything hidden, as JSON; `misjudged` are
 the file's own effects with wrong values.  `share` is the part of the squared 5 s replay error of the file as
 given that what is hidden makes, `shares` that of each hidden effect beside the others.  Findings follow in
-the order of the diagnosis, those that were not excited left out.  `before`, `after`, `oracle` and `floor` are
+the order of the diagnosis, those that were not excited left out; `supports` are what their confidences were
+made from, see `Finding`; older tables lack them.  `before`, `after`, `oracle` and `floor` are
 root mean square errors of 5 s replays of the held-out session: of the file, of the diagnosed vehicle, of the
 file with the true effects fitted, and of noise alone.
 """
@@ -250,6 +252,7 @@ def answer(found: Diagnosis) -> dict[str, Any]:
         "members": [list(one.members) for one in told],
         "found_shares": numbers([one.share for one in told]),
         "confidences": numbers([one.confidence for one in told]),
+        "supports": numbers([one.support for one in told]),
         "p_values": numbers([one.p_value for one in told]),
         "chi2_given": given,
         "chi2_own": own,

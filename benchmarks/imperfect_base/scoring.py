@@ -131,6 +131,17 @@ def brier(confidence: np.ndarray, right: np.ndarray) -> float:
 
 
 def bins(confidence: np.ndarray) -> list[np.ndarray]:
-    """Indices of namings by rising confidence in at most ten bins of equal count, at least `BIN` each."""
+    """Indices of namings by rising confidence in at most ten bins of equal count, at least `BIN` each.
+
+    Equal confidences share a bin: which of them is right must not hang on their order.
+    """
     count = int(np.clip(confidence.size // BIN, 1, 10))
-    return [part for part in np.array_split(np.argsort(confidence, kind="stable"), count) if part.size]
+    order = np.argsort(confidence, kind="stable")
+    ends = np.cumsum([part.size for part in np.array_split(order, count)])
+    edges = [0]
+    for end in np.searchsorted(confidence[order], confidence[order[ends - 1]], "right"):
+        if end - edges[-1] >= BIN:
+            edges.append(int(end))
+    if len(edges) > 1 and order.size - edges[-1] < BIN:
+        edges.pop()
+    return [part for part in np.split(order, edges[1:]) if part.size]

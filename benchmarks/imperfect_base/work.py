@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, TypeVar
@@ -44,21 +44,28 @@ def add_report(commands: Any, summary: Callable[[pl.DataFrame], str], key: Seque
     report.add_argument("results", type=Path, nargs="+")
     report.set_defaults(
         action=lambda chosen: print(
-            summary(pl.concat([pl.read_parquet(path) for path in chosen.results]).unique(key)), end=""
+            summary(together(map(pl.read_parquet, chosen.results)).unique(key)), end=""
         )
     )
 
 
+def together(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """Tables of results as one; a column that an older one lacks is null there."""
+    return pl.concat(tables, how="diagonal")
+
+
 class Results:
-    """A table on disk, one row more at a time, whole or not at all."""
+    """A table on disk, some rows more at a time, whole or not at all."""
 
     def __init__(self, path: Path, schema: Mapping[str, Any]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self.path, self.schema = path, schema
-        self.table = pl.read_parquet(path) if path.exists() else pl.DataFrame(schema=schema)
+        self.table = pl.DataFrame(schema=schema)
+        if path.exists():
+            self.table = together([self.table, pl.read_parquet(path)])
 
-    def add(self, row: Mapping[str, Any]) -> None:
-        self.table = pl.concat([self.table, pl.DataFrame([row], schema=self.schema)])
+    def add(self, *rows: Mapping[str, Any]) -> None:
+        self.table = pl.concat([self.table, pl.DataFrame(rows, schema=self.schema)])
         partial = self.path.with_suffix(".partial")
         self.table.write_parquet(partial)
         partial.replace(self.path)

@@ -351,6 +351,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Findin
         parameters=parameters,
         standard_errors=errors,
         advice=words,
+        support=wins[name],
     )
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))

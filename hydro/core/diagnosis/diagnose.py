@@ -329,6 +329,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         parameters,
         errors,
         advice=words,
+        support=tied[effect],
     )
 
 

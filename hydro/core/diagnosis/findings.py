@@ -65,13 +65,15 @@ class Finding:
         share: Part of the error beyond the noise that it explains, with
         low: the lower and
         high: the upper end of its 95 % interval; NaN where there is none.
-        confidence: Part of the resampled recordings in which this effect is the best; NaN where
-            none is meant.
+        confidence: Probability that the name is right, as far as right and wrong names of the benchmarks
+            tell; NaN where none is stated.
         p_value: That chance alone would show as much; NaN where nothing was tested.
         parameters: Fitted values of the effect's table.
         standard_errors: Theirs.
         excited: Whether the recording could have shown it.
         advice: What to do.
+        support: What the confidence was made from: the part of the resampled recordings in which this effect
+            is the best, or the share of left-out error that it removes; NaN where none is stated.
     """
 
     verdict: Verdict
@@ -86,6 +88,7 @@ class Finding:
     standard_errors: Mapping[str, Any] = field(default_factory=dict)
     excited: bool = True
     advice: str = ""
+    support: float = math.nan
 
 
 @dataclass(frozen=True)

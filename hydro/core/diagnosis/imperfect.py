@@ -97,6 +97,7 @@ def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
             parameters=values,
             standard_errors=test.errors,
             advice=f"{advice.adding(one.effect, values, dt)}; kinematics alone shows it, whatever forces act",
+            support=1.0 - test.p_value,
         )
 
 
@@ -184,6 +185,7 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
         parameters=values,
         standard_errors=errors,
         advice=words if stated else advice.suspecting(rival.effect, words),
+        support=rival.score,
     )
 
 

@@ -85,6 +85,7 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
     assert (first.verdict, first.effect, first.members) == ("missing", hidden["name"], (hidden["name"],))
     assert first.share > 0.95
     assert first.confidence > 0.95
+    assert first.support >= first.confidence
     assert first.p_value == pytest.approx(1 / 2000)
     pack = CATALOGUE[hidden["name"]].pack
     values, errors = (pack(dict(t), thrusters=8) for t in (first.parameters, first.standard_errors))

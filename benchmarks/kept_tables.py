@@ -1,0 +1,51 @@
+"""Result tables that are kept in benchmarks/results, and the pages of the documentation that show them."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import runpy
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+GENERATOR = ROOT / "docs" / "generate_benchmarks.py"
+Row = dict[str, Any]
+
+
+def origin(results: pl.DataFrame, command: str, commit: str) -> Row:
+    """Where the figures come from, as docs/generate_benchmarks.py reads it."""
+    seeds = f"{results['seed'].min()} to {results['seed'].max()}"
+    return {
+        **{"commit": commit, "recorded": "", "date": datetime.date.today().isoformat()},
+        **{"command": command, "seeds": seeds},
+    }
+
+
+def keep(name: str, rows: Sequence[Row], folder: Path = RESULTS) -> None:
+    """Write a table of rows with their origin, and make the pages anew where it is one of those kept.
+
+    Args:
+        name: Of the table.
+        rows: Cells by column, as they are to be read; what a row lacks is empty.
+        folder: Where it is written.
+    """
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    last = [column for column in columns if column in origin(pl.DataFrame({"seed": [0]}), "", "")]
+    with (folder / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*(c for c in columns if c not in last), *last], restval="")
+        writer.writeheader()
+        writer.writerows(rows)
+    if folder == RESULTS:
+        runpy.run_path(str(GENERATOR), run_name="__main__")
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """The same rows as a table in Markdown."""
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    cells = [[str(row.get(column, "")) for column in columns] for row in rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [columns, ["---"] * len(columns), *cells])
