@@ -3,7 +3,7 @@
 Each seed is one vehicle of `hidden_effects` with nothing hidden and a damping up to a quarter wrong, flown
 once for each length; the same flight is written down with white noise, and with Student-t(3) noise of equal
 variance on every channel.  Each log is screened as the first round of a diagnosis screens it.  A group is an
-effect of the catalogue in its best shape, and its p-value that of the group alone; the overall p-value, which
+effect of the catalogue in all its shapes, and its p-value that of the group alone; the overall p-value, which
 a diagnosis uses, is over all groups at once.
 
     python -m benchmarks.null_p_values run --studies 60 --first-seed 90000 -o nulls.parquet
@@ -54,9 +54,9 @@ SCHEMA: dict[str, Any] = {
 }
 """Columns of a results file, a row per log and group.
 
-`columns` are those of the group, `shots` the pieces of the problem, `chi2` the mean squared residual that the
-file's own effects leave, in units of the noise, and `cpu` the processor time of the log [s].  A log that
-could not be screened has one row with its `failure` and no group.
+`columns` are those of one shape of the group, `shots` the pieces of the problem, `chi2` the mean squared
+residual that the file's own effects leave, in units of the noise, and `cpu` the processor time of the log
+[s].  A log that could not be screened has one row with its `failure` and no group.
 """
 
 
@@ -102,9 +102,9 @@ def run_one(seed: int, seconds: float, wanted: tuple[str, ...], folder: Path) ->
 
 def _groups(screening: Screening) -> Iterator[Row]:
     """Each group's own p-value."""
-    for name, (_, columns) in screening.ranked.items():
-        alone = p_values(screening.evidence, screening.own, {name: columns})[name]
-        yield {"group": name, "columns": len(columns), "p_value": alone}
+    for name, shapes in screening.shapes.items():
+        alone = p_values(screening.evidence, screening.own, {name: shapes})[name]
+        yield {"group": name, "columns": len(shapes[0]), "p_value": alone}
 
 
 def run(chosen: argparse.Namespace) -> None:

@@ -119,6 +119,7 @@ class Screening:
     Attributes:
         model: The model, perhaps over a part of the shots.
         ranked: Best shape of each effect with its columns, the most telling first.
+        shapes: Columns of every shape of each effect.
         normal: The linearised problem, in the units that the columns' steps have.
         evidence: The same in columns of unit size.
         own: Columns of the model's own entries.
@@ -127,6 +128,7 @@ class Screening:
 
     model: Model
     ranked: Mapping[str, tuple[Suspect, Columns]]
+    shapes: Mapping[str, Sequence[Columns]]
     normal: Normal
     evidence: Evidence
     own: Columns
@@ -135,8 +137,7 @@ class Screening:
     @cached_property
     def p_value(self) -> float:
         """Probability that chance alone would tell as much as the most telling effect."""
-        groups = {name: columns for name, (_, columns) in self.ranked.items()}
-        return min(p_values(self.evidence, self.own, groups).values(), default=1.0)
+        return min(p_values(self.evidence, self.own, self.shapes).values(), default=1.0)
 
     @property
     def significant(self) -> bool:
@@ -225,14 +226,16 @@ class Search:
         evidence = Evidence.of(normal)
         whole = len(self.baseline.problem.shots.starts) / len(normal.gram)
         best: dict[str, tuple[float, Suspect, Columns]] = {}
+        every: dict[str, list[Columns]] = {}
         for suspect, columns in places:
+            every.setdefault(suspect.effect, []).append(columns)
             gain = evidence.gain(own, columns) * whole
             if suspect.effect not in best or gain > best[suspect.effect][0]:
                 best[suspect.effect] = (gain, suspect, columns)
         order = sorted(best, key=lambda name: -best[name][0])
         ranked = {name: best[name][1:] for name in order}
         gains = {name: best[name][0] for name in order}
-        return Screening(model, ranked, normal, evidence, own, gains)
+        return Screening(model, ranked, every, normal, evidence, own, gains)
 
     def fewer(self, model: Model) -> Model:
         """The model over a few of its shots where they tell enough: it leaves far more than the noise."""

@@ -91,7 +91,7 @@ class Evidence:
 
 
 def p_values(
-    evidence: Evidence, given: Columns, groups: Mapping[str, Columns], seed: int = 0
+    evidence: Evidence, given: Columns, groups: Mapping[str, Sequence[Columns]], seed: int = 0
 ) -> dict[str, float]:
     """Probability that, nothing being missing, the most striking group is as striking as each one.
 
@@ -102,24 +102,27 @@ def p_values(
     blocks have most of the leverage.
 
     Blocks are as long as what the plainest group leaves is correlated: what it explains is no noise.
-    Of a group with more than half as many columns as there are blocks the most striking part counts.
+    Of a group with several shapes the most striking one counts, chosen in every flip anew: chosen beforehand
+    it would tell more than chance does.  So does the most striking part of a shape with more than half as
+    many columns as there are blocks.
 
     Args:
         evidence: The problem.
         given: Columns in the model already.
-        groups: Columns of each group.
+        groups: Columns of each shape of each group.
         seed: Of the flips.
     """
     if not groups:
         return {}
-    plainest = max(groups.values(), key=lambda group: evidence.gain(given, group))
+    shapes = [columns for group in groups.values() for columns in group]
+    plainest = max(shapes, key=lambda columns: evidence.gain(given, columns))
     starts = np.arange(0, len(evidence.error), block_length(evidence.scores([*given, *plainest])))
     signs = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), size=(FLIPS + 1, len(starts)))
     signs[0] = 1.0  # as observed
     struck = dict.fromkeys(groups, -np.inf)
     highest, most = np.full(FLIPS, -np.inf), max(len(starts) // 2, 1)
     for name, group in groups.items():
-        for part in (group[i : i + most] for i in range(0, len(group), most)):
+        for part in (columns[i : i + most] for columns in group for i in range(0, len(columns), most)):
             observed, *chance = _deviates(_forms(evidence, given, part, starts, signs), len(part))
             struck[name] = max(struck[name], float(observed))
             highest = np.maximum(highest, chance)

@@ -311,7 +311,7 @@ def test_a_tie_comes_with_the_motion_that_ends_it():
 
 
 def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all(known):
-    """Suspects are ranked alike on a part of the shots; the models that are compared at last see all of them."""
+    """Suspects are ranked alike on a part of the shots; the models compared at last are of all of them."""
     raw = recorded(hiding(known, CURRENT), rows=2 * FEW * 100 + 200)
     search = searching(known, raw, {})
     first = search.baseline.refitted

@@ -45,7 +45,7 @@ def test_standard_errors_are_those_of_least_squares():
 
 def test_false_alarms_are_as_rare_as_promised():
     """The least p-value of three groups is below 0.1 in a tenth of recordings without effect."""
-    groups = {"one": [1], "two": [2, 3], "three": [4]}
+    groups = {"one": [[1]], "two": [[2, 3]], "three": [[4]]}
     least = []
     for seed in range(200):
         evidence = Evidence.of(problem(*drawn(seed)))
@@ -55,7 +55,7 @@ def test_false_alarms_are_as_rare_as_promised():
 
 def test_a_plain_effect_is_as_sure_as_the_flips_allow_and_only_it():
     evidence = Evidence.of(problem(*drawn(3, (0.0, 0.02, 0.0, 0.0, 0.0))))
-    found = p_values(evidence, [0], {"there": [1], "not": [2, 4]})
+    found = p_values(evidence, [0], {"there": [[1]], "not": [[2, 4]]})
     assert found["there"] == pytest.approx(1.0 / 2000.0)
     assert found["not"] > 0.05
 
@@ -67,17 +67,30 @@ def test_few_blocks_make_no_false_alarms_of_wide_groups(blocks):
     def p(seed, amounts=(0.0,) * 5):
         whole = Evidence.of(problem(*drawn(seed, amounts)))
         part = Evidence(whole.matrix[:blocks], whole.score[:blocks], whole.error[:blocks], whole.size)
-        return p_values(part, [], {"wide": [0, 1, 2, 3, 4]})["wide"]
+        return p_values(part, [], {"wide": [[0, 1, 2, 3, 4]]})["wide"]
 
     assert 0.02 < np.mean([p(seed) <= 0.1 for seed in range(200)]) < 0.15
     assert p(4, (1.0, 1.0, 0.0, 0.0, 0.0)) < 0.01
+
+
+def test_the_best_of_several_shapes_makes_no_more_false_alarms_than_one():
+    """Four shapes that are hardly alike: tested alone, the best would alarm three times as often."""
+    shaped, chosen = [], []
+    for seed in range(200):
+        evidence = Evidence.of(problem(*drawn(seed)))
+        shapes = [[1], [2], [3], [4]]
+        shaped.append(p_values(evidence, [0], {"shaped": shapes})["shaped"])
+        best = max(shapes, key=lambda columns: evidence.gain([0], columns))
+        chosen.append(p_values(evidence, [0], {"best": [best]})["best"])
+    assert 0.04 < np.mean(np.array(shaped) <= 0.1) < 0.17
+    assert np.mean(np.array(chosen) <= 0.1) > 0.25
 
 
 def test_the_level_holds_for_wide_groups_and_shots_of_unequal_weight():
     """The least p-value of groups of one to nine columns, beside nine that are fitted, told by few shots."""
     rng, least = np.random.default_rng(5), []
     weight = np.repeat(np.exp(1.5 * rng.standard_normal((SHOTS, 3, 1))), 8, axis=1).reshape(SHOTS, 1, 24)
-    groups = {"wide": range(9, 18), "narrow": range(18, 21), "one": [21], "another": [22]}
+    groups = {"wide": [range(9, 18)], "narrow": [range(18, 21)], "one": [[21]], "another": [[22]]}
     for _ in range(80):
         columns = (rng.standard_normal((SHOTS, ROWS, 24)) * weight).reshape(SHOTS * ROWS, 24)
         evidence = Evidence.of(problem(columns, rng.standard_normal(SHOTS * ROWS)))
