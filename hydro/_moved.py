@@ -21,11 +21,11 @@ from typing import Any
 _PACKAGES = {  # new package: old name of a module, and its new one where that is another
     "hydro.core.diagnosis": "diagnose explain search naming:confidence "
     "left_out:confidence undetermined:identifiability unexplained slow:unexplained "
-    "wiring:thruster_order log_faults findings extend:findings",
+    "log_faults findings extend:findings",
     "hydro.core.experiment": "advice manoeuvres",
     "hydro.core.preprocessing": "sensor_tests coloured",
-    "hydro.core.evaluation": "evidence:score_test compare misfit metrics conditions:regimes "
-    "places:failure_regimes restarts:rolling_prediction",
+    "hydro.core.evaluation": "evidence:score_test wiring:thruster_order compare misfit metrics "
+    "conditions:regimes places:failure_regimes restarts:rolling_prediction",
     "hydro.core.identification": "fit parameters shooting:multiple_shooting "
     "sensitivity weakform:weak_form normal:normal_equations descent:levenberg_marquardt suspects candidate "
     "passive:passivity beginnings:initial_guess given:prior",

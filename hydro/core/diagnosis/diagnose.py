@@ -42,12 +42,12 @@ from hydro.core.diagnosis.model import (
     fit_model,
     fitted_or_kept,
     from_elsewhere,
-    own_effects,
-    repeated_effects,
 )
-from hydro.core.diagnosis.search import ALPHA, MATERIAL, Baseline, Found, Outcome, Search
+from hydro.core.diagnosis.screening import ALPHA
+from hydro.core.diagnosis.search import MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import own_effects, repeated_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice

@@ -26,7 +26,8 @@ from hydro.core.diagnosis.beside import LEVEL as OF_HULL
 from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
 from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
-from hydro.core.diagnosis.model import Wanted, own_effects
+from hydro.core.diagnosis.model import Wanted
+from hydro.core.effects.catalogue import own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare

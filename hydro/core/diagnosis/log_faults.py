@@ -10,7 +10,7 @@ import polars as pl
 
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.diagnosis.thruster_order import Rewired, Wiring, rewired
+from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.tracking import tracked

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.identification.initial_guess import elsewhere
@@ -173,20 +171,3 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
         if other.normal.cost < model.normal.cost:
             model = other
     return model
-
-
-def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known ones, and repeated ones."""
-    names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
-    several = repeated_effects(vehicle)
-    return tuple(
-        name
-        for name in names
-        if CATALOGUE[name].kind != "inertia" and name not in several and not wholly_known(vehicle, name)
-    )
-
-
-def repeated_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
-    names = [str(effect["name"]) for effect in vehicle.effect]
-    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import cast
 
 import msgspec
@@ -22,24 +21,21 @@ from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model, repeated_effects
-from hydro.core.evaluation.score_test import Columns, Evidence, p_values
+from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model
+from hydro.core.diagnosis.screening import Screening, screened
+from hydro.core.effects.catalogue import repeated_effects
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
     Problem,
     linear_step,
     linearised,
-    moved,
 )
-from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import KinematicTest, shown, vetoed
 from hydro.core.vehicle.description import Vehicle
 
-ALPHA = 0.01
-"""Probability of a false alarm in one round, over all effects at once."""
 MATERIAL = 0.05
 """Share of the squared error beyond the noise that a finding must explain,"""
 TELLING = 0.1
@@ -113,39 +109,6 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Screening:
-    """All suspects about one model.
-
-    Attributes:
-        model: The model, perhaps over a part of the shots.
-        ranked: Best shape of each effect with its columns, the most telling first.
-        shapes: Columns of every shape of each effect.
-        normal: The linearised problem, in the units that the columns' steps have.
-        evidence: The same in columns of unit size.
-        own: Columns of the model's own entries.
-        gains: Squared residual that each effect would explain of all shots.
-    """
-
-    model: Model
-    ranked: Mapping[str, tuple[Suspect, Columns]]
-    shapes: Mapping[str, Sequence[Columns]]
-    normal: Normal
-    evidence: Evidence
-    own: Columns
-    gains: Mapping[str, float]
-
-    @cached_property
-    def p_value(self) -> float:
-        """Probability that chance alone would tell as much as the most telling effect."""
-        return min(p_values(self.evidence, self.own, self.shapes).values(), default=1.0)
-
-    @property
-    def significant(self) -> bool:
-        """Whether any effect tells more than chance would."""
-        return self.p_value <= ALPHA
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What a search found.
 
@@ -210,32 +173,11 @@ class Search:
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
         known = [*self.baseline.effects, *chosen, *repeated_effects(model.vehicle)]
-        return self.linearise(
-            model, suspects(model.vehicle, without=known, reach=self.baseline.log.positions)
-        )
+        return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.positions))
 
-    def linearise(self, model: Model, tried: Sequence[Suspect]) -> Screening:
-        """Hold some suspects against what a model leaves."""
-        changed, steps = moved(model.unknown, model.values)
-        own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
-        for suspect in tried:
-            places.append((suspect, range(len(changed), len(changed) + len(suspect.steps))))
-            changed += suspect.changed
-            steps += suspect.steps
-        normal = model.problem.linearise(model.vehicle, changed, steps)
-        evidence = Evidence.of(normal)
-        whole = len(self.baseline.problem.shots.starts) / len(normal.gram)
-        best: dict[str, tuple[float, Suspect, Columns]] = {}
-        every: dict[str, list[Columns]] = {}
-        for suspect, columns in places:
-            every.setdefault(suspect.effect, []).append(columns)
-            gain = evidence.gain(own, columns) * whole
-            if suspect.effect not in best or gain > best[suspect.effect][0]:
-                best[suspect.effect] = (gain, suspect, columns)
-        order = sorted(best, key=lambda name: -best[name][0])
-        ranked = {name: best[name][1:] for name in order}
-        gains = {name: best[name][0] for name in order}
-        return Screening(model, ranked, every, normal, evidence, own, gains)
+    def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
+        """Hold some suspects against what a model leaves, see `screening.screened`."""
+        return screened(model, tried, len(self.baseline.problem.shots.starts))
 
     def fewer(self, model: Model) -> Model:
         """The model over a few of its shots where they tell enough: it leaves far more than the noise."""
@@ -302,7 +244,7 @@ class Search:
                 continue
             fine = shapes(vehicle, name, reach=self.baseline.log.positions)
             try:
-                finer = self.linearise(screening.model, fine) if fine else screening
+                finer = self.screened(screening.model, fine) if fine else screening
                 fit = self.joined(chosen, finer, name)
             except Diverges:  # wherever it begins: no contender
                 continue

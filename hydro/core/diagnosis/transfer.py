@@ -19,9 +19,10 @@ import numpy as np
 
 from hydro.core.columns import Array, Progress, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
-from hydro.core.diagnosis.model import Diverges, Model, fit_model, repeated_effects
+from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import repeated_effects
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.output_error import OutputError
@@ -219,7 +220,7 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=[*own, *repeated_effects(file)], reach=baseline.log.positions)
-    screening = Search(baseline).linearise(refitted, tried)
+    screening = Search(baseline).screened(refitted, tried)
     matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
     weight = CORRELATED * known.temper
     held = np.concatenate([known(refitted.unknown).information, np.zeros(len(matrix) - len(screening.own))])

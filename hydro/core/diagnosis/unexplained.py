@@ -18,9 +18,9 @@ from hydro.core.columns import DOF, VELOCITY, Array
 from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import FIT, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Model, repeated_effects
+from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Baseline, Outcome, Search
-from hydro.core.effects.catalogue import wholly_known
+from hydro.core.effects.catalogue import repeated_effects, wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.force_error import force
@@ -99,7 +99,7 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         if not wholly_known(baseline.vehicle, name) or name in repeated_effects(baseline.vehicle):
             continue
         open_ = released(first.vehicle, name)
-        screening = search.linearise(first, [of_entries(open_, name)])
+        screening = search.screened(first, [of_entries(open_, name)])
         gain = screening.gains[name]
         if gain < found or not (screening.significant and search.material(gain, first)):
             continue

@@ -121,6 +121,23 @@ def wholly_known(vehicle: Vehicle, name: str) -> bool:
     return any(CATALOGUE[name].wholly_known(table) for table in vehicle.effects(name))
 
 
+def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    """Effects of the file that are fitted anew first: all but inertia, known ones, and repeated ones."""
+    names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
+    several = repeated_effects(vehicle)
+    return tuple(
+        name
+        for name in names
+        if CATALOGUE[name].kind != "inertia" and name not in several and not wholly_known(vehicle, name)
+    )
+
+
+def repeated_effects(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
+    names = [str(effect["name"]) for effect in vehicle.effect]
+    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)
+
+
 def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
     """What to put into the tables of a vehicle to hold effects, or some parameters of them, as known.
 

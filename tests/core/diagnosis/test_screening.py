@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hydro.core.diagnosis import search
-from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis import screening
+from hydro.core.diagnosis.screening import screened
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.suspects import Suspect
 
@@ -22,12 +22,11 @@ def noise(seed: int) -> Normal:
 
 
 def test_an_effect_of_many_shapes_alarms_no_more_often_than_others(monkeypatch):
-    monkeypatch.setattr(search, "moved", lambda unknown, values: ([], []))
+    monkeypatch.setattr(screening, "moved", lambda unknown, values: ([], []))
     shapes = [Suspect("thruster_deadband", (None,), (1.0,), dict) for _ in range(SHAPES)]
-    shots, found = SimpleNamespace(starts=range(SHOTS)), list[float]()
-    asking = Search(SimpleNamespace(problem=SimpleNamespace(shots=shots)))
+    found = []
     for seed in range(200):
         problem = SimpleNamespace(linearise=lambda vehicle, changed, steps, seed=seed: noise(seed))
         model = SimpleNamespace(problem=problem, vehicle=None, unknown=None, values=None)
-        found.append(asking.linearise(model, shapes).p_value)
+        found.append(screened(model, shapes, SHOTS).p_value)
     assert 0.04 < np.mean(np.array(found) <= 0.1) < 0.17

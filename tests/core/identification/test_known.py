@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from recordings import damped, moved, noisy
 
-from hydro.core.diagnosis.model import own_effects
 from hydro.core.effects import validate
-from hydro.core.effects.catalogue import held_as_known, wholly_known
+from hydro.core.effects.catalogue import held_as_known, own_effects, wholly_known
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
 from hydro.core.identification.parameters import free

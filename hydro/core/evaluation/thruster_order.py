@@ -17,8 +17,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from hydro.core.columns import Array, command_column
-from hydro.core.diagnosis.model import own_effects
-from hydro.core.effects.catalogue import with_role
+from hydro.core.effects.catalogue import own_effects, with_role
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.effects.record import Role

@@ -13,7 +13,7 @@ from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.log_faults import in_order, preprocess
-from hydro.core.diagnosis.thruster_order import Wiring, rewired
+from hydro.core.evaluation.thruster_order import Wiring, rewired
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 
