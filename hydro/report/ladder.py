@@ -10,7 +10,7 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.beside import FLOOR
-from hydro.core.diagnosis.explain import HORIZON
+from hydro.core.diagnosis.explain import HORIZON, LEFT_OUT
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.report import words
@@ -98,6 +98,8 @@ def headline(rows: pl.DataFrame) -> str:
         f"{SHORT[name]} {rmse:.2f}" for name, rmse in rows.filter(axis=FLOOR).select("dataset", "rmse").rows()
     ]
     beside = f"; with the hull, times its floor: {', '.join(times)}" if times else ""
+    left_out = rows.filter(axis=LEFT_OUT)["rmse"].to_list()
+    beside += "".join(f"; stretches left out of the fit, times the noise: {rmse:.3g}" for rmse in left_out)
     return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}{beside}"
 
 

@@ -4,7 +4,8 @@ Step 0 is the vehicle file as it is given.  Each later step adds the finding tha
 with all effects that the file has or was given, and is held against the recording and against another one
 that no fit has seen.  The errors of all steps make the ladder.  A step that raises the held-out error is the
 last.  All steps are measured by the yardstick of step 0: its weights of the axes, and the simple predictors
-that were fitted to the recording.
+that were fitted to the recording.  Without held-out data stretches of the recording take its place, each
+predicted by the fit to all others.
 
 With the hull that a recording before has taught, a step adds what changed most, and refits with it nothing
 but the changes of earlier steps.  What it leaves is measured in units of what the model of the hull leaves of
@@ -27,12 +28,14 @@ from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, s
 from hydro.core.diagnosis.findings import extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted
+from hydro.core.diagnosis.transfer import left_out_error
 from hydro.core.effects.catalogue import own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, Yardstick, column
 from hydro.core.identification.fit import Fit
+from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
 from hydro.core.identification.tracking import tracked
 from hydro.core.recording.arrays import recording
@@ -51,10 +54,12 @@ RISE = 1.02
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
 LIKELY = 0.3
-"""Confidence from which a suspect makes a step where nothing is stated: its score is one of data left out."""
+"""Confidence from which a suspect makes a step where nothing is stated; data left out decide if it stays."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts that something is left which no effect explains."""
 DATASETS = ("fit", "holdout")
+LEFT_OUT = "left_out"
+"""The axis of all channels together, of stretches of the recording left out of the fit, in their noise."""
 RUNG = ("dataset", "axis", "horizon", "rmse", "low", "high", "noise_floor", "unit")
 
 
@@ -99,12 +104,14 @@ class Recordings:
         holdout: The held-out one; None without one.
         yardstick: What the file as given, and all steps, are measured by.
         hull: What a recording before a change has taught; None without one.
+        problem: Where nothing else tells what a step is worth, shots of the recording to leave out.
     """
 
     log: Preprocessed
     holdout: Preprocessed | None
     yardstick: Yardstick
     hull: Hull | None
+    problem: OutputError | None
 
     @classmethod
     def of(
@@ -117,12 +124,22 @@ class Recordings:
             ordered = in_order(found.raw, log.wiring)
             record = replace(recording(vehicle, ordered), sigma=found.record.sigma)
             other = Preprocessed(ordered, tracked(vehicle, record), ())
-        return cls(log, other, Yardstick.of(vehicle, log.raw), hull)
+        problem = stable_start(vehicle, log)[1] if holdout is None and hull is None else None
+        return cls(log, other, Yardstick.of(vehicle, log.raw), hull, problem)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
         found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
+
+    def left_out(self, vehicle: Vehicle, fitted: Sequence[Table]) -> Iterator[dict[str, Any]]:
+        """The rung of stretches left out of the fit, where it has to tell what a step is worth."""
+        if self.problem is not None:
+            error = left_out_error(vehicle, [str(table["name"]) for table in fitted], self.problem)
+            shots = self.problem.shots
+            seconds = (shots.length - shots.lead - 1) * shots.record.dt
+            row = {"dataset": "fit", "axis": LEFT_OUT, "horizon": seconds, "rmse": error}
+            yield row | {"low": None, "high": None, "noise_floor": 1.0, "unit": "1"}
 
 
 def explain(
@@ -182,9 +199,10 @@ def ending(steps: Sequence[Step]) -> str:
     """Why no step follows the last of these, in words; empty where one does."""
     last = steps[-1]
     if best(steps) is not last:
+        held_out = not last.ladder.filter(dataset="holdout").is_empty()
+        data = "the held-out data" if held_out else "stretches that it was not fitted to"
         return (
-            f"step {last.number} predicts the held-out data worse than step {last.number - 1}, "
-            f"which is the one to use"
+            f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
         )
     if not _finding(last):
         known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
@@ -204,12 +222,15 @@ def best_step(ladder: pl.DataFrame) -> int:
     """Number of the step to use in a ladder: the last, or the one before it where that predicts better.
 
     Held-out predictions HORIZON ahead decide, or those with the hull beside the file where its model is
-    known; without such data it is the last.
+    known; without such data stretches left out of the fit.
     """
     held_out = ladder.filter(dataset="holdout")
-    rows = held_out.filter(axis=FLOOR).sort("step")
-    if rows.is_empty():
-        rows = held_out.filter(axis="all", horizon=HORIZON).sort("step")
+    tried = (
+        held_out.filter(axis=FLOOR),
+        held_out.filter(axis="all", horizon=HORIZON),
+        ladder.filter(axis=LEFT_OUT),
+    )
+    rows = next((one.sort("step") for one in tried if not one.is_empty()), held_out)
     last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
     return last - 1 if len(errors) > 1 and errors[-1] > RISE * errors[-2] else last
 
@@ -246,9 +267,9 @@ def _change(step: Step, findings: pl.DataFrame) -> dict[str, Table]:
 
 
 def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
-    """Suspects by transfer, which no test of chance is behind, that have not been fitted in the step."""
-    by_transfer = pl.col("p_value").is_null() & (pl.col("confidence") >= LIKELY)
-    names = findings.filter(by_transfer, verdict="suspect").sort("rank")["effect"].to_list()
+    """Suspects that are not unlikely and have not been fitted in the step."""
+    likely = findings.filter(pl.col("confidence") >= LIKELY, verdict="suspect")
+    names = likely.sort("rank")["effect"].to_list()
     return [name for name in names if name not in fitted]
 
 
@@ -272,6 +293,8 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
         compared.append(recordings.compared(vehicle, recordings.holdout, _part(progress, 0.5, 0.6)))
     # Standard errors from this recording are no second opinion on it.
     plain = extended(file, [_bare(table) for table in fitted])
+    rungs = [_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)]
+    rungs += [_rung(number, added, row) for row in recordings.left_out(vehicle, fitted)]
     diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, progress=_part(progress, 0.6, 1.0))
     return Step(
         number,
@@ -281,7 +304,7 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
         compared[0],
         diagnosis.frame(),
         diagnosis.chi2,
-        pl.concat(_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)),
+        pl.concat(rungs, how="diagonal_relaxed"),
         fit.estimates() if fit else None,
     )
 
@@ -329,6 +352,12 @@ def _rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataF
         simple = comparison.filter(level=LEVEL, by=name).select(*key, pl.col("rmse").alias(column(name)))
         rungs = rungs.join(simple, on=key, how="left", nulls_equal=True, maintain_order="left")
     return rungs.select(pl.exclude("unit"), "unit")
+
+
+def _rung(number: int, added: Sequence[str], row: Mapping[str, Any]) -> pl.DataFrame:
+    """A rung that no comparison has."""
+    known: dict[str, Any] = {"step": number, "effect": ", ".join(added)}
+    return pl.DataFrame([{**known, **row}], schema_overrides={"low": pl.Float64, "high": pl.Float64})
 
 
 def _part(progress: Progress, begin: float, end: float) -> Progress:

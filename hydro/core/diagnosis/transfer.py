@@ -24,7 +24,7 @@ from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import repeated_effects
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.multiple_shooting import Shots
+from hydro.core.identification.multiple_shooting import ENDLESS, Shots
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free
 from hydro.core.identification.prior import deviations, in_file
@@ -44,6 +44,8 @@ AS_GOOD = 0.98
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
+BEGINNINGS = 2
+"""Steps by which the shots' beginnings come to where a fitted vehicle has them."""
 KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
 
@@ -199,6 +201,29 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     prior = known(model.unknown)
     moved = model.values / model.unknown.scales - prior.centre
     return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
+
+
+def left_out_error(vehicle: Vehicle, effects: Sequence[str], problem: OutputError) -> float:
+    """Root mean square residual of stretches, predicted by the fit of effects to all others, in their noise.
+
+    Args:
+        vehicle: The vehicle with the fitted values.
+        effects: Names of what was fitted; the vehicle as it is without any.
+        problem: The shots.
+
+    Returns:
+        ENDLESS where a prediction leaves all bounds.
+    """
+    begun = problem.at_measured_states(vehicle)
+    try:
+        model = fit_model(vehicle, list(effects), begun, np.zeros((1, 3)), BEGINNINGS)
+    except Diverges:
+        return ENDLESS
+    costs = model.costs
+    if model.unknown.entries:
+        fold = sessions_of(begun.shots)
+        costs = left_out_costs(Fitted(model.normal, np.zeros(len(model.values))), fold)
+    return min(float(np.sqrt(costs.sum() / model.normal.residuals)), ENDLESS)
 
 
 def _rival(

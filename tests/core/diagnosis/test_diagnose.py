@@ -16,6 +16,7 @@ from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import FEW, Baseline, Outcome, Search, leader
+from hydro.core.diagnosis.transfer import left_out_error
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -328,3 +329,16 @@ def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all
 def test_near_the_noise_all_shots_are_asked(known):
     search = searching(known, recorded(known, rows=2 * FEW * 100 + 200), {})
     assert search.fewer(search.baseline.refitted) is search.baseline.refitted
+
+
+def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
+    """Sixty seconds of a current: with it noise is left; fifteen numbers more leave no less."""
+    log = preprocess(known, recorded(hiding(known, CURRENT), rows=1500))
+    problem = stable_shots(known, log)
+    errors = []
+    for names in ([], ["ocean_current"], ["ocean_current", "cross_axis_drag"]):
+        model = fit_model(known, names, problem, log.positions, 8)
+        errors.append(left_out_error(model.vehicle, names, problem))
+    assert errors[0] > 1.5
+    assert errors[1] == pytest.approx(1.0, abs=0.05)
+    assert errors[2] > 0.995 * errors[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.signal import lfilter
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.diagnose import refine, refit, stable_shots
-from hydro.core.diagnosis.explain import Step, best, ending, explain
+from hydro.core.diagnosis.explain import LEFT_OUT, Step, best, best_step, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.search import Outcome
@@ -191,6 +192,23 @@ def test_steps_have_an_end(staged, monkeypatch):
 def test_what_no_effect_explains_is_told(staged):
     steps, _ = staged([[finding("none_of_the_known")]], [1.0])
     assert ending(steps) == "what is left no effect of the catalogue explains"
+
+
+def rungs(*errors: float) -> pl.DataFrame:
+    """A ladder whose steps leave these errors of stretches left out of the fit."""
+    rows = {"step": range(len(errors)), "dataset": "fit", "axis": LEFT_OUT, "horizon": 2.0, "rmse": errors}
+    return pl.DataFrame(rows)
+
+
+@pytest.mark.parametrize(("errors", "chosen"), [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1)])
+def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
+    assert best_step(rungs(*errors)) == chosen
+
+
+def test_a_suspect_that_is_not_unlikely_makes_a_step(staged):
+    likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5, p_value=0.001)
+    steps, _ = staged([[likely], [finding("far_from_noise")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("ocean_current",)]
 
 
 def test_suspects_are_told_and_not_added(staged):
