@@ -81,6 +81,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
 
     for name, stand_in in (("compare", compare), ("diagnose_log", diagnose), ("_fit_together", together)):
         monkeypatch.setattr(module, name, stand_in)
+    monkeypatch.setattr(module, "stable_start", lambda vehicle, log: (vehicle, None))  # the log is short
     return calls
 
 

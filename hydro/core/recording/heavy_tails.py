@@ -14,12 +14,16 @@ replaced by the pseudo-observation (Huber 1981, section 7.8)
 To first order it is the true value with an independent error of variance s^2 E[psi^2]/c^2, wherever m lies;
 of t noise that is s^2 (nu + 3)/(nu + 1), the Cramer-Rao bound.  Least squares on y* is then as efficient as
 maximum likelihood on y (Lange, Little and Taylor 1989), and what supposes Gaussian noise holds its level.
+
+That order ends where m is off by about s: from there on y* is drawn to m, and misses every turn as if the
+motion had been smoothed.  So m is the widest local cubic that follows the channel's motion: a wide one is
+drawn less by outliers, a narrow one sees faster motion.  Where none follows, the samples stay as they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -43,9 +47,11 @@ ALIKE = 0.3
 """and part of the first's that the second's must be: noise leaves half, corners of the motion a tenth."""
 MOST_SAMPLES, LEAST_SAMPLES = 20_000, 200
 STEPS_ALIKE = 0.05  # share of equal neighbours from which a channel reads in steps, or is held
-REACH = 0.12  # s, half-width of the cubic that the motion is taken for,
-LEAST_REACH = 3  # or samples
-UNEXPLAINED = 1.25  # times the noise, off that cubic, from which it is not the motion, or the noise not white
+REACH = 0.12  # s, half-width of the widest cubic that the motion is taken for,
+LEAST_REACH = 3  # samples, that of the narrowest
+FINE = (11, 7)  # samples and degree of the local polynomial that the cubics are held against
+MISFIT = 1.5  # of the narrowest, from which the motion is too fast for any: the bias is still small there
+WIDER = 1.15  # misfit below which a wider one is taken: little is lost where chance alone exceeds it
 TURNS = 12  # of the smoothed motion and the samples
 PLAUSIBLE = 0.01  # samples expected as far off, from which one such is no fault
 LEVEL = 0.5  # cosine of the pitch below which roll and heading swing with the noise
@@ -61,11 +67,13 @@ class Tail:
         channel: Its name.
         freedom: Degrees of freedom nu.
         scale: s, in the channel's unit.
+        width: Samples of the cubic that the channel's motion is taken for, odd.
     """
 
     channel: str
     freedom: float
     scale: float
+    width: int
 
     def score(self, z: Array) -> Array:
         """psi(z) = (nu + 1) z/(nu + z^2)."""
@@ -85,13 +93,13 @@ class Tail:
 
 
 def heavy_tails(record: Recording) -> dict[int, Tail]:
-    """The channels, pose then velocity, whose noise is plainly Student's t and not Gauss."""
+    """The channels, pose then velocity, whose noise is plainly Student's t, and whose motion is followed."""
     steep = bool((np.cos(record.eta[:, 4]) <= LEVEL).any())
     found = {}
     for i, parts in enumerate(samples(record)):
         if i in ANGLES and steep:
             continue
-        tail = _tail(CHANNELS[i], parts, _width(record, i))
+        tail = _tail(CHANNELS[i], parts, _widest(record, i))
         if tail is not None:
             found[i] = tail
     return found
@@ -112,7 +120,7 @@ def pseudo_observed(
     """
     columns, sigma, every = [], np.full(len(CHANNELS), np.nan), list(samples(record))
     for i, tail in tails.items():
-        parts, sigma[i] = pseudo_observations(every[i], tail, _width(record, i))
+        parts, sigma[i] = pseudo_observations(every[i], tail)
         values = raw[tail.channel].cast(pl.Float64).to_numpy().copy()
         for (start, stop), part in zip(record.segments, parts, strict=True):
             seen = np.ones(stop - start, bool) if record.seen is None else record.seen[start:stop, i]
@@ -121,14 +129,14 @@ def pseudo_observed(
     return raw.with_columns(columns), sigma
 
 
-def pseudo_observations(parts: Sequence[Array], tail: Tail, width: int) -> tuple[list[Array], float]:
+def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array], float]:
     """y* about the local cubic through themselves, and their standard deviation; see the module.
 
     Args:
-        parts: Evenly spaced samples, segment by segment; fewer than `width` stay as they are.
+        parts: Evenly spaced samples, segment by segment; fewer than the cubic's stay as they are.
         tail: Their noise.
-        width: Samples of the cubic.
     """
+    width = tail.width
     pseudo = [part.copy() for part in parts]
     long = [i for i, part in enumerate(parts) if len(part) >= width]
     kept = 1.0 - float(savgol_coeffs(width, 3)[width // 2])  # of a sample's variance, off the cubic
@@ -142,15 +150,18 @@ def pseudo_observations(parts: Sequence[Array], tail: Tail, width: int) -> tuple
     return pseudo, float(np.sqrt(np.mean(left**2) / kept))
 
 
-def _width(record: Recording, channel: int) -> int:
-    """Samples of the cubic that the motion is taken for."""
+def _widest(record: Recording, channel: int) -> int:
+    """Samples of the widest cubic that the motion may be taken for."""
     share = 1.0 if record.seen is None else max(float(record.seen[:, channel].mean()), 1e-9)
     return 2 * max(round(REACH * share / record.dt), LEAST_REACH) + 1
 
 
-def _tail(name: str, parts: Sequence[Array], width: int) -> Tail | None:
-    """Student's t of one channel, of the filter that sees the lighter tail; None where Gauss does as well."""
-    parts = [part for part in parts if len(part) >= width]
+def _tail(name: str, parts: Sequence[Array], widest: int) -> Tail | None:
+    """Student's t of one channel, of the filter that sees the lighter tail.
+
+    None where Gauss does as well, and where the motion is too fast.
+    """
+    parts = [part for part in parts if len(part) >= max(widest, FINE[0])]
     if sum(map(len, parts)) < LEAST_SAMPLES:
         return None
     if np.mean(np.concatenate([np.diff(part) == 0.0 for part in parts])) > STEPS_ALIKE:
@@ -158,10 +169,49 @@ def _tail(name: str, parts: Sequence[Array], width: int) -> Tail | None:
     (first, freedom, scale), (second, lighter, its) = (_likeliest(parts, i) for i in range(len(FILTERS)))
     if second < max(LIKELIER, ALIKE * first) or first < LIKELIER or min(scale, its) < LEAST_NOISE:
         return None
-    tail = Tail(name, freedom, scale) if freedom >= lighter else Tail(name, lighter, its)
-    smooth = np.concatenate([part - savgol_filter(part, width, 3) for part in parts])
-    white = tail.scale * _off_smooth(width, tail.freedom)
-    return tail if float(np.median(np.abs(smooth))) < UNEXPLAINED * white else None
+    likely = (freedom, scale) if freedom >= lighter else (lighter, its)
+    return _following(Tail(name, *likely, widest), parts)
+
+
+def _following(tail: Tail, parts: Sequence[Array]) -> Tail | None:
+    """The same with a narrower cubic where its own does not follow the motion; None where none does.
+
+    From the narrowest up: pseudo-observations about a cubic far too wide hide its misfit, for they follow it.
+    """
+    reach, widest = LEAST_REACH, tail.width // 2
+    found = replace(tail, width=2 * reach + 1)
+    if _misfit(parts, found) > MISFIT:
+        return None
+    while reach < widest:
+        reach = min(2 * reach, widest)
+        wider = replace(tail, width=2 * reach + 1)
+        if _misfit(parts, wider) > WIDER:
+            break
+        found = wider
+    return found
+
+
+def _misfit(parts: Sequence[Array], tail: Tail) -> float:
+    """Mean square that the cubic lies off a finer polynomial, over that of white noise: 1 if it follows.
+
+    Both go through the pseudo-observations, of which no outlier hides a short stretch of fast motion.
+    """
+    pseudo, _ = pseudo_observations(parts, tail)
+    whole = max(tail.width, FINE[0])
+    cubic, fine = (_centred(savgol_coeffs(*shape), whole) for shape in ((tail.width, 3), FINE))
+    noise = _power(pseudo, _centred(np.ones(1), whole) - fine)
+    return _power(pseudo, cubic - fine) / noise
+
+
+def _power(parts: Sequence[Array], taps: Array) -> float:
+    """Variance of white noise that would leave as much behind a filter."""
+    left = np.concatenate([np.convolve(part, taps, "valid") for part in parts])
+    return float(np.mean(left**2) / (taps @ taps))
+
+
+def _centred(taps: Array, count: int) -> Array:
+    """Taps in the middle of so many."""
+    return np.pad(taps, (count - len(taps)) // 2)
 
 
 def _likeliest(parts: Sequence[Array], place: int) -> tuple[float, float, float]:
@@ -177,14 +227,6 @@ def _likeliest(parts: Sequence[Array], place: int) -> tuple[float, float, float]
     best = int(np.argmax(each))
     independent = sum(map(len, parts)) / len(taps)
     return (each[best] - gauss) * independent, FREEDOMS[best], median / found[best][1]
-
-
-@cache
-def _off_smooth(width: int, freedom: float) -> float:
-    """Median distance of t noise of scale 1 from the cubic through `width` samples."""
-    taps = -savgol_coeffs(width, 3)
-    taps[width // 2] += 1.0
-    return _middle(*_distribution(taps, freedom))
 
 
 @cache

@@ -10,7 +10,7 @@ from recordings import damped, log, moved, noisy
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.recording.arrays import noise, recording
-from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observations
+from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observations, pseudo_observed
 from hydro.core.recording.sensor_faults import without_faults
 
 VEHICLE = synthetic.vehicle()
@@ -83,7 +83,7 @@ def test_pseudo_observations_reach_the_cramer_rao_bound(freedom):
     rows = 40_000
     motion = np.sin(np.arange(rows) * 0.02)
     y = motion + SCALE * seeds(0).standard_t(freedom, rows)
-    (pseudo,), sigma = pseudo_observations([y], Tail("u", freedom, SCALE), 13)
+    (pseudo,), sigma = pseudo_observations([y], Tail("u", freedom, SCALE, 13))
     error, bound = pseudo - motion, SCALE * np.sqrt((freedom + 3.0) / (freedom + 1.0))
     means = np.sqrt(40.0) * error.reshape(-1, 40).mean(axis=1)
     assert [sigma, error.std(), means.std()] == pytest.approx([bound] * 3, rel=0.15)
@@ -96,8 +96,36 @@ def test_they_follow_the_motion_not_a_smooth_curve():
     rows, freedom = 40_000, 3.0
     motion = 0.05 * np.sin(2.0 * np.pi * np.arange(rows) / 16.0)
     y = motion + SCALE * seeds(1).standard_t(freedom, rows)
-    (pseudo,), _ = pseudo_observations([y], Tail("u", freedom, SCALE), 13)
+    (pseudo,), _ = pseudo_observations([y], Tail("u", freedom, SCALE, 13))
     assert pseudo @ motion / (motion @ motion) == pytest.approx(1.0, abs=0.1)
+
+
+FAST = {
+    "all the time, 4 Hz": lambda t: 10.0 * np.sin(2.0 * np.pi * 4.0 * t),
+    "all the time, 2.5 Hz": lambda t: 40.0 * np.sin(2.0 * np.pi * 2.5 * t),
+    "in bursts": lambda t: 40.0 * np.sin(2.0 * np.pi * 2.5 * t) * np.sin(np.pi * t / 60.0) ** 20,
+    "1 to 2.5 Hz": lambda t: sum(20.0 * np.sin(2.0 * np.pi * f * t + f) for f in (1.0, 1.3, 1.7, 2.1, 2.5)),
+    "faster than any cubic": lambda t: 10.0 * np.sin(2.0 * np.pi * 9.0 * t),
+}
+"""Rolling and pitching rates in units of the noise's scale."""
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("fast", FAST.values(), ids=FAST)
+def test_fast_rolling_and_pitching_is_not_smoothed(fast, seed):
+    """Else a bias follows the curvature of the motion, as if thrusters or commands were late."""
+    rng, rows = seeds(seed), 15_000
+    flight = moved(damped(), rows=rows)
+    motion = SCALE * fast(np.arange(rows) * 0.02)
+    error = SCALE * rng.standard_t(3, rows)
+    raw = noisy(flight, seed).with_columns(pl.Series("p", motion + error))
+    record = recording(damped(), raw)
+    cleaned, _ = pseudo_observed(raw, record, heavy_tails(record))
+    left, turns = cleaned["p"].to_numpy() - motion, np.gradient(np.gradient(motion))
+    assert abs(np.corrcoef(left, turns)[0, 1]) < 0.05
+    assert left.std() <= 1.01 * error.std()
+    if fast is not FAST["faster than any cubic"]:
+        assert left.std() < SCALE * np.sqrt(1.5) * 1.12  # of the Cramer-Rao bound
 
 
 def test_gross_errors_leave_no_trace_and_their_noise_is_known(flight):
