@@ -55,9 +55,10 @@ def explain(
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
-    and the held-out one. What is only suspected, with a confidence below 90 %, is told and not added, but for
-    a name by transfer with 30 % or more where nothing is stated. It ends when nothing is significant and
-    material, when a step makes the predictions of the held-out recording worse, or after six steps.
+    and the held-out one. What is only suspected is told and not added, unless nothing is stated and its
+    confidence is 30 % or more. It ends when nothing is significant and material, when a step makes the
+    predictions of the held-out recording worse, or after six steps. Without --holdout, stretches of the
+    recording take its place, each predicted by the fit to all others.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
     vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
