@@ -104,7 +104,7 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
     """
     shots, library = transitions.shots, terms(Flow.of(transitions.model, transitions.shots))
     prepared = prepare(candidate(vehicle), shots)
-    thin = max(round(EVERY / shots.record.dt), 1)
+    thin = thinning(shots)
     known = np.broadcast_to(shots.trust**-2, (len(shots.starts), CHANNELS))
     size, weight = prior.size, robust(costs(prepared, shots))
     out = np.zeros((int(fold.max()) + 1, size + 1, size + 1))
@@ -128,6 +128,11 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
         left, _ = eliminate(gram, CHANNELS, known[part][tame])
         np.add.at(out, fold[part][tame], weight[part][tame, None, None] * left)
     return out
+
+
+def thinning(shots: Shots) -> int:
+    """Rows from one that is compared to the next: all are where samples are rarer than rows."""
+    return 1 if shots.seen is not None else max(round(EVERY / shots.record.dt), 1)
 
 
 def robust(squares: Array) -> Array:
