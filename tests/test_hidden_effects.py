@@ -16,6 +16,7 @@ from scipy.stats import binomtest
 from benchmarks.hidden_effects import cases, report, scoring, study, vehicles
 from benchmarks.hidden_effects.figure import confusions
 from hydro.core.effects import CATALOGUE, validate
+from hydro.core.evaluation.replay_error import Ahead
 
 ROOT = Path(__file__).resolve().parents[1]
 SLICE = 26  # seed of the studies in the slice
@@ -197,7 +198,7 @@ def test_what_is_hidden_is_doubled_until_it_tells(tmp_path):
     told, again = study.telling(faint, flown, 40.0, tmp_path, 0.02)
     shares = []
     for one, recorded in ((faint, flown), (told, again)):
-        errors = study.Replay(recorded.held_out, recorded.exact)
+        errors = Ahead(recorded.held_out, recorded.exact)
         shares.append(study.shares(one, recorded, errors, errors.of(recorded.given))[0])
     doubled = np.log2(told.hidden[0]["v_N"] / 0.004)
     assert shares[0] < 0.02

@@ -16,6 +16,7 @@ from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_base import base, changes, study
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.vehicle.panels import panels
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -101,7 +102,7 @@ def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     believed = {table["name"]: table for table in known.believed.effect}
     assert {table["name"] for table in known.vehicle.effect} == set(believed)
     assert any("standard_error" in table for table in known.vehicle.effect)
-    errors = study.Replay(flown, known.vehicle)
+    errors = Ahead(flown, known.vehicle)
     assert errors.of(known.vehicle) < 0.7 * errors.of(known.believed)
     assert msgspec.structs.replace(known.vehicle, effect=()) == msgspec.structs.replace(
         known.believed, effect=()

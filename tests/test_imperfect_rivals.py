@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.hidden_effects import flights, vehicles
 from benchmarks.hidden_effects.build import build
-from benchmarks.hidden_effects.study import Replay
 from benchmarks.rivals import contest, output_error, regression
+from hydro.core.evaluation.replay_error import Ahead
 
 GIVEN = vehicles.preset("bluerov2_heavy")
 
@@ -26,7 +26,7 @@ def logs():
 
 def test_the_model_of_output_error_is_that_of_the_file(logs):
     _, held_out = logs
-    errors = Replay(held_out, GIVEN)
+    errors = Ahead(held_out, GIVEN)
     plant = build(GIVEN)
     assert output_error.error(plant, errors) == pytest.approx(errors.of(GIVEN), rel=0.02)
     groups = output_error.parameters(GIVEN)
@@ -39,7 +39,7 @@ def test_regression_names_a_plain_force_and_predicts_better_for_it(logs):
     measured, held_out = logs
     found = regression.answer(GIVEN, measured)
     assert found.name == "net_buoyancy"
-    errors = Replay(held_out, GIVEN)
+    errors = Ahead(held_out, GIVEN)
     assert found.error(errors, held_out) < 0.5 * errors.of(GIVEN)
 
 
@@ -51,7 +51,7 @@ def test_output_error_predicts_better_for_its_fit(logs, monkeypatch):
     measured, held_out = logs
     found = output_error.answer(GIVEN, measured)
     assert found.name in {"", *(group.name for group in output_error.parameters(GIVEN))}
-    errors = Replay(held_out, GIVEN)
+    errors = Ahead(held_out, GIVEN)
     assert found.error(errors, held_out) < 0.7 * errors.of(GIVEN)
 
 
@@ -68,7 +68,7 @@ def test_sindy_recovers_sparse_coefficients_and_names_terms(logs):
     measured, held_out = logs
     found = sindy.answer(GIVEN, measured)
     assert found.name == "net_buoyancy"
-    assert np.isfinite(found.error(Replay(held_out, GIVEN), held_out))
+    assert np.isfinite(found.error(Ahead(held_out, GIVEN), held_out))
 
 
 def mujocos():
@@ -86,7 +86,7 @@ def test_mujocos_rival_is_the_rigid_body_and_its_thrusters_where_there_is_no_wat
     for name in {str(table["name"]) for table in bare.effect}:
         bare = bare.without(name)
     flown = flights.independent(bare, bare, [], {}, rows=[300], depth=15.0, noise=0.1, seed=3)[0]
-    errors = Replay(flown, bare)
+    errors = Ahead(flown, bare)
     unchanged = {group.name: np.zeros(group.scales.size) for group in rival.groups(bare)}
     model = rival.scene(bare, errors.record.dt, unchanged).compile()
     model.opt.density = model.opt.viscosity = 0.0
@@ -100,7 +100,7 @@ def test_mujocos_rival_predicts_better_for_its_fit(logs, monkeypatch):
     monkeypatch.setattr(rival, "SHOTS", 8)
     monkeypatch.setattr(rival, "ITERATIONS", 3)
     measured, held_out = logs
-    errors = Replay(held_out, GIVEN)
+    errors = Ahead(held_out, GIVEN)
     assert rival.answer(GIVEN, measured).error(errors, held_out) < 0.6 * errors.of(GIVEN)
 
 
@@ -114,7 +114,7 @@ def test_turning_by_small_angles_is_a_rotation():
 
 def test_what_leaves_all_bounds_counts_as_far_off(logs):
     _, held_out = logs
-    errors = Replay(held_out, GIVEN)
+    errors = Ahead(held_out, GIVEN)
     starts = contest.ahead(errors)
     exact = errors.record.nu[starts[:, None] + np.arange(251)]
     assert contest.weighed(errors, starts, exact) == 0.0

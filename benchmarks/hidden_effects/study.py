@@ -15,16 +15,12 @@ import polars as pl
 
 from benchmarks.hidden_effects import flights, vehicles
 from benchmarks.hidden_effects.cases import Case, stronger, weaker
-from hydro.core.columns import Array
 from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.evaluation.regimes import Pieces
-from hydro.core.evaluation.replay_error import replay
-from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.levenberg_marquardt import descend
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
@@ -32,8 +28,6 @@ from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 
 SESSIONS = 4
-HORIZON = 5.0
-"""Of the predictions on the held-out session [s]."""
 WEAKER = 4  # times that what is hidden may be halved until the vehicle can be flown
 STRONGER = 5  # times that it may be doubled until each effect makes the share that was asked for
 ITERATIONS = 8  # of the oracle's fit, which begins at the truth
@@ -132,30 +126,7 @@ def flyable(case: Case, seconds: float, folder: Path) -> tuple[Case, Flown]:
     return case, fly(case, seconds, folder)
 
 
-class Replay:
-    """Errors of models on one recording, 5 s ahead, axes weighed by one vehicle's inertia."""
-
-    def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
-        self.record = recording(vehicle, raw)
-        self.motion, self.pieces = Motion.of(self.record), Pieces.of(self.record)
-        self.weight: Array | None = None
-        self.floor = math.nan
-        self.of(vehicle)
-
-    def of(self, vehicle: Vehicle) -> float:
-        """Root mean square error of the velocity; of the first vehicle also the noise floor."""
-        both = replay(candidate(vehicle), self.record, self.motion, self.pieces, HORIZON, 0)
-        if both is None:
-            raise DataError(f"a session shorter than {HORIZON:g} s cannot be held out")
-        velocity, _ = both
-        if self.weight is None:
-            self.weight = velocity.weight
-            self.floor = float(np.sqrt((velocity.noise.sum(axis=0) @ self.weight) / velocity.rows.sum()))
-        squares = velocity.squares.sum(axis=0) @ self.weight
-        return float(np.sqrt(squares / velocity.rows.sum()))
-
-
-def shares(case: Case, flown: Flown, errors: Replay, before: float) -> tuple[float, list[float]]:
+def shares(case: Case, flown: Flown, errors: Ahead, before: float) -> tuple[float, list[float]]:
     """Part of the given file's squared replay error that what is hidden makes, in all and each effect."""
     nothing = errors.of(flown.exact) ** 2
     everything = (
@@ -175,7 +146,7 @@ def shares(case: Case, flown: Flown, errors: Replay, before: float) -> tuple[flo
 def telling(case: Case, flown: Flown, seconds: float, folder: Path, least: float) -> tuple[Case, Flown]:
     """The case with every hidden effect so strong that it makes a share of the error, where it can."""
     for _ in range(STRONGER):
-        errors = Replay(flown.held_out, flown.exact)
+        errors = Ahead(flown.held_out, flown.exact)
         together, each = shares(case, flown, errors, errors.of(flown.given))
         weak = [share < least for share in (each if len(each) > 1 else [together])]
         if case.foreign or not (case.hidden and any(weak)):
@@ -223,7 +194,7 @@ def run(
             case, flown = telling(case, flown, seconds, folder, least)
         row["truth"] = json.dumps({"hidden": case.hidden, "foreign": case.foreign})
         row["misjudged"] = vehicles.damping_of(flown.given)
-        errors = Replay(flown.held_out, flown.exact)
+        errors = Ahead(flown.held_out, flown.exact)
         row["before"], row["floor"] = errors.of(flown.given), errors.floor
         row["share"], row["shares"] = shares(case, flown, errors, row["before"])
         wall, cpu = time.perf_counter(), time.process_time()

@@ -13,7 +13,7 @@ import polars as pl
 from benchmarks.hidden_effects import flights
 from benchmarks.hidden_effects.cases import Case, stronger, weaker
 from benchmarks.hidden_effects.study import SCHEMA as ANSWERS
-from benchmarks.hidden_effects.study import STRONGER, WEAKER, Flown, Replay, answer, oracle, shares
+from benchmarks.hidden_effects.study import STRONGER, WEAKER, Ahead, Flown, answer, oracle, shares
 from benchmarks.imperfect_base import base
 from benchmarks.imperfect_base.base import SESSIONS, Base
 from hydro.core.diagnosis.diagnose import diagnose
@@ -78,14 +78,14 @@ def standing_out(case: Case, known: Base, seconds: float) -> tuple[Case, float, 
     """
     for noise in NOISES:
         quiet = replace(case, noise=noise, hidden=())
-        errors = Replay(fly(quiet, known, seconds)[-1], known.vehicle)
+        errors = Ahead(fly(quiet, known, seconds)[-1], known.vehicle)
         error = errors.of(known.vehicle)
         if error >= STANDS_OUT * errors.floor:
             return replace(case, noise=noise), error, errors.floor
     raise DataError(f"the file of {case.preset} describes the panels to {error:.3g} m/s, near the noise")
 
 
-def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Replay]:
+def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Ahead]:
     """The case so strong that the change makes its share, and so weak that the vehicle can be flown.
 
     Raises:
@@ -105,7 +105,7 @@ def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Repla
     else:
         found = flown(case)
     for _ in range(STRONGER):
-        errors = Replay(found.held_out, known.vehicle)
+        errors = Ahead(found.held_out, known.vehicle)
         if not case.hidden or shares(case, found, errors, errors.of(known.vehicle))[0] >= SHARE:
             break
         try:
@@ -113,7 +113,7 @@ def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Repla
             case, found = more, flown(more)
         except DataError:
             break
-    return case, found, Replay(found.held_out, known.vehicle)
+    return case, found, Ahead(found.held_out, known.vehicle)
 
 
 def run(

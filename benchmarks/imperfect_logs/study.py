@@ -19,7 +19,7 @@ import polars as pl
 from benchmarks.hidden_effects import cases, flights, vehicles
 from benchmarks.hidden_effects.cases import Case, weaker
 from benchmarks.hidden_effects.study import SCHEMA as ANSWERS
-from benchmarks.hidden_effects.study import SESSIONS, WEAKER, Flown, Replay, answer, flyable, shares, telling
+from benchmarks.hidden_effects.study import SESSIONS, WEAKER, Ahead, Flown, answer, flyable, shares, telling
 from benchmarks.imperfect_logs import closed_loop
 from benchmarks.imperfect_logs.sensors import SPOILT
 from hydro.core.diagnosis.diagnose import diagnose
@@ -148,7 +148,7 @@ def run(kind: str, seed: int, condition: str, seconds: float, folder: Path) -> d
         case, flown = logged(case, condition, seconds, folder)
         row["truth"] = json.dumps(case.hidden)
         row["misjudged"] = vehicles.damping_of(flown.given)
-        errors = Replay(flown.held_out, flown.exact)
+        errors = Ahead(flown.held_out, flown.exact)
         row["before"], row["floor"] = errors.of(flown.given), errors.floor
         row["share"] = shares(case, flown, errors, row["before"])[0]
         wall, cpu = time.perf_counter(), time.process_time()

@@ -18,11 +18,12 @@ import polars as pl
 
 from benchmarks.hidden_effects import cases, vehicles
 from benchmarks.hidden_effects.scoring import rate
-from benchmarks.hidden_effects.study import HORIZON, Flown, Replay
+from benchmarks.hidden_effects.study import Flown
 from benchmarks.imperfect_base import base, changes
 from benchmarks.imperfect_base import study as on_base
 from benchmarks.imperfect_base.work import Results, done
 from benchmarks.imperfect_logs import study as on_logs
+from hydro.core.evaluation.replay_error import AHEAD, Ahead
 from hydro.core.vehicle.description import Vehicle
 
 BASE = "imperfect base"
@@ -58,21 +59,21 @@ class Answer:
     """
 
     name: str
-    error: Callable[[Replay, pl.DataFrame], float]
+    error: Callable[[Ahead, pl.DataFrame], float]
 
 
 Rival = Callable[[Vehicle, pl.DataFrame], Answer]
 
 
-def ahead(errors: Replay) -> np.ndarray:
-    """First rows of predictions laid end to end over the held-out session, as `Replay` lays them."""
-    length = round(HORIZON / errors.record.dt) + 1
+def ahead(errors: Ahead) -> np.ndarray:
+    """First rows of predictions laid end to end over the held-out session, as `Ahead` lays them."""
+    length = round(AHEAD / errors.record.dt) + 1
     parts = [np.arange(a, b - length + 1, length) for a, b in errors.record.segments]
     return np.concatenate(parts)
 
 
-def weighed(errors: Replay, starts: np.ndarray, predicted: np.ndarray) -> float:
-    """Root mean square error of predicted velocities (S, L, 6), as `Replay.of` weighs it.
+def weighed(errors: Ahead, starts: np.ndarray, predicted: np.ndarray) -> float:
+    """Root mean square error of predicted velocities (S, L, 6), as `Ahead.of` weighs it.
 
     A prediction that leaves all bounds is off by as much as one may be.
     """
@@ -108,7 +109,7 @@ def run(
         case, flown, called = recorded(condition, kind, seed, seconds, folder)
         row |= {"preset": case.preset, "title": case.title, "called": sorted(called)}
         row["misjudged"] = [] if condition == BASE else vehicles.damping_of(flown.given)
-        errors = Replay(flown.held_out, flown.exact)
+        errors = Ahead(flown.held_out, flown.exact)
         row["before"], row["floor"] = errors.of(flown.given), errors.floor
         row["share"] = on_base.shares(case, flown, errors, row["before"])[0]
         cpu = time.process_time()

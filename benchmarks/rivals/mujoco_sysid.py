@@ -23,10 +23,10 @@ from mujoco import sysid
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.hidden_effects.study import HORIZON, Replay
 from benchmarks.rivals.contest import Answer, ahead, main, weighed
 from benchmarks.rivals.output_error import MOVED, SECONDS, SHOTS
 from hydro.core.distillation.labels import labels
+from hydro.core.evaluation.replay_error import AHEAD, Ahead
 from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN, quaternion_from_euler
@@ -237,10 +237,10 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     )
 
 
-def error(model: mujoco.MjModel, given: Vehicle, errors: Replay, raw: pl.DataFrame) -> float:
+def error(model: mujoco.MjModel, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
     """Error 5 s ahead on the held-out session."""
     record, starts = errors.record, ahead(errors)
-    length = round(HORIZON / record.dt) + 1
+    length = round(AHEAD / record.dt) + 1
     shots = Shots.of(record, errors.motion.eta, errors.motion.nu, thrusts(given, raw), starts, length)
     return weighed(errors, starts, shots.predicted(model))
 

@@ -20,8 +20,8 @@ from scipy.optimize import least_squares
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import BODY, Array, Plant, onward, resting, settled
-from benchmarks.hidden_effects.study import Replay
 from benchmarks.rivals.contest import Answer, ahead, main, weighed
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.recording.arrays import Recording, noise, recording, smoothed
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
@@ -148,7 +148,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
     return Answer(groups[best].name if sizes[best] >= MOVED else "", lambda errors, _: error(fitted, errors))
 
 
-def error(plant: Plant, errors: Replay) -> float:
+def error(plant: Plant, errors: Ahead) -> float:
     """Error 5 s ahead on the held-out session."""
     starts, record = ahead(errors), errors.record
     first = beginnings(record, errors.motion.eta, errors.motion.nu, starts)

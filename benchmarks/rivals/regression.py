@@ -20,10 +20,10 @@ import polars as pl
 from benchmarks.hidden_effects import vehicles
 from benchmarks.hidden_effects.build import PAIRS
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.hidden_effects.study import Replay
 from benchmarks.rivals.contest import Answer, main
 from hydro.core.distillation.labels import labels
 from hydro.core.errors import DataError
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.vehicle.description import Vehicle
 
 WRENCH = tuple(f"{axis}_res" for axis in "XYZKMN")
@@ -102,7 +102,7 @@ def answer(given: Vehicle, measured: pl.DataFrame) -> Answer:
             break
         best = tried[name]
         chosen.append(name)
-    flown = Replay(measured, given)
+    flown = Ahead(measured, given)
     model = min(_models(given, chosen, columns, tables, target), key=lambda one: _error(flown, one))
     return Answer(chosen[0] if chosen else "", lambda errors, _: _error(errors, model))
 
@@ -128,7 +128,7 @@ def _models(
         yield vehicles.joined(given, _merged(added))
 
 
-def _error(errors: Replay, model: Vehicle) -> float:
+def _error(errors: Ahead, model: Vehicle) -> float:
     """Error 5 s ahead; that of a regression may be no vehicle at all."""
     try:
         return errors.of(model)

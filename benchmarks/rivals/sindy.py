@@ -18,10 +18,10 @@ import polars as pl
 
 from benchmarks.hidden_effects.build import build
 from benchmarks.hidden_effects.plant import Array
-from benchmarks.hidden_effects.study import HORIZON, Replay
 from benchmarks.rivals.contest import Answer, ahead, main, weighed
 from benchmarks.rivals.regression import EDGE, EVERY, WRENCH
 from hydro.core.distillation.labels import labels
+from hydro.core.evaluation.replay_error import AHEAD, Ahead
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
@@ -119,12 +119,12 @@ def _thrusts(table: pl.DataFrame, thrusters: int) -> Array:
     return out
 
 
-def error(model: Array, given: Vehicle, errors: Replay, raw: pl.DataFrame) -> float:
+def error(model: Array, given: Vehicle, errors: Ahead, raw: pl.DataFrame) -> float:
     """Error 5 s ahead, all predictions side by side in steps of a row (Heun)."""
     record, starts = errors.record, ahead(errors)
     thrusts = _thrusts(labels(given, raw, subtract="effects"), len(given.thruster))
     nu, R = errors.motion.nu[starts].copy(), rotation(*errors.motion.eta[starts, 3:].T)
-    length = round(HORIZON / record.dt) + 1
+    length = round(AHEAD / record.dt) + 1
     out = np.empty((starts.size, length, 6))
     with np.errstate(all="ignore"):  # what leaves all bounds is counted as such
         for k in range(length):

@@ -22,7 +22,9 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
+from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.experiment import advice
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import with_uncertainty
@@ -46,6 +48,8 @@ FURTHER = 0.20
 confidence falls with it, since the hull's own error imitates small changes."""
 PLAIN = 0.6
 """Part of the floor that a change must take to be plain beside what the hull's model leaves."""
+WORSE = 0.5
+"""Of the confidence in a change with which the file predicts worse a few seconds ahead."""
 CONTENDERS = 5
 QUICK = 6  # iterations of a contender's fit
 SCALES = 2.0
@@ -313,16 +317,35 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
         nothing = Finding("nothing_missing", advice=words)
         return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
+    vehicles = [first.vehicle, *(change.best.model.vehicle for change in changes)]
+    worse = np.diff(ahead(compared.log, vehicles)) > 0.0
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, removed)
-        for change, removed in zip(changes, -np.diff(left), strict=True)
+        _finding(change, first.vehicle, compared.log.record.dt, removed, further)
+        for change, removed, further in zip(changes, -np.diff(left), worse, strict=True)
     ]
     last = changes[-1].best.model
     return Diagnosis((*compared.log.faults, *findings), last.vehicle, (given, given, compared.chi2(last)))
 
 
-def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Finding:
-    """A change as a finding; `removed` is what it takes of the residual, in units of the floor."""
+def ahead(log: Preprocessed, vehicles: Sequence[Vehicle]) -> Array:
+    """Errors of vehicles 5 s ahead [m/s], (V,), weighed as of the first; NaN where no session is as long."""
+    try:
+        errors = Ahead(log.raw, vehicles[0])
+        return np.array([errors.of(vehicle) for vehicle in vehicles])
+    except DataError:
+        return np.full(len(vehicles), np.nan)
+
+
+def _finding(change: Change, file: Vehicle, dt: float, removed: float, worse: bool) -> Finding:
+    """A change as a finding.
+
+    Args:
+        change: The change.
+        file: The file.
+        dt: Sample time of the recording after [s].
+        removed: What it takes of the residual, in units of the floor.
+        worse: Whether the vehicle predicts the motion 5 s ahead worse with it.
+    """
     name, wins, model = change.best.effect, change.wins(), change.best.model
     fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
     parameters, errors = fit.table(name)
@@ -330,6 +353,8 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Findin
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; some of the recording would rather have {', '.join(rivals)}"
+    if worse:
+        words += "; the file predicts the motion 5 s ahead worse with it, which speaks against it"
     # What a model of the hull leaves, formulas of drag and lift take up first.
     absorbs = CATALOGUE[name].identification.absorbs
     known = bool(file.effects(name))
@@ -347,7 +372,8 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float) -> Findin
         confidence=wins[name]
         * min(1.0, change.plain / FURTHER)
         * min(1.0, max(removed, 0.0) / PLAIN)
-        * (1.0 - absorbs),
+        * (1.0 - absorbs)
+        * (WORSE if worse else 1.0),
         parameters=parameters,
         standard_errors=errors,
         advice=words,

@@ -13,13 +13,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Mask, Rows
+from hydro.core.errors import DataError
 from hydro.core.evaluation.misfit import Misfit, counted
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
-from hydro.core.identification.candidate import Candidate
+from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.multiple_shooting import (
     CHANNELS,
     Prepared,
@@ -29,12 +31,15 @@ from hydro.core.identification.multiple_shooting import (
     prepare,
     residuals,
 )
-from hydro.core.recording.arrays import Recording
+from hydro.core.recording.arrays import Recording, recording
 from hydro.core.simulation.dynamics import BODY
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
 
 HORIZONS = (1.0, 5.0, 20.0)
 """How far ahead predictions look [s]."""
+AHEAD = 5.0
+"""How far ahead vehicles are compared [s]."""
 FASTEST = 2.0
 """Frequency of the fastest change of force that counts [Hz]."""
 BANDS = (
@@ -94,6 +99,37 @@ def replay(
         misfit((*VELOCITY, "all"), VELOCITY_UNITS, weights.velocity, slice(6, 12)),
         misfit((*POSE, "pose"), POSE_UNITS, weights.pose, slice(0, 6)),
     )
+
+
+class Ahead:
+    """Errors of vehicles on one recording, 5 s ahead, axes weighed by the first one's inertia.
+
+    Attributes:
+        floor: What noise alone would leave of the first [m/s].
+    """
+
+    def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
+        self.record = record = recording(vehicle, raw)
+        self.motion, self.pieces = Motion.of(record), Pieces.of(record)
+        self.weight: Array | None = None
+        self.floor = np.nan
+        self.of(vehicle)
+
+    def of(self, vehicle: Vehicle) -> float:
+        """Root mean square error of the velocity [m/s].
+
+        Raises:
+            DataError: No session is as long.
+        """
+        both = replay(candidate(vehicle), self.record, self.motion, self.pieces, AHEAD, 0)
+        if both is None:
+            raise DataError(f"no session lasts {AHEAD:g} s without a gap; record longer sessions")
+        velocity, _ = both
+        if self.weight is None:
+            self.weight = velocity.weight
+            self.floor = float(np.sqrt((velocity.noise.sum(axis=0) @ self.weight) / velocity.rows.sum()))
+        squares = velocity.squares.sum(axis=0) @ self.weight
+        return float(np.sqrt(squares / velocity.rows.sum()))
 
 
 class _Predictions(NamedTuple):

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import polars as pl
 import pytest
 from recordings import damped, moved, noisy
 
+from hydro.core.diagnosis import before as module
+from hydro.core.diagnosis.before import ahead
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 
 HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
@@ -35,6 +41,24 @@ def test_the_hull_is_learnt_and_a_change_stands_alone(before):
     found = diagnose(file, flown(WEAK, seed=40), before=before).findings[0]
     assert (found.verdict, found.effect) == ("missing", "thruster_gain")
     assert found.parameters["g"][1] == pytest.approx(-0.3, abs=0.05)
+
+
+def test_a_change_with_which_the_file_predicts_worse_is_suspected_only(before, monkeypatch):
+    errors = {False: [2.0, 1.0], True: [1.0, 2.0]}
+    after, verdicts = flown(WEAK, seed=40), []
+    for worse in (False, True):
+        monkeypatch.setattr(module, "ahead", lambda log, vehicles, worse=worse: np.array(errors[worse]))
+        found = diagnose(damped(), after, before=before).findings[0]
+        verdicts.append(found.verdict)
+        assert ("5 s ahead worse" in found.advice) is worse
+    assert verdicts == ["missing", "suspect"]
+
+
+def test_errors_ahead_are_of_the_recording(before):
+    log = preprocess(damped(), before)
+    right, wrong = ahead(log, [damped(HULL), damped()])
+    assert right < 0.5 * wrong
+    assert np.isnan(ahead(replace(log, raw=before.head(200)), [damped()])).all()
 
 
 def test_nothing_changed(before):
