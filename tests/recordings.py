@@ -23,6 +23,10 @@ DAMPING = (
     {"name": "linear_damping", "diagonal": synthetic.LINEAR.tolist()},
     {"name": "quadratic_damping", "diagonal": synthetic.QUADRATIC.tolist()},
 )
+HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
+"""What the vehicle of `flown` does beside the file of `damped`,"""
+WEAK = {"name": "thruster_gain", "g": [0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+"""and a change of it."""
 
 
 def noisy(frame: pl.DataFrame, seed: int) -> pl.DataFrame:
@@ -80,3 +84,14 @@ def spoilt(raw: pl.DataFrame, **changed: np.ndarray) -> pl.DataFrame:
 
 def found(raw: pl.DataFrame):
     return faults(recording(synthetic.vehicle(), raw))
+
+
+def flown(*effects: dict, seed: int) -> pl.DataFrame:
+    """Four sessions of a vehicle whose hull its file does not describe, and with changes."""
+    sessions = [
+        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
+            session=pl.lit(f"s{i}")
+        )
+        for i in range(4)
+    ]
+    return pl.concat(sessions)

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import polars as pl
 import pytest
-from recordings import damped, moved, noisy
+from recordings import WEAK, damped, flown
 
 import hydro
 from hydro import cli
@@ -17,19 +17,6 @@ from hydro.io import vehicle as vehicles
 from hydro.report import change
 from hydro.report.page import render
 from hydro.report.sources import gather
-
-HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
-WEAK = {"name": "thruster_gain", "g": [0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
-
-
-def flown(*effects, seed: int) -> pl.DataFrame:
-    sessions = [
-        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
-            session=pl.lit(f"s{i}")
-        )
-        for i in range(4)
-    ]
-    return pl.concat(sessions)
 
 
 @pytest.fixture(scope="module")

@@ -106,8 +106,7 @@ class Compared:
     ) -> tuple[Compared, Model]:
         """The shots, weighed by the floor and about the errors of a vehicle; and the vehicle as it is."""
         problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
-        shots = problem.shots
-        compared = cls(log, hull, problem, folds(shots.record.session[shots.segment]))
+        compared = cls(log, hull, problem, folds(problem.shots.session))
         first = as_it_is(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
 
@@ -318,20 +317,19 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
         return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     vehicles = [first.vehicle, *(change.best.model.vehicle for change in changes)]
-    worse = np.diff(ahead(compared.log, vehicles)) > 0.0
+    rises = np.diff(ahead(compared.log, vehicles)) > 0.0
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, removed, further)
-        for change, removed, further in zip(changes, -np.diff(left), worse, strict=True)
+        _finding(change, first.vehicle, compared.log.record.dt, removed, worse)
+        for change, removed, worse in zip(changes, -np.diff(left), rises, strict=True)
     ]
-    last = changes[-1].best.model
-    return Diagnosis((*compared.log.faults, *findings), last.vehicle, (given, given, compared.chi2(last)))
+    return Diagnosis((*compared.log.faults, *findings), vehicles[-1], (given, given, left[-1]))
 
 
 def ahead(log: Preprocessed, vehicles: Sequence[Vehicle]) -> Array:
     """Errors of vehicles 5 s ahead [m/s], (V,), weighed as of the first; NaN where no session is as long."""
     try:
         errors = Ahead(log.raw, vehicles[0])
-        return np.array([errors.of(vehicle) for vehicle in vehicles])
+        return np.array([errors.first, *(errors.of(vehicle) for vehicle in vehicles[1:])])
     except DataError:
         return np.full(len(vehicles), np.nan)
 

@@ -63,7 +63,7 @@ def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str
     shots = compared.problem.shots
     shared = {
         "level": LEVEL,
-        "horizon": (shots.length - shots.lead - 1) * shots.record.dt,
+        "horizon": shots.seconds,
         "rows": len(shots.starts) * (shots.length - shots.lead),
         "at_horizon": None,
         "share": 0.0,

@@ -315,8 +315,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         words = advice.retuning(effect, _change(effect, baseline, model))
     else:
         words = advice.adding(effect, parameters, log.record.dt)
-    shots = baseline.problem.shots
-    words += unconfirmed(effect, without, model, shots.record.session[shots.segment])
+    words += unconfirmed(effect, without, model, baseline.problem.shots.session)
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,

@@ -136,9 +136,7 @@ class Recordings:
         """The rung of stretches left out of the fit, where it has to tell what a step is worth."""
         if self.problem is not None:
             error = left_out_error(vehicle, [str(table["name"]) for table in fitted], self.problem)
-            shots = self.problem.shots
-            seconds = (shots.length - shots.lead - 1) * shots.record.dt
-            row = {"dataset": "fit", "axis": LEFT_OUT, "horizon": seconds, "rmse": error}
+            row = {"dataset": "fit", "axis": LEFT_OUT, "horizon": self.problem.shots.seconds, "rmse": error}
             yield row | {"low": None, "high": None, "noise_floor": 1.0, "unit": "1"}
 
 

@@ -390,14 +390,8 @@ def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
     Their shots are the same.
     """
     order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
-    if not order:
-        return []
     worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
-    return [
-        name
-        for name, each in worse.items()
-        if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each) or name == order[0]
-    ]
+    return [name for name, each in worse.items() if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each)]
 
 
 def leader(fits: Mapping[str, Model]) -> str | None:

@@ -180,7 +180,7 @@ def tempered(file: Vehicle, own: Sequence[str], problem: OutputError, reach: Arr
 
 def sessions_of(shots: Shots) -> Rows:
     """What is left out together first: sessions, or stretches where there are few."""
-    return folds(shots.record.session[shots.segment])
+    return folds(shots.session)
 
 
 def regimes_of(shots: Shots) -> Rows:

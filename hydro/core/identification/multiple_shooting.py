@@ -128,6 +128,17 @@ class Shots:
     seen: NDArray[np.bool_] | None = None
 
     @property
+    def session(self) -> Rows:
+        """Session of the recording that each shot lies in, (S,)."""
+        found: Rows = self.record.session[self.segment]
+        return found
+
+    @property
+    def seconds(self) -> float:
+        """From the first to the last row that is compared of a shot [s]."""
+        return (self.length - self.lead - 1) * self.record.dt
+
+    @property
     def residuals(self) -> int:
         """Numbers compared in one shot where all channels have a sample in every row."""
         return (self.length - self.lead) * CHANNELS

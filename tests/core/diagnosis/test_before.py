@@ -5,28 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import polars as pl
 import pytest
-from recordings import damped, moved, noisy
+from recordings import HULL, WEAK, damped, flown
 
 from hydro.core.diagnosis import before as module
 from hydro.core.diagnosis.before import ahead
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
-
-HULL = {"name": "crossflow_drag", "Cd_y": 0.8, "Cd_z": 0.8}
-WEAK = {"name": "thruster_gain", "g": [0.0, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
-
-
-def flown(*effects, seed):
-    sessions = [
-        noisy(moved(damped(HULL, *effects), seed=seed + i, rows=1000), seed + i).with_columns(
-            session=pl.lit(f"s{i}")
-        )
-        for i in range(4)
-    ]
-    return pl.concat(sessions)
 
 
 @pytest.fixture(scope="module")
