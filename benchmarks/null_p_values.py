@@ -37,7 +37,7 @@ from benchmarks.kept_tables import Row, keep, markdown, origin
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.diagnose import refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
-from hydro.core.diagnosis.screening import ALPHA, Screening
+from hydro.core.diagnosis.model import ALPHA, Screening
 from hydro.core.diagnosis.search import Search
 from hydro.core.evaluation.score_test import FLIPS, p_values
 from hydro.core.simulation.sensor_noise import PROFILES, disturb

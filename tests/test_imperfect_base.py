@@ -59,7 +59,9 @@ def test_effects_of_panels_are_refused(monkeypatch):
 
 
 SECONDS = 32.0
-"""Of the flights in a study: four sessions that hold a prediction each."""
+"""Of the flights in a study: four sessions that hold a prediction each,"""
+UNCHANGED = 40.0
+"""and of those that the file is fitted to."""
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +70,8 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("imperfect_base")
     seed = next(s for s in range(300, 400) if changes.draw("changed", s).title == "ocean_current")
     preset = changes.draw("changed", seed).preset
-    arguments = ["--first-seed", seed, "--studies", 1, "--seconds", SECONDS, "-o", folder / "rows.parquet"]
+    arguments = ["--first-seed", seed, "--studies", 1, "--seconds", SECONDS, "--unchanged", UNCHANGED]
+    arguments += ["-o", folder / "rows.parquet"]
     command = [sys.executable, "-m", "benchmarks.imperfect_base", "run", "--kind", "changed", *arguments]
     printed = [
         subprocess.run(list(map(str, command)), cwd=ROOT, text=True, capture_output=True, check=False)
@@ -83,6 +86,7 @@ def test_a_study_from_the_command_line(done):
     assert first.returncode == 0, first.stderr
     (row,) = pl.read_parquet(folder / "rows.parquet").to_dicts()
     assert row["failure"] == ""
+    assert row["unchanged_seconds"] == UNCHANGED
     assert (row["seed"], row["preset"], row["called"]) == (seed, preset, ["ocean_current"])
     assert row["base_error"] >= study.STANDS_OUT * row["base_floor"]
     assert row["share"] >= study.SHARE
@@ -96,9 +100,9 @@ def test_a_study_from_the_command_line(done):
 @pytest.mark.slow
 def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     folder, seed, preset, _ = done
-    known = base.of(preset, seed, SECONDS, folder / "bases")
+    known = base.of(preset, seed, UNCHANGED, folder / "bases")
     flown = pl.read_parquet(known.unchanged)
-    assert flown.height == round(SECONDS / 0.02)
+    assert flown.height == round(UNCHANGED / 0.02)
     believed = {table["name"]: table for table in known.believed.effect}
     assert {table["name"] for table in known.vehicle.effect} == set(believed)
     assert any("standard_error" in table for table in known.vehicle.effect)
@@ -107,7 +111,7 @@ def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     assert msgspec.structs.replace(known.vehicle, effect=()) == msgspec.structs.replace(
         known.believed, effect=()
     )
-    study.write(changes.draw("changed", seed), SECONDS, folder / "bases", folder / "written")
+    study.write(changes.draw("changed", seed), SECONDS, UNCHANGED, folder / "bases", folder / "written")
     assert sorted(path.name for path in (folder / "written").iterdir()) == [
         "after.parquet",
         "before.parquet",

@@ -25,7 +25,7 @@ from typing import Any
 from benchmarks.imperfect_base import base, changes, report, study
 from benchmarks.imperfect_base.work import Results, add_report, done, said
 
-KEY = ("kind", "seed", "seconds", "with_before")
+KEY = ("kind", "seed", "seconds", "unchanged_seconds", "with_before")
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -38,12 +38,16 @@ def run(chosen: argparse.Namespace) -> None:
     ]
     results = Results(chosen.out, study.SCHEMA)
     known = set(results.table.select(KEY).rows())
-    cases = [case for case in cases if (case.kind, case.seed, chosen.seconds, chosen.before) not in known]
+    how = (chosen.seconds, chosen.unchanged, chosen.before)
+    cases = [case for case in cases if (case.kind, case.seed, *how) not in known]
     hulls = {(case.preset, case.seed // base.GROUP * base.GROUP) for case in cases}
-    fits = [(preset, seed, chosen.seconds, folder) for preset, seed in sorted(hulls)]
+    fits = [(preset, seed, chosen.unchanged, folder) for preset, seed in sorted(hulls)]
     for one in done(base.of, fits, chosen.workers):  # before the studies, so that each is made once
         print(f"base {one.unchanged.stem}", flush=True)
-    tasks = [(case, chosen.seconds, folder, not chosen.no_oracle, chosen.before) for case in cases]
+    tasks = [
+        (case, chosen.seconds, chosen.unchanged, folder, not chosen.no_oracle, chosen.before)
+        for case in cases
+    ]
     for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
@@ -61,7 +65,8 @@ def line(row: dict[str, Any]) -> str:
 def write(chosen: argparse.Namespace) -> None:
     """Write one study as files."""
     case = changes.draw((chosen.kind or ["changed"])[0], chosen.first_seed)
-    study.write(case, chosen.seconds, chosen.folder or chosen.out / "bases", chosen.out)
+    folder = chosen.folder or chosen.out / "bases"
+    study.write(case, chosen.seconds, chosen.unchanged, folder, chosen.out)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -72,6 +77,12 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("--kind", action="append", choices=changes.KINDS, help="all by default")
     common.add_argument("--first-seed", type=int, default=0)
     common.add_argument("--seconds", type=float, default=300.0, help="to diagnose, in four sessions")
+    common.add_argument(
+        "--unchanged",
+        type=float,
+        default=base.UNCHANGED,
+        help="seconds that the file is fitted to, and with --before the recording before",
+    )
     common.add_argument("--folder", type=Path, help="of fitted files; by default `bases` beside the results")
     one = commands.add_parser("run", help="run studies", parents=[common])
     one.add_argument("--studies", type=int, default=30, help="per kind")

@@ -23,6 +23,8 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.panels import superellipsoid
 from hydro.io import vehicle as files
 
+UNCHANGED = 720.0
+"""Flights of the unchanged vehicle, by default [s]."""
 GROUP = 100
 """Seeds that share their hulls, and so a fitted file per preset."""
 DEPTH = 20.0

@@ -35,6 +35,7 @@ SCHEMA: dict[str, Any] = {
     **{k: ANSWERS[k] for k in ("confidences", "supports", "p_values")},
     **{k: ANSWERS[k] for k in ("chi2_given", "chi2_own", "chi2_end", "before", "after", "oracle", "floor")},
     "unchanged": pl.String,
+    "unchanged_seconds": pl.Float64,
     "with_before": pl.Boolean,
     "wall": pl.Float64,
     "cpu": pl.Float64,
@@ -46,9 +47,9 @@ SCHEMA: dict[str, Any] = {
 `base_error` is the root mean square 5 s error of the fitted file on the unchanged vehicle's held-out flight
 and `base_floor` that of noise alone there; `share` the part of the given file's squared 5 s error on the
 changed vehicle's held-out flight that the true change, added to the file, takes away; `unchanged` the path of
-the flights that the file was fitted to, and `with_before` whether the diagnosis had them as the recording
-before.  `cpu` is the diagnosis' processor time and `study_cpu` that of all,
-a base fitted beforehand left out [s].
+the flights that the file was fitted to and `unchanged_seconds` their length (older tables lack it: as long as
+what is diagnosed); `with_before` whether the diagnosis had them as the recording before.  `cpu` is the
+diagnosis' processor time and `study_cpu` that of all, a base fitted beforehand left out [s].
 """
 
 
@@ -117,9 +118,23 @@ def changed(case: Case, known: Base, seconds: float) -> tuple[Case, Flown, Ahead
 
 
 def run(
-    case: Case, seconds: float, folder: Path, with_oracle: bool = True, with_before: bool = False
+    case: Case,
+    seconds: float,
+    unchanged: float,
+    folder: Path,
+    with_oracle: bool = True,
+    with_before: bool = False,
 ) -> dict[str, Any]:
-    """The row of one study; what went wrong stands under `failure`."""
+    """The row of one study; what went wrong stands under `failure`.
+
+    Args:
+        case: What is changed.
+        seconds: Of the flights to diagnose.
+        unchanged: Of those that the file is fitted to [s].
+        folder: Where fitted files are kept.
+        with_oracle: Fit the true change, too.
+        with_before: Give the diagnosis the unchanged flights.
+    """
     row: dict[str, Any] = dict.fromkeys(SCHEMA) | {
         "kind": case.kind,
         "seed": case.seed,
@@ -127,12 +142,13 @@ def run(
         "seconds": seconds,
         "title": case.title,
         "called": list(case.called),
+        "unchanged_seconds": unchanged,
         "with_before": with_before,
         "failure": "",
     }
     begun = time.process_time()
     try:
-        known = base.of(case.preset, case.seed, seconds, folder)
+        known = base.of(case.preset, case.seed, unchanged, folder)
         row["unchanged"] = str(known.unchanged)
         case, row["base_error"], row["base_floor"] = standing_out(case, known, seconds)
         case, flown, errors = changed(case, known, seconds)
@@ -153,9 +169,9 @@ def run(
     return row
 
 
-def write(case: Case, seconds: float, folder: Path, out: Path) -> None:
+def write(case: Case, seconds: float, unchanged: float, folder: Path, out: Path) -> None:
     """Write a study as files: vehicle.toml, before, after and held_out.parquet, and truth.json."""
-    known = base.of(case.preset, case.seed, seconds, folder)
+    known = base.of(case.preset, case.seed, unchanged, folder)
     case, _, _ = standing_out(case, known, seconds)
     case, flown, _ = changed(case, known, seconds)
     out.mkdir(parents=True, exist_ok=True)

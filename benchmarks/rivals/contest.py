@@ -89,7 +89,7 @@ def recorded(
     """A study's case, recordings, and all that may be named in it."""
     if condition == BASE:
         case = changes.draw("changed" if kind == "one" else "nothing", seed)
-        known = base.of(case.preset, seed, seconds, folder / "bases")
+        known = base.of(case.preset, seed, base.UNCHANGED, folder / "bases")
         case, _, _ = on_base.standing_out(case, known, seconds)
         case, flown, _ = on_base.changed(case, known, seconds)
         return case, flown, set(case.called)

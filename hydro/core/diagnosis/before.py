@@ -4,39 +4,30 @@ What the hull does beside its file is learnt from the recording before and held 
 (`core.residual`), so that a change stands alone.  The file's effects keep their values, and are suspects like
 all others.  Residuals are measured against what the model of the hull leaves of stretches of the recording
 before that it was not fitted to: below that floor there is nothing.
-
-Every suspect is scored by the share of the squared residual that it removes from sessions or stretches left
-out, at first by one Gauss-Newton step from the file, then, of those that score most, about its own fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hydro.core.columns import Array, Progress, Rows
-from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs, stated
+from hydro.core.columns import Array, Progress
+from hydro.core.diagnosis.confidence import stated
+from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
+from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.experiment import advice
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import with_uncertainty
-from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
-from hydro.core.identification.suspects import Suspect, shapes, suspects
-from hydro.core.preprocessing.sensor_tests import vetoed
-from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
-from hydro.core.residual.regression import robust
-from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
@@ -46,85 +37,16 @@ LEAST = 0.06
 FURTHER = 0.20
 """and a further one of what the first leaves, or of the floor where that is greater; below this share
 confidence falls with it, since the hull's own error imitates small changes."""
-PLAIN = 0.6
-"""Part of the floor that a change must take to be plain beside what the hull's model leaves."""
-WORSE = 0.5
-"""Of the confidence in a change with which the file predicts worse a few seconds ahead."""
-CONTENDERS = 5
-QUICK = 6  # iterations of a contender's fit
-SCALES = 2.0
-"""Prior standard deviation of a suspect's parameters in their natural scales."""
-FINE = 0.004
-"""Share of the residual that each further parameter must remove for a larger effect to be preferred."""
-ASKED = ("flow", "sensor")
-"""Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
 RESAMPLES = 2000
 MOST_CHANGES = 3
+PLAIN = 0.6
+"""Part of the floor that a change must take to be plain beside what the hull's model leaves."""
+GREAT = 0.2
+"""Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
+WORSE = 0.5
+"""Of the confidence in a change with which the file predicts worse a few seconds ahead."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
-
-
-@dataclass(frozen=True)
-class Contender:
-    """An effect fitted as the change.
-
-    Attributes:
-        effect: Its name.
-        model: The vehicle with it, over shots with the hull's share taken out.
-        costs: Squared residual of each shot, predicted by the fit to all other folds, (S,).
-    """
-
-    effect: str
-    model: Model
-    costs: Array
-
-    def fined(self, whole: float) -> float:
-        """Squared residual left out with a fine for every parameter."""
-        return float(self.costs.sum()) + FINE * whole * len(self.model.values)
-
-
-@dataclass(frozen=True)
-class Compared:
-    """The recording after, with what the hull does beside its file taken out.
-
-    Attributes:
-        log: The recording.
-        hull: What the recording before has taught.
-        problem: The shots as measured, weighed by the floor.
-        fold: What is left out with each, (S,).
-    """
-
-    log: Preprocessed
-    hull: Hull
-    problem: OutputError
-    fold: Rows
-    weight: Array = field(default_factory=lambda: np.ones(1))
-
-    @classmethod
-    def of(
-        cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
-    ) -> tuple[Compared, Model]:
-        """The shots, weighed by the floor and about the errors of a vehicle; and the vehicle as it is."""
-        problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
-        compared = cls(log, hull, problem, folds(problem.shots.session))
-        first = as_it_is(vehicle, compared.corrected(vehicle))
-        return replace(compared, weight=robust(first.costs)), first
-
-    def left_out(self, normal: Normal) -> Array:
-        """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
-        weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
-        return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
-
-    def chi2(self, model: Model) -> float:
-        """Mean squared residual in units of what the model of the hull leaves of the recording before."""
-        return float(self.weight @ model.costs / (self.weight @ model.normal.freedoms))
-
-    def corrected(self, vehicle: Vehicle) -> OutputError:
-        """The shots without the hull's share, asked for where this vehicle's current and log put it."""
-        shots = self.problem.shots
-        transitions = Transitions.of(candidate(vehicle), shots)
-        wrench = self.hull.law.wrench(vehicle, shots)
-        return OutputError(transitions.corrected(wrench)).at_measured_states(vehicle)
 
 
 def diagnose_change(
@@ -146,35 +68,7 @@ def diagnose_change(
         further: Whether the vehicle has changes already, so that more is asked of the next one.
     """
     compared, first = Compared.of(log, problem, hull, vehicle)
-    last, changes = first, list[Change]()
-    while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
-        progress(f"{len(changes)} changes found, looking for more", 0.3 + 0.2 * len(changes))
-        rivals = contend(compared, last, [one.best.effect for one in changes])
-        change = Change.of(compared, last, rivals)
-        if change is None or not change.seen(further=further or bool(changes)):
-            break
-        changes = reconsidered(compared, first, [*changes, change])
-        last = changes[-1].best.model
-    return told(compared, first, changes, further)
-
-
-def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
-    """The changes; the second alone where, fitted without the first, it is the better of the two.
-
-    An effect that only its own fit shows, as a threshold does, may come to light beside a poorer one first.
-    """
-    if len(changes) != 2:
-        return changes
-    before, name = changes[0], changes[1].best.effect
-    (table,) = changes[1].best.model.vehicle.effects(name)
-    try:
-        alone = fitted(compared, first, table)
-    except (Diverges, np.linalg.LinAlgError):
-        return changes
-    whole = float(before.whole.sum())
-    if alone.fined(whole) >= before.best.fined(whole):
-        return changes
-    return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
+    return told(compared, first, find(compared, first, progress, further), further)
 
 
 @dataclass(frozen=True)
@@ -237,72 +131,44 @@ class Change:
         return {names[i]: float(part[i]) for i in order}
 
 
-def contend(compared: Compared, last: Model, chosen: Sequence[str]) -> dict[str, Contender]:
-    """Fit the suspects that score most by one Gauss-Newton step, and all that move the water.
+def find(compared: Compared, first: Model, progress: Progress, further: bool = False) -> list[Change]:
+    """The changes, the greatest first.
 
     Args:
-        compared: The recordings.
-        last: The vehicle so far.
-        chosen: Effects that are in it as changes already.
+        compared: The recording after.
+        first: The vehicle as its file is.
+        progress: Called with a few words and the share of the work done.
+        further: Whether the vehicle has changes already, so that more is asked of the next one.
     """
-    vehicle, log = last.vehicle, compared.log
-    tried = suspects(vehicle, without=chosen, reach=log.positions)
-    ranked = stepped(compared, last, tried)
-    flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
-    fits: dict[str, Contender] = {}
-    for name in dict.fromkeys([*list(ranked)[:CONTENDERS], *flows]):
-        fine = shapes(vehicle, name, reach=log.positions)
-        table = (stepped(compared, last, fine) if fine else ranked)[name][1]
-        try:
-            fit = fitted(compared, last, table)
-        except (Diverges, np.linalg.LinAlgError):
-            continue
-        test = log.sensors.get(name)
-        if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(name)):
-            fits[name] = fit
-    return fits
+    last, changes = first, list[Change]()
+    while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
+        progress(f"{len(changes)} changes found, looking for more", 0.3 + 0.2 * len(changes))
+        rivals = contend(compared, last, [one.best.effect for one in changes])
+        change = Change.of(compared, last, rivals)
+        if change is None or not change.seen(further=further or bool(changes)):
+            break
+        changes = reconsidered(compared, first, [*changes, change])
+        last = changes[-1].best.model
+    return changes
 
 
-def stepped(
-    compared: Compared, last: Model, tried: Sequence[Suspect]
-) -> dict[str, tuple[float, dict[str, object]]]:
-    """Score of each effect by one Gauss-Newton step, and the table of its best shape, the best first."""
-    changed = [vehicle for suspect in tried for vehicle in suspect.changed]
-    steps = [step for suspect in tried for step in suspect.steps]
-    normal = last.problem.linearise(last.vehicle, changed, steps)
-    whole, best, at = (
-        float(compared.left_out(normal.of([])).sum()),
-        dict[str, tuple[float, dict[str, object]]](),
-        0,
-    )
-    for suspect in tried:
-        columns = list(range(at, at + len(suspect.steps)))
-        at += len(columns)
-        own = normal.of(columns)
-        left = compared.left_out(own)
-        score = 1.0 - float(left.sum()) / whole - FINE * len(columns)
-        if suspect.effect not in best or score > best[suspect.effect][0]:
-            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SCALES**-2
-            step = np.linalg.solve(known, own.score.sum(axis=0))
-            best[suspect.effect] = (score, suspect.begin(step))
-    return dict(sorted(best.items(), key=lambda one: -one[1][0]))
+def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
+    """The changes; the second alone where, fitted without the first, it is the better of the two.
 
-
-def fitted(compared: Compared, last: Model, table: Mapping[str, object]) -> Contender:
-    """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
-    model = fitted_together(compared, last, [table])
-    return Contender(str(table["name"]), model, compared.left_out(model.normal))
-
-
-def fitted_together(compared: Compared, last: Model, tables: Sequence[Mapping[str, object]]) -> Model:
-    """Effects fitted together to what a vehicle leaves, from the values of their tables."""
-    reach = compared.log.positions
-    if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
-        return fit_model(last.vehicle, tables, last.problem, reach, QUICK)
-    shots = compared.problem.shots
-    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
-    model = fit_model(last.vehicle, tables, anew, reach, QUICK)
-    return replace(model, problem=compared.corrected(model.vehicle))
+    An effect that only its own fit shows, as a threshold does, may come to light beside a poorer one first.
+    """
+    if len(changes) != 2:
+        return changes
+    before, name = changes[0], changes[1].best.effect
+    (table,) = changes[1].best.model.vehicle.effects(name)
+    try:
+        alone = fitted(compared, first, table)
+    except (Diverges, np.linalg.LinAlgError):
+        return changes
+    whole = float(before.whole.sum())
+    if alone.fined(whole) >= before.best.fined(whole):
+        return changes
+    return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
 def told(compared: Compared, first: Model, changes: Sequence[Change], further: bool = False) -> Diagnosis:
@@ -318,9 +184,10 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     vehicles = [first.vehicle, *(change.best.model.vehicle for change in changes)]
     rises = np.diff(ahead(compared.log, vehicles)) > 0.0
+    removed = -np.diff(left)
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, removed, worse)
-        for change, removed, worse in zip(changes, -np.diff(left), rises, strict=True)
+        _finding(change, first.vehicle, compared.log.record.dt, each, each / removed.max(), worse)
+        for change, each, worse in zip(changes, removed, rises, strict=True)
     ]
     return Diagnosis((*compared.log.faults, *findings), vehicles[-1], (given, given, left[-1]))
 
@@ -334,14 +201,15 @@ def ahead(log: Preprocessed, vehicles: Sequence[Vehicle]) -> Array:
         return np.full(len(vehicles), np.nan)
 
 
-def _finding(change: Change, file: Vehicle, dt: float, removed: float, worse: bool) -> Finding:
+def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: float, worse: bool) -> Finding:
     """A change as a finding.
 
     Args:
         change: The change.
         file: The file.
         dt: Sample time of the recording after [s].
-        removed: What it takes of the residual, in units of the floor.
+        removed: What it takes of the residual, in units of the floor,
+        beside: and in units of what the greatest change takes.
         worse: Whether the vehicle predicts the motion 5 s ahead worse with it.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
@@ -353,7 +221,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, worse: bo
         words += f"; some of the recording would rather have {', '.join(rivals)}"
     if worse:
         words += "; the file predicts the motion 5 s ahead worse with it, which speaks against it"
-    # What a model of the hull leaves, formulas of drag and lift take up first.
+    # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
     absorbs = CATALOGUE[name].identification.absorbs
     known = bool(file.effects(name))
     if known:
@@ -370,7 +238,8 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, worse: bo
         confidence=wins[name]
         * min(1.0, change.plain / FURTHER)
         * min(1.0, max(removed, 0.0) / PLAIN)
-        * (1.0 - absorbs)
+        * min(1.0, max(beside, 0.0) / GREAT)
+        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
         * (WORSE if worse else 1.0),
         parameters=parameters,
         standard_errors=errors,

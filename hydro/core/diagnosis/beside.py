@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
-from hydro.core.diagnosis.before import Compared, fitted_together
+from hydro.core.diagnosis.contenders import Compared, fitted_together
 from hydro.core.diagnosis.diagnose import stable_shots
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import as_it_is

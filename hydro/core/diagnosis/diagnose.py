@@ -34,6 +34,7 @@ from hydro.core.diagnosis.identifiability import aliases, left_open, undetermine
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import (
+    ALPHA,
     SLOW,
     Diverges,
     Model,
@@ -43,7 +44,6 @@ from hydro.core.diagnosis.model import (
     fitted_or_kept,
     from_elsewhere,
 )
-from hydro.core.diagnosis.screening import ALPHA
 from hydro.core.diagnosis.search import MATERIAL, Baseline, Found, Outcome, Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects import CATALOGUE

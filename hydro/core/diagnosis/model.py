@@ -1,25 +1,41 @@
-"""A vehicle fitted to short shots, and what the fit leaves: what a search goes through, one after another."""
+"""A vehicle fitted to short shots, and suspects held against what the fit leaves: the steps of a search.
+
+All suspects are linearised together about a model.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
+from hydro.core.evaluation.score_test import Columns, Evidence, p_values
 from hydro.core.identification.initial_guess import elsewhere
-from hydro.core.identification.levenberg_marquardt import ITERATIONS, Prior, Problem, descend, searched
+from hydro.core.identification.levenberg_marquardt import (
+    ITERATIONS,
+    Prior,
+    Problem,
+    descend,
+    moved,
+    searched,
+)
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
+from hydro.core.identification.suspects import Suspect
 from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
 """Effects to fit: names in the catalogue, or tables with values to begin from."""
 
+ALPHA = 0.01
+"""Probability of a false alarm in one round, over all effects at once."""
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
 SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
 NARROWEST = 0.01  # scales, of the search for an entry that acts in steps: its name needs no more digits
@@ -122,6 +138,26 @@ def fit_model(
     return model
 
 
+def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
+    """The model fitted anew with some of its entries held.
+
+    Args:
+        model: It.
+        values: Where the held ones stay and the others begin, (P,).
+        held: Which, (P,).
+        iterations: Steps at most.
+
+    Raises:
+        Diverges: The predicted motion does.
+    """
+    unknown = model.unknown.holding(values, held)
+    try:
+        found, normal, problem = descend(unknown, unknown.starts[0], model.problem, iterations, COARSE, SLOW)
+    except np.linalg.LinAlgError as error:
+        raise Diverges("no step leads on from the values of what is not held") from error
+    return Model(unknown, found, problem, normal)
+
+
 def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
     """The vehicle with no free entries; its cost is infinite where its predictions diverge."""
     unfree = Free(vehicle, (), (np.zeros(0),), frozenset())
@@ -171,3 +207,60 @@ def from_elsewhere(model: Model, problem: Problem, reach: Array, share: float = 
         if other.normal.cost < model.normal.cost:
             model = other
     return model
+
+
+@dataclass(frozen=True)
+class Screening:
+    """All suspects about one model.
+
+    Attributes:
+        model: The model, perhaps over a part of the shots.
+        ranked: Best shape of each effect with its columns, the most telling first.
+        shapes: Columns of every shape of each effect.
+        normal: The linearised problem, in the units that the columns' steps have.
+        evidence: The same in columns of unit size.
+        own: Columns of the model's own entries.
+        gains: Squared residual that each effect would explain of all shots.
+    """
+
+    model: Model
+    ranked: Mapping[str, tuple[Suspect, Columns]]
+    shapes: Mapping[str, Sequence[Columns]]
+    normal: Normal
+    evidence: Evidence
+    own: Columns
+    gains: Mapping[str, float]
+
+    @cached_property
+    def p_value(self) -> float:
+        """Probability that chance alone would tell as much as the most telling effect."""
+        return min(p_values(self.evidence, self.own, self.shapes).values(), default=1.0)
+
+    @property
+    def significant(self) -> bool:
+        """Whether any effect tells more than chance would."""
+        return self.p_value <= ALPHA
+
+
+def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
+    """Hold some suspects against what a model leaves, over a part of so many shots or all of them."""
+    changed, steps = moved(model.unknown, model.values)
+    own, places = range(len(changed)), list[tuple[Suspect, Columns]]()
+    for suspect in tried:
+        places.append((suspect, range(len(changed), len(changed) + len(suspect.steps))))
+        changed += suspect.changed
+        steps += suspect.steps
+    normal = model.problem.linearise(model.vehicle, changed, steps)
+    evidence = Evidence.of(normal)
+    whole = shots / len(normal.gram)
+    best: dict[str, tuple[float, Suspect, Columns]] = {}
+    every: dict[str, list[Columns]] = {}
+    for suspect, columns in places:
+        every.setdefault(suspect.effect, []).append(columns)
+        gain = evidence.gain(own, columns) * whole
+        if suspect.effect not in best or gain > best[suspect.effect][0]:
+            best[suspect.effect] = (gain, suspect, columns)
+    order = sorted(best, key=lambda name: -best[name][0])
+    ranked = {name: best[name][1:] for name in order}
+    gains = {name: best[name][0] for name in order}
+    return Screening(model, ranked, every, normal, evidence, own, gains)

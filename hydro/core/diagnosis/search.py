@@ -21,8 +21,7 @@ from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, Wanted, fit_model
-from hydro.core.diagnosis.screening import Screening, screened
+from hydro.core.diagnosis.model import Diverges, Model, Screening, Wanted, fit_model, screened
 from hydro.core.effects.catalogue import repeated_effects
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import (
@@ -176,7 +175,7 @@ class Search:
         return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.positions))
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
-        """Hold some suspects against what a model leaves, see `screening.screened`."""
+        """Hold some suspects against what a model leaves, see `model.screened`."""
         return screened(model, tried, len(self.baseline.problem.shots.starts))
 
     def fewer(self, model: Model) -> Model:

@@ -166,13 +166,10 @@ class Fit:
 
 
 def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
-    """The standard errors of one effect in the shape of its table; 0 of what is held as known."""
-    table, fitted = (
-        effect_table(free_, name, errors),
-        {e.parameter for e in free_.entries if e.effect == name},
-    )
-    known = {key: np.zeros(np.shape(value)).tolist() for key, value in table.items() if key not in fitted}
-    return table | known
+    """The standard errors of one effect in the shape of its table; 0 of what is held."""
+    found = effect_table(free_, name, errors)
+    fitted = effect_table(free_, name, np.full(len(errors), np.nan))
+    return {key: np.where(np.isnan(fitted[key]), found[key], 0.0).tolist() for key in found}
 
 
 def fit(

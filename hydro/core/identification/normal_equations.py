@@ -69,6 +69,14 @@ class Normal:
         left: Array = self.gram[:, -1, -1] - across
         return left
 
+    def after(self, step: Array) -> Normal:
+        """The same problem about where a step (P,) of its parameters leads, as far as it is linear."""
+        gram = self.gram.copy()
+        gram[:, -1, -1] = self.expected(step)
+        gram[:, :-1, -1] -= self.matrix @ step
+        gram[:, -1, :-1] = gram[:, :-1, -1]
+        return replace(self, gram=gram)
+
     @property
     def residuals(self) -> float:
         """Independent residuals in all."""

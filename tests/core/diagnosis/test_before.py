@@ -26,7 +26,10 @@ def test_the_hull_is_learnt_and_a_change_stands_alone(before):
     assert hull.left < 0.5 * hull.given, "the library takes most of the file's error away"
     found = diagnose(file, flown(WEAK, seed=40), before=before).findings[0]
     assert (found.verdict, found.effect) == ("missing", "thruster_gain")
-    assert found.parameters["g"][1] == pytest.approx(-0.3, abs=0.05)
+    assert found.parameters["g"] == pytest.approx([0.0, -0.3, *6 * [0.0]], abs=0.05)
+    assert [error > 0.0 for error in found.standard_errors["g"]] == [False, True, *6 * [False]], (
+        "thrusters that work are not estimated"
+    )
 
 
 def test_a_change_with_which_the_file_predicts_worse_is_suspected_only(before, monkeypatch):

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hydro.core.diagnosis import screening
-from hydro.core.diagnosis.screening import screened
+from hydro.core.diagnosis import model as module
+from hydro.core.diagnosis.model import screened
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.suspects import Suspect
 
@@ -22,7 +22,7 @@ def noise(seed: int) -> Normal:
 
 
 def test_an_effect_of_many_shapes_alarms_no_more_often_than_others(monkeypatch):
-    monkeypatch.setattr(screening, "moved", lambda unknown, values: ([], []))
+    monkeypatch.setattr(module, "moved", lambda unknown, values: ([], []))
     shapes = [Suspect("thruster_deadband", (None,), (1.0,), dict) for _ in range(SHAPES)]
     found = []
     for seed in range(200):

@@ -1,0 +1,214 @@
+"""What may have changed: every suspect, fitted beside the model of the hull and scored on data left out.
+
+A suspect is scored by the share of the squared residual that it removes from sessions or stretches left out,
+at first by one Gauss-Newton step from the file, then, of those that score most, about its own fit, with no
+more entries than are worth their fine there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, held_at
+from hydro.core.effects import CATALOGUE
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.prior import in_file
+from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
+from hydro.core.preprocessing.sensor_tests import vetoed
+from hydro.core.residual.asked_anew import AskedAnew
+from hydro.core.residual.hull import Hull
+from hydro.core.residual.regression import robust
+from hydro.core.residual.response import Transitions
+from hydro.core.vehicle.description import Vehicle
+
+CONTENDERS = 5
+POOR, MOST_CONTENDERS = 3.0, 10
+"""Floors that the best of them leaves from which more are fitted, and how many at most: one step from the
+file says little of an effect that changes the motion altogether."""
+QUICK = 6  # iterations of a contender's fit
+SCALES = 2.0
+"""Prior standard deviation of a suspect's parameters in their natural scales."""
+FINE = 0.004
+"""Share of the residual that each further parameter must remove for a larger effect to be preferred."""
+ASKED = ("flow", "sensor")
+"""Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """An effect fitted as the change.
+
+    Attributes:
+        effect: Its name.
+        model: The vehicle with it, over shots with the hull's share taken out.
+        costs: Squared residual of each shot, predicted by the fit to all other folds, (S,).
+    """
+
+    effect: str
+    model: Model
+    costs: Array
+
+    def fined(self, whole: float) -> float:
+        """Squared residual left out with a fine for every parameter."""
+        return float(self.costs.sum()) + FINE * whole * len(self.model.values)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The recording after, with what the hull does beside its file taken out.
+
+    Attributes:
+        log: The recording.
+        hull: What the recording before has taught.
+        problem: The shots as measured, weighed by the floor.
+        fold: What is left out with each, (S,).
+    """
+
+    log: Preprocessed
+    hull: Hull
+    problem: OutputError
+    fold: Rows
+    weight: Array = field(default_factory=lambda: np.ones(1))
+
+    @classmethod
+    def of(
+        cls, log: Preprocessed, problem: OutputError, hull: Hull, vehicle: Vehicle
+    ) -> tuple[Compared, Model]:
+        """The shots, weighed by the floor and about the errors of a vehicle; and the vehicle as it is."""
+        problem = problem.weighed(np.maximum(log.noise, hull.sigma) * hull.floor)
+        compared = cls(log, hull, problem, folds(problem.shots.session))
+        first = as_it_is(vehicle, compared.corrected(vehicle))
+        return replace(compared, weight=robust(first.costs)), first
+
+    def left_out(self, normal: Normal) -> Array:
+        """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
+        weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])
+        return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
+
+    def elsewhere(self, model: Model) -> Array:
+        """The same about a fit, (S,); its residuals where a step beyond its bounds would promise less."""
+        left, here = self.left_out(model.normal), self.weight * model.costs
+        return left if left.sum() >= here.sum() else here
+
+    def chi2(self, model: Model) -> float:
+        """Mean squared residual in units of what the model of the hull leaves of the recording before."""
+        return float(self.weight @ model.costs / (self.weight @ model.normal.freedoms))
+
+    def corrected(self, vehicle: Vehicle) -> OutputError:
+        """The shots without the hull's share, asked for where this vehicle's current and log put it."""
+        shots = self.problem.shots
+        transitions = Transitions.of(candidate(vehicle), shots)
+        wrench = self.hull.law.wrench(vehicle, shots)
+        return OutputError(transitions.corrected(wrench)).at_measured_states(vehicle)
+
+
+def contend(compared: Compared, last: Model, chosen: Sequence[str]) -> dict[str, Contender]:
+    """Fit the suspects that score most by one Gauss-Newton step, and all that move the water.
+
+    Args:
+        compared: The recordings.
+        last: The vehicle so far.
+        chosen: Effects that are in it as changes already.
+    """
+    vehicle, log = last.vehicle, compared.log
+    tried = suspects(vehicle, without=chosen, reach=log.positions)
+    ranked = stepped(compared, last, tried)
+    flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
+    always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
+    floor = float(compared.weight @ last.normal.freedoms)
+    fits: dict[str, Contender] = {}
+    for name in list(dict.fromkeys([*always, *ranked]))[:MOST_CONTENDERS]:
+        left = min((float(fit.costs.sum()) for fit in fits.values()), default=np.inf)
+        if name not in always and left <= POOR * floor:
+            break
+        fine = shapes(vehicle, name, reach=log.positions)
+        table = (stepped(compared, last, fine) if fine else ranked)[name][1]
+        try:
+            fit = fitted(compared, last, table)
+        except (Diverges, np.linalg.LinAlgError):
+            continue
+        test = log.sensors.get(name)
+        if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(name)):
+            fits[name] = fit
+    return fits
+
+
+def stepped(
+    compared: Compared, last: Model, tried: Sequence[Suspect]
+) -> dict[str, tuple[float, dict[str, object]]]:
+    """Score of each effect by one Gauss-Newton step, and the table of its best shape, the best first."""
+    changed = [vehicle for suspect in tried for vehicle in suspect.changed]
+    steps = [step for suspect in tried for step in suspect.steps]
+    normal = last.problem.linearise(last.vehicle, changed, steps)
+    whole, best, at = (
+        float(compared.left_out(normal.of([])).sum()),
+        dict[str, tuple[float, dict[str, object]]](),
+        0,
+    )
+    for suspect in tried:
+        columns = list(range(at, at + len(suspect.steps)))
+        at += len(columns)
+        own = normal.of(columns)
+        left = compared.left_out(own)
+        score = 1.0 - float(left.sum()) / whole - FINE * len(columns)
+        if suspect.effect not in best or score > best[suspect.effect][0]:
+            known = own.matrix.sum(axis=0) + np.eye(len(columns)) * SCALES**-2
+            step = np.linalg.solve(known, own.score.sum(axis=0))
+            best[suspect.effect] = (score, suspect.begin(step))
+    return dict(sorted(best.items(), key=lambda one: -one[1][0]))
+
+
+def fitted(compared: Compared, last: Model, table: Mapping[str, object]) -> Contender:
+    """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
+    model = fitted_together(compared, last, [table])
+    return lean(compared, last, Contender(str(table["name"]), model, compared.elsewhere(model)))
+
+
+def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
+    """The contender without entries that are not worth their fine on data left out, the others fitted alone.
+
+    One thruster fails, not all of them, and entries that are free follow the hull's own error.  Which are
+    needed the problem about the fit says; so it is done where an effect is linear in its entries.
+    """
+    model, count = whole.model, len(whole.model.values)
+    if count < 2 or whole.effect in CURVED or CATALOGUE[whole.effect].kind in ASKED:
+        return whole
+    begun = in_file(last.vehicle, model.unknown.entries)
+    normal = model.normal.after((begun - model.values) / model.unknown.scales)
+    nothing = float(compared.left_out(normal.of([])).sum())
+    kept, left = list(range(count)), float(compared.left_out(normal).sum())
+    while len(kept) > 1:
+        fewer = [[one for one in kept if one != out] for out in kept]
+        costs = [float(compared.left_out(normal.of(columns)).sum()) for columns in fewer]
+        best = int(np.argmin(costs))
+        if costs[best] > left + FINE * nothing:
+            break
+        kept, left = fewer[best], costs[best]
+    if len(kept) == count:
+        return whole
+    held = ~np.isin(np.arange(count), kept)
+    try:
+        model = held_at(model, np.where(held, begun, model.values), held, QUICK)
+    except Diverges:
+        return whole
+    leaner = Contender(whole.effect, model, compared.elsewhere(model))
+    return leaner if leaner.fined(nothing) < whole.fined(nothing) else whole
+
+
+def fitted_together(compared: Compared, last: Model, tables: Sequence[Mapping[str, object]]) -> Model:
+    """Effects fitted together to what a vehicle leaves, from the values of their tables."""
+    reach = compared.log.positions
+    if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
+        return fit_model(last.vehicle, tables, last.problem, reach, QUICK)
+    shots = compared.problem.shots
+    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
+    model = fit_model(last.vehicle, tables, anew, reach, QUICK)
+    return replace(model, problem=compared.corrected(model.vehicle))
