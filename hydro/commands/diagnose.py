@@ -84,7 +84,8 @@ def diagnose(
     writes them into the file. Beside the table that -o names lies the covariance of all values.
 
     With --before it finds what has changed since another recording: what the hull does beside the file is
-    learnt from that one, by a regression on a library of forces, and held fixed. The file's effects keep
+    learnt from that one, by a regression on a library of forces, and held fixed: the longer it is the better,
+    ten minutes of all axes rather than two. The file's effects keep
     their values, and a change of one is a finding like any other. A change is named where it takes
     10 % or more of the error away from stretches which it was not fitted to.
 

@@ -20,9 +20,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.effects import CATALOGUE
-from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import weights
-from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.output_error import OutputError
@@ -43,8 +41,6 @@ PLAIN = 0.6
 """Part of the floor that a change must take to be plain beside what the hull's model leaves."""
 GREAT = 0.2
 """Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
-WORSE = 0.5
-"""Of the confidence in a change with which the file predicts worse a few seconds ahead."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -182,26 +178,17 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
         nothing = Finding("nothing_missing", advice=words)
         return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
-    vehicles = [first.vehicle, *(change.best.model.vehicle for change in changes)]
-    rises = np.diff(ahead(compared.log, vehicles)) > 0.0
     removed = -np.diff(left)
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, each, each / removed.max(), worse)
-        for change, each, worse in zip(changes, removed, rises, strict=True)
+        _finding(change, first.vehicle, compared.log.record.dt, each, each / removed.max())
+        for change, each in zip(changes, removed, strict=True)
     ]
-    return Diagnosis((*compared.log.faults, *findings), vehicles[-1], (given, given, left[-1]))
+    return Diagnosis(
+        (*compared.log.faults, *findings), changes[-1].best.model.vehicle, (given, given, left[-1])
+    )
 
 
-def ahead(log: Preprocessed, vehicles: Sequence[Vehicle]) -> Array:
-    """Errors of vehicles 5 s ahead [m/s], (V,), weighed as of the first; NaN where no session is as long."""
-    try:
-        errors = Ahead(log.raw, vehicles[0])
-        return np.array([errors.first, *(errors.of(vehicle) for vehicle in vehicles[1:])])
-    except DataError:
-        return np.full(len(vehicles), np.nan)
-
-
-def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: float, worse: bool) -> Finding:
+def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: float) -> Finding:
     """A change as a finding.
 
     Args:
@@ -210,7 +197,6 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
         dt: Sample time of the recording after [s].
         removed: What it takes of the residual, in units of the floor,
         beside: and in units of what the greatest change takes.
-        worse: Whether the vehicle predicts the motion 5 s ahead worse with it.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
     fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
@@ -219,8 +205,6 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; some of the recording would rather have {', '.join(rivals)}"
-    if worse:
-        words += "; the file predicts the motion 5 s ahead worse with it, which speaks against it"
     # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
     absorbs = CATALOGUE[name].identification.absorbs
     known = bool(file.effects(name))
@@ -239,8 +223,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
         * min(1.0, change.plain / FURTHER)
         * min(1.0, max(removed, 0.0) / PLAIN)
         * min(1.0, max(beside, 0.0) / GREAT)
-        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
-        * (WORSE if worse else 1.0),
+        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0))),
         parameters=parameters,
         standard_errors=errors,
         advice=words,

@@ -105,8 +105,7 @@ class Ahead:
     """Errors of vehicles on one recording, 5 s ahead, axes weighed by the first one's inertia.
 
     Attributes:
-        first: The first one's error [m/s],
-        floor: and what noise alone would leave of it.
+        floor: What noise alone would leave of the first [m/s].
     """
 
     def __init__(self, raw: pl.DataFrame, vehicle: Vehicle) -> None:
@@ -114,7 +113,7 @@ class Ahead:
         self.motion, self.pieces = Motion.of(record), Pieces.of(record)
         self.weight: Array | None = None
         self.floor = np.nan
-        self.first = self.of(vehicle)
+        self.of(vehicle)
 
     def of(self, vehicle: Vehicle) -> float:
         """Root mean square error of the velocity [m/s].

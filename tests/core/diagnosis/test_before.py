@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
-from recordings import HULL, WEAK, damped, flown
+from recordings import WEAK, damped, flown
 
-from hydro.core.diagnosis import before as module
-from hydro.core.diagnosis.before import ahead
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
-from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 
 
@@ -30,24 +24,6 @@ def test_the_hull_is_learnt_and_a_change_stands_alone(before):
     assert [error > 0.0 for error in found.standard_errors["g"]] == [False, True, *6 * [False]], (
         "thrusters that work are not estimated"
     )
-
-
-def test_a_change_with_which_the_file_predicts_worse_is_suspected_only(before, monkeypatch):
-    errors = {False: [2.0, 1.0], True: [1.0, 2.0]}
-    after, verdicts = flown(WEAK, seed=40), []
-    for worse in (False, True):
-        monkeypatch.setattr(module, "ahead", lambda log, vehicles, worse=worse: np.array(errors[worse]))
-        found = diagnose(damped(), after, before=before).findings[0]
-        verdicts.append(found.verdict)
-        assert ("5 s ahead worse" in found.advice) is worse
-    assert verdicts == ["missing", "suspect"]
-
-
-def test_errors_ahead_are_of_the_recording(before):
-    log = preprocess(damped(), before)
-    right, wrong = ahead(log, [damped(HULL), damped()])
-    assert right < 0.5 * wrong
-    assert np.isnan(ahead(replace(log, raw=before.head(200)), [damped()])).all()
 
 
 def test_nothing_changed(before):
