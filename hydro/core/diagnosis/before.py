@@ -180,7 +180,7 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     removed = -np.diff(left)
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, each, each / removed.max())
+        _finding(change, first.vehicle, compared.log.record.dt, each, each / max(removed.max(), LEAST))
         for change, each in zip(changes, removed, strict=True)
     ]
     return Diagnosis(
