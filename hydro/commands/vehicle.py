@@ -128,8 +128,9 @@ def new(
     """Write a vehicle file from mass, dimensions and thrusters, with what geometry says of the rest.
 
     Inertia, added mass and damping are estimated from the hull's box, or its mesh, and its shape: Lamb's
-    ellipsoids, boxes and plates of DNV-RP-C205, streamlined bodies of Hoerner. What the water does has standard
-    errors, so that fit and diagnose take it for a beginning; a comment in the file says where it comes from.
+    ellipsoids, boxes and plates of DNV-RP-C205, streamlined bodies of Hoerner. What the water does has
+    standard errors, so that fit and diagnose take it for a beginning; a comment in the file says where it
+    comes from.
     Body axes are x forward, y right, z down, from the middle of the box, or from the mesh's origin.
 
     What is missing is asked for on a terminal; elsewhere a line says which options are. With the extra `mesh`

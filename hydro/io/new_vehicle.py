@@ -30,9 +30,9 @@ def text(found: Estimate) -> str:
     body, hull = vehicle.rigid_body, vehicle.hull
     lines = [
         *_comment(
-            f"Estimated by `hydro vehicle new` from mass, box and thrusters: a hull like a {found.form.shape}. Numbers "
-            "under [[effect]] are beginnings with standard errors: `hydro fit` and `hydro diagnose` weigh them "
-            "against a recording."
+            f"Estimated by `hydro vehicle new` from mass, hull and thrusters: like a {found.form.shape}. "
+            "Numbers under [[effect]] are beginnings with standard errors: `hydro fit` and `hydro diagnose` "
+            "weigh them against a recording."
         ),
         'format = "hydro-vehicle/1"',
         f"name = {json.dumps(vehicle.name, ensure_ascii=False)}",
@@ -55,16 +55,16 @@ def text(found: Estimate) -> str:
         lines.append(f"center = {_row(hull.center)}")
     if hull.mesh is not None:
         lines.append(f"mesh = {json.dumps(hull.mesh, ensure_ascii=False)}")
+    lines.append("")
     if vehicle.thruster:
         lines += [
-            "",
             *_comment("Curve and time constant are guesses; the order is that of a log's commands."),
         ]
     for thruster in vehicle.thruster:
-        lines += _thruster(thruster)
+        lines += [*_thruster(thruster), ""]
     for table in vehicle.effect:
-        lines += ["", *_effect(table, origins[table["name"]])]
-    return "\n".join(lines) + "\n"
+        lines += [*_effect(table, origins[table["name"]]), ""]
+    return "\n".join(lines[:-1]) + "\n"
 
 
 def _trim(found: Estimate) -> str:
@@ -87,7 +87,6 @@ def _thruster(thruster: Thruster) -> Iterable[str]:
         f'curve = "{thruster.curve}"',
         f'lag = "{thruster.lag}"',
         f"time_constant = {_given(thruster.time_constant)}",
-        "",
     )
 
 
@@ -110,7 +109,7 @@ def _effect(table: Mapping[str, Any], origin: str) -> Iterable[str]:
 
 def _any(value: Any) -> str:
     """A number, a row or a matrix."""
-    return (_value, _row, _matrix)[np.ndim(value)](value)  # type: ignore[operator]
+    return (_value, _row, _matrix)[np.ndim(value)](value)
 
 
 def _value(number: float, digits: int = DIGITS) -> str:

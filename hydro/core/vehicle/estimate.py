@@ -191,10 +191,11 @@ def _added_mass(
         diagonal = hull_inertia.added_mass(form)
         errors = hull_inertia.added_mass_errors(form, diagonal, body)
         said = {
-            "torpedo": "Lamb's k-factors (1932, art. 114-115) times mass and second moment of a body as full as "
-            "its displacement" + ("; tail fins by slender-body theory (Nielsen 1960)" if form.fins else ""),
+            "torpedo": "Lamb's k-factors (1932, art. 114-115) times mass and second moment of a body as "
+            "full as its displacement"
+            + ("; tail fins by slender-body theory (Nielsen 1960)" if form.fins else ""),
             "ellipsoid": "Lamb's k-factors (1932, art. 114-115) times displaced mass and inertia",
-            "box": f"solid box (DNV-RP-C205, tables D-1 and D-2) times the hull's fullness {form.fullness:.2g}",
+            "box": f"solid box (DNV-RP-C205, tables D-1 and D-2) times the fullness {form.fullness:.2g}",
         }[form.shape]
         return _table("added_mass", diagonal=(diagonal, errors)), said
     if radiated is not None:
@@ -241,8 +242,8 @@ def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
         f"equal to the quadratic where the hull moves at {hull_drag.SLOW:g} m/s; uncertain by its own size"
     )
     origins["quadratic_damping"] = (
-        "1/2 rho C_d A, C_d of blocks and plates (DNV-RP-C205, appendix E); about the axes integrated over the "
-        "faces"
+        "1/2 rho C_d A, C_d of blocks and plates (DNV-RP-C205, appendix E); about the axes integrated over "
+        "the faces"
         if form.shape == "box"
         else "1/2 rho C_d A: a streamlined body along (Hoerner, ch. 6), elliptic strips across (DNV-RP-C205, "
         "appendix E), about the axes integrated over the length"

@@ -63,7 +63,7 @@ def linear_drag(form: Form, quadratic: Array) -> Array:
     """
     squares = form.sides**2 / 12.0
     arms = np.sqrt([squares[1] + squares[2], squares[2] + squares[0], squares[0] + squares[1]])
-    return quadratic * np.concatenate([np.full(3, SLOW), SLOW / arms])
+    return np.asarray(quadratic * np.concatenate([np.full(3, SLOW), SLOW / arms]))
 
 
 def drag_errors(form: Form, quadratic: Array, linear: Array) -> tuple[Array, Array]:

@@ -15,8 +15,8 @@ ERRORS = {
     "box": (0.5, 0.5, 0.5, 0.6, 0.6, 0.6),
 }
 """Relative standard errors.  A torpedo's sway is known well whatever its ends; along the axis and about it,
-what stands out of the hull counts most.  A box is between its solid parts alone and a solid box, about a factor of
-two either way."""
+what stands out of the hull counts most.  A box is between its solid parts alone and a solid box, about a
+factor of two either way."""
 LEAST = 0.05
 """Of the displaced mass and inertia: least standard error, where a round body has no added inertia."""
 
