@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -28,6 +28,7 @@ UNEVEN = 0.2
 
 Shape = Literal["torpedo", "ellipsoid", "box"]
 Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
+Curve = Literal["linear", "quadratic"]
 Number = float | None
 Text = str | None
 
@@ -93,6 +94,10 @@ def new(
     thrust: Annotated[
         Number, typer.Option(metavar="N", help="Greatest thrust of each thruster of --layout [N].")
     ] = None,
+    curve: Annotated[Curve | None, typer.Option(help="Thrust by command; default: linear, a guess.")] = None,
+    time_constant: Annotated[
+        Number, typer.Option(metavar="S", help="Of the thrusters' lag [s]; default: 0.1, a guess.")
+    ] = None,
     buoyancy: Annotated[
         Text, typer.Option(metavar="N|neutral", help="Buoyant force [N]; default: neutral, as the weight.")
     ] = None,
@@ -139,6 +144,8 @@ def new(
     asked = Asked(
         *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust)
     )
+    from hydro.core.vehicle.layouts import driven
+
     if asked.thrusters and asked.layout is not None:
         raise UsageError("--thruster and --layout: give one of them")
     if mesh is not None and any(value is not None for value in asked.sides):
@@ -150,6 +157,7 @@ def new(
         place = _ask(asked, mesh is not None, place, force, chosen=output is not None)
     hull, radiated = _mesh(mesh, water_density) if mesh is not None else (None, None)
     known = _known(asked, hull, shape, fins, cg, cb, inertia, water_density, place)
+    known = replace(known, thrusters=driven(known.thrusters, curve, time_constant))
     _write(known, hull, mesh, radiated, place)
 
 

@@ -58,7 +58,10 @@ def text(found: Estimate) -> str:
     lines.append("")
     if vehicle.thruster:
         lines += [
-            *_comment("Curve and time constant are guesses; the order is that of a log's commands."),
+            *_comment(
+                "Curve (linear) and time constant (0.1 s) are guesses where none was given. The order is that of a "
+                "log's commands."
+            ),
         ]
     for thruster in vehicle.thruster:
         lines += [*_thruster(thruster), ""]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+import msgspec
 
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster
 
 Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
-LAG = 0.1
+GUESSED_LAG = 0.1
 """Time constant [s] of a thruster that nothing is known of; small electric ones have 0.03 to 0.2."""
 
 AHEAD, ASIDE, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -93,6 +95,22 @@ def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> lis
     return found
 
 
+def driven(
+    thrusters: Sequence[Thruster], curve: Literal["linear", "quadratic"] | None, time_constant: float | None
+) -> tuple[Thruster, ...]:
+    """The thrusters with another curve and time constant [s]; None leaves the guess.
+
+    Raises:
+        DataError: The time constant is negative or not finite.
+    """
+    changes: dict[str, Any] = {} if curve is None else {"curve": curve}
+    if time_constant is not None:
+        if not 0.0 <= time_constant < math.inf:
+            raise DataError(f"time constant: must be 0 s or more, got {time_constant:g}")
+        changes["time_constant"] = time_constant
+    return tuple(msgspec.structs.replace(thruster, **changes) for thruster in thrusters)
+
+
 def _made(index: int, numbers: Sequence[float], what: str) -> Thruster:
     """A thruster of a point, a direction of any length and the greatest thrust ahead and astern."""
     x, y, z, dx, dy, dz, ahead, *rest = numbers
@@ -110,5 +128,5 @@ def _made(index: int, numbers: Sequence[float], what: str) -> Thruster:
         direction=(dx / length, dy / length, dz / length),
         max_thrust=ahead,
         max_reverse_thrust=astern,
-        time_constant=LAG,
+        time_constant=GUESSED_LAG,
     )
