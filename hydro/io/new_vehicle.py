@@ -59,8 +59,8 @@ def text(found: Estimate) -> str:
     if vehicle.thruster:
         lines += [
             *_comment(
-                "Curve (linear) and time constant (0.1 s) are guesses where none was given. The order is that of a "
-                "log's commands."
+                "Curve (linear) and time constant (0.1 s) are guesses where none was given. The order is "
+                "that of a log's commands."
             ),
         ]
     for thruster in vehicle.thruster:
