@@ -17,7 +17,7 @@ from hydro import cli
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import stated
 from hydro.core.simulation.simulate import simulate
-from hydro.core.vehicle import radiation
+from hydro.core.vehicle import solid
 from hydro.io import vehicle
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -133,7 +133,7 @@ def test_a_mesh(
     if installed:
         pytest.importorskip("capytaine", reason="capytaine is not installed")
     else:
-        monkeypatch.setattr(radiation, "available", lambda: False)
+        monkeypatch.setattr(solid, "solvable", lambda: False)
     (tmp_path / "files").mkdir()
     mesh = box_mesh(tmp_path / "hull.obj")
     file = tmp_path / "files" / "v.toml"

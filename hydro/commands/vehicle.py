@@ -329,8 +329,7 @@ def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thrust
 
 def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
     """A mesh's solid, and its added mass where Capytaine is installed and the mesh not too fine."""
-    from hydro.core.vehicle import radiation
-    from hydro.core.vehicle.solid import solid
+    from hydro.core.vehicle.solid import MOST_FACES, radiated_added_mass, solid, solvable
     from hydro.io.mesh import read_obj
 
     vertices, faces = read_obj(path)
@@ -339,14 +338,14 @@ def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     reason = ""
-    if not radiation.available():
+    if not solvable():
         reason = "Capytaine is not installed (pip install 'deep-hydro-sim[mesh]')"
-    elif len(faces) > radiation.MOST_FACES:
-        reason = f"the mesh has {len(faces):,} faces, above {radiation.MOST_FACES:,} (simplify it)"
+    elif len(faces) > MOST_FACES:
+        reason = f"the mesh has {len(faces):,} faces, above {MOST_FACES:,} (simplify it)"
     if reason:
         typer.echo(f"hydro: {path}: added mass is that of an equivalent ellipsoid: {reason}", err=True)
         return hull, None
-    return hull, radiation.radiated_added_mass(vertices, faces, density)
+    return hull, radiated_added_mass(vertices, faces, density)
 
 
 def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array | None, place: str) -> None:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from benchmarks.new_vehicle import PAGE, comparisons, markdown
 from hydro.core.effects.catalogue import added_mass_matrix, implausible
 from hydro.core.errors import DataError
-from hydro.core.vehicle import radiation
 from hydro.core.vehicle.ellipsoid import added_mass_matrix as of_ellipsoid
 from hydro.core.vehicle.estimate import Known, estimate
 from hydro.core.vehicle.hull_drag import linear_drag, quadratic_drag
@@ -21,7 +20,7 @@ from hydro.core.vehicle.hull_form import SHAPES, form_of, uniform_inertia
 from hydro.core.vehicle.hull_inertia import added_mass
 from hydro.core.vehicle.layouts import LAYOUTS, laid_out, parsed
 from hydro.core.vehicle.panels import superellipsoid
-from hydro.core.vehicle.solid import solid
+from hydro.core.vehicle.solid import radiated_added_mass, solid
 from hydro.core.vehicle.thrusters import configuration_matrix
 from hydro.io import vehicle as files
 
@@ -259,7 +258,7 @@ def test_boundary_elements_of_an_ellipsoid():
     vertices, faces = superellipsoid(1.0, 1.0, 1.0, along=16, around=16)
     points = vertices / np.linalg.norm(vertices, axis=1)[:, None] * [0.7, 0.35, 0.25] + [0.1, 0.0, 0.0]
     hull = solid(points, faces)
-    M_A = radiation.radiated_added_mass(points, faces, RHO)
+    M_A = radiated_added_mass(points, faces, RHO)
     exact = of_ellipsoid((0.7, 0.35, 0.25), RHO, (0.1, 0.0, 0.0))
     np.testing.assert_allclose(np.diag(M_A), np.diag(exact), rtol=0.1)
     assert M_A[1, 5] == pytest.approx(exact[1, 5], rel=0.1)
