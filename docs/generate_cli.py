@@ -69,8 +69,9 @@ def _row(name: str, annotation: Any, default: Any) -> str:
     flags = [info.default, *info.param_decls] if isinstance(info.default, str) else list(info.param_decls)
     spelled = ", ".join(sorted(flags, key=len)) or f"--{name.replace('_', '-')}"
     if value is not bool:
-        choices = "\\|".join(get_args(value)) if get_origin(value) is Literal else ""
-        spelled += f" {choices or info.metavar or _bare(value).upper()}"
+        literals = [kind for kind in (value, *get_args(value)) if get_origin(kind) is Literal]
+        choices = "\\|".join(get_args(literals[0])) if literals else (info.metavar or "").replace("|", "\\|")
+        spelled += f" {choices or _bare(value).upper()}"
     return f"| `{spelled}` | {info.help}{_default(default)} |"
 
 

@@ -29,6 +29,7 @@ from hydro.commands import (
     report,
     rl,
     study,
+    vehicle,
 )
 
 HELP = """Find the missing physics of an underwater vehicle, and simulate it in MuJoCo.
@@ -58,7 +59,7 @@ GROUPS = (
 )
 """Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
 
-FAMILIES = (rl,)
+FAMILIES = (vehicle, rl)
 """Modules of commands under one name: `NAME` and `HELP` beside `COMMANDS`."""
 
 app = typer.Typer(

@@ -18,6 +18,7 @@ VEHICLE = str(ROOT / "datasets" / "vehicles" / "auv151.toml")
 EXAMPLES = {
     re.search(r"hydro rl (\w+)", line)[1]: line
     for family in cli.FAMILIES
+    if family.NAME == "rl"
     for line in family.COMMANDS.values()
 }
 SMALL = [

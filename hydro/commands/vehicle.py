@@ -1,0 +1,392 @@
+"""`vehicle new`: a vehicle file from what its user knows, asked for where it is not given."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from hydro.commands.shell import STREAM
+from hydro.core.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    from hydro.core.columns import Array
+    from hydro.core.vehicle.description import Thruster, Vector3
+    from hydro.core.vehicle.estimate import Estimate, Known
+    from hydro.core.vehicle.solid import Solid
+
+NAME = "vehicle"
+HELP = "Make a vehicle file from mass, dimensions and thrusters."
+NEUTRAL = "neutral"
+UNEVEN = 0.2
+"""Of the weight: buoyancy that differs more is told."""
+
+Shape = Literal["torpedo", "ellipsoid", "box"]
+Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
+Curve = Literal["linear", "quadratic"]
+Number = float | None
+Text = str | None
+
+
+@dataclass
+class Asked:
+    """What was given or answered so far."""
+
+    name: str | None
+    mass: float | None
+    sides: list[float | None]
+    buoyancy: str | None
+    metacentric_height: float | None
+    thrusters: list[str]
+    layout: str | None
+    thrust: float | None
+
+    def missing(self, mesh: bool) -> list[str]:
+        """Options that have to be given, and are not."""
+        lacking = ["--mass"] if self.mass is None else []
+        if not mesh:
+            names = ("--length", "--width", "--height")
+            lacking += [name for name, value in zip(names, self.sides, strict=True) if value is None]
+        if not self.thrusters and self.layout is None:
+            lacking.append("--thruster (or --layout with --thrust)")
+        elif not self.thrusters and self.layout != "none" and self.thrust is None:
+            lacking.append("--thrust")
+        return lacking
+
+
+def new(
+    name: Annotated[Text, typer.Option(help="Name of the vehicle; default: that of the file.")] = None,
+    mass: Annotated[Number, typer.Option(metavar="KG", help="Dry mass [kg].")] = None,
+    length: Annotated[Number, typer.Option(metavar="M", help="Length of the hull's box [m].")] = None,
+    width: Annotated[Number, typer.Option(metavar="M", help="Width of the hull's box [m].")] = None,
+    height: Annotated[Number, typer.Option(metavar="M", help="Height of the hull's box [m].")] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OBJ",
+            help="Closed hull as a Wavefront OBJ mesh [m], x forward, y right, z down; it gives the box.",
+        ),
+    ] = None,
+    shape: Annotated[
+        Shape | None, typer.Option(help="What the hull is like; default: by its proportions.")
+    ] = None,
+    fins: Annotated[bool, typer.Option("--fins/--no-fins", help="Whether a torpedo has tail fins.")] = True,
+    thruster: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,Z,DX,DY,DZ,MAX",
+            help="A thruster: position [m], direction of its thrust, greatest thrust [N], and as an eighth "
+            "number that astern, where it differs. Repeat, in the order of the log's commands.",
+        ),
+    ] = None,
+    layout: Annotated[
+        Layout | None,
+        typer.Option(
+            help="Instead of --thruster, a usual layout: one propeller, that and four tunnels, four at 45 "
+            "degrees and two or four vertical ones, none."
+        ),
+    ] = None,
+    thrust: Annotated[
+        Number, typer.Option(metavar="N", help="Greatest thrust of each thruster of --layout [N].")
+    ] = None,
+    curve: Annotated[Curve | None, typer.Option(help="Thrust by command; default: linear, a guess.")] = None,
+    time_constant: Annotated[
+        Number, typer.Option(metavar="S", help="Of the thrusters' lag [s]; default: 0.1, a guess.")
+    ] = None,
+    buoyancy: Annotated[
+        Text, typer.Option(metavar="N|neutral", help="Buoyant force [N]; default: neutral, as the weight.")
+    ] = None,
+    metacentric_height: Annotated[
+        Number,
+        typer.Option(
+            metavar="M", help="Centre of buoyancy over that of gravity [m]; default: 5 % of the height."
+        ),
+    ] = None,
+    cg: Annotated[Text, typer.Option(metavar="X,Y,Z", help="Centre of gravity [m].")] = None,
+    cb: Annotated[
+        Text,
+        typer.Option(metavar="X,Y,Z", help="Centre of buoyancy [m]; default: that of the box or the mesh."),
+    ] = None,
+    inertia: Annotated[
+        Text,
+        typer.Option(
+            metavar="IX,IY,IZ", help="Moments of inertia [kg m^2]; default: those of a uniform body."
+        ),
+    ] = None,
+    water_density: Annotated[float, typer.Option(metavar="KG/M3", help="Water density [kg/m^3].")] = 1025.0,
+    force: Annotated[bool, typer.Option("--force", help="Write over an existing file.")] = False,
+    output: Annotated[
+        Text,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="The vehicle file; - or, off a terminal, nothing is stdout.",
+        ),
+    ] = None,
+) -> None:
+    """Write a vehicle file from mass, dimensions and thrusters, with what geometry says of the rest.
+
+    Inertia, added mass and damping are estimated from the hull's box, or its mesh, and its shape: Lamb's
+    ellipsoids, boxes and plates of DNV-RP-C205, streamlined bodies of Hoerner. What the water does has
+    standard errors, so that fit and diagnose take it for a beginning; a comment in the file says where it
+    comes from.
+    Body axes are x forward, y right, z down, from the middle of the box, or from the mesh's origin.
+
+    What is missing is asked for on a terminal; elsewhere a line says which options are. With the extra `mesh`
+    (pip install 'deep-hydro-sim[mesh]') the added mass of a mesh is computed by boundary elements.
+    """
+    asked = Asked(
+        *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust)
+    )
+    from hydro.core.vehicle.layouts import driven
+
+    if asked.thrusters and asked.layout is not None:
+        raise UsageError("--thruster and --layout: give one of them")
+    if mesh is not None and any(value is not None for value in asked.sides):
+        raise UsageError("--mesh has its own length, width and height: leave those options out")
+    place = _place(output, force)
+    if lacking := asked.missing(mesh is not None):
+        if not sys.stdin.isatty():
+            raise UsageError(f"missing: {', '.join(lacking)} (or run on a terminal, to be asked)")
+        place = _ask(asked, mesh is not None, place, force, chosen=output is not None)
+    hull, radiated = _mesh(mesh, water_density) if mesh is not None else (None, None)
+    known = _known(asked, hull, shape, fins, cg, cb, inertia, water_density, place)
+    known = replace(known, thrusters=driven(known.thrusters, curve, time_constant))
+    _write(known, hull, mesh, radiated, place)
+
+
+def _place(output: str | None, force: bool) -> str:
+    """Where the file goes.
+
+    Raises:
+        UsageError: There is a file already, and no --force.
+    """
+    place = STREAM if output is None else output
+    if place != STREAM and not force and Path(place).exists():
+        raise UsageError(f"{place}: there is such a file already: choose another name or add --force")
+    return place
+
+
+def _ask(asked: Asked, mesh: bool, place: str, force: bool, *, chosen: bool) -> str:
+    """Ask for all that was not given, what may be left out with its default; the file's name last."""
+    typer.echo("Lengths in m, masses in kg, forces in N; x forward, y right, z down.", err=True)
+    asked.name = asked.name or _prompt("Name of the vehicle", default="vehicle")
+    asked.mass = asked.mass if asked.mass is not None else _prompt("Dry mass [kg]", above_0)
+    for index, side in enumerate(("Length", "Width", "Height")):
+        if not mesh and asked.sides[index] is None:
+            asked.sides[index] = _prompt(f"{side} of the hull's box [m]", above_0)
+    if asked.buoyancy is None:
+        asked.buoyancy = _prompt("Buoyancy [N], or neutral", _buoyancy_text, NEUTRAL)
+    if asked.metacentric_height is None:
+        answer = _prompt("Centre of buoyancy over that of gravity [m], empty if unknown", _maybe, "")
+        asked.metacentric_height = float(answer) if answer else None
+    if not asked.thrusters and asked.layout is None:
+        _ask_thrusters(asked)
+    if asked.layout not in (None, "none") and asked.thrust is None:
+        asked.thrust = _prompt("Greatest thrust of each [N]", above_0)
+    if chosen:
+        return place
+    default = f"{''.join(c if c.isalnum() or c in '-_' else '-' for c in asked.name)}.toml"
+    return str(_prompt("Write to", lambda text: _place(text, force), default))
+
+
+def _ask_thrusters(asked: Asked) -> None:
+    """A usual layout by its name, or each thruster by its numbers."""
+    from hydro.core.vehicle.layouts import LAYOUTS, parsed
+
+    def layout(text: str) -> str:
+        if text not in (*LAYOUTS, "own"):
+            raise UsageError(f"one of {', '.join(LAYOUTS)}, own")
+        return text
+
+    chosen = _prompt(f"Thrusters: {', '.join(LAYOUTS)}, or own", layout, "vectored6")
+    if chosen != "own":
+        asked.layout = chosen
+        return
+
+    def one(text: str) -> str:
+        if text:
+            parsed([text])
+        return text
+
+    while answer := _prompt(
+        f"Thruster {len(asked.thrusters) + 1}: x,y,z,dx,dy,dz,max, empty to end", one, ""
+    ):
+        asked.thrusters.append(answer)
+    asked.layout = None if asked.thrusters else "none"
+
+
+def _prompt(question: str, check: Callable[[str], Any] = str, default: str | None = None) -> Any:
+    """The checked answer to a question on stderr, asked again until it is one."""
+
+    def checked(text: str) -> Any:
+        try:
+            return check(text.strip())
+        except (DataError, UsageError) as error:
+            raise typer.BadParameter(str(error)) from None
+
+    return typer.prompt(question, default=default, value_proc=checked, err=True, show_default=bool(default))
+
+
+def above_0(text: str) -> float:
+    """A positive, finite number of a text.
+
+    Raises:
+        UsageError: It is something else.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float("inf"):
+        raise UsageError(f"a number above 0 is expected, not {text!r}")
+    return value
+
+
+def _maybe(text: str) -> str:
+    """A number or nothing."""
+    from hydro.core.vehicle.layouts import numbers_of
+
+    if text:
+        numbers_of(text, "height", (1,), "a height")
+    return text
+
+
+def _buoyancy_text(text: str) -> str:
+    """A positive number or `neutral`, as it was written."""
+    if text != NEUTRAL:
+        above_0(text)
+    return text
+
+
+def _known(
+    asked: Asked,
+    hull: Solid | None,
+    shape: Shape | None,
+    fins: bool,
+    cg: str | None,
+    cb: str | None,
+    inertia: str | None,
+    density: float,
+    place: str,
+) -> Known:
+    """All that was given, checked.
+
+    Raises:
+        DataError: A number or a thruster is not one.
+    """
+    from hydro.core.vehicle.estimate import Known
+
+    force = None
+    if asked.buoyancy not in (None, NEUTRAL):
+        try:
+            force = float(asked.buoyancy or "")
+        except ValueError:
+            raise UsageError(f"--buoyancy {asked.buoyancy!r}: give a force in N, or {NEUTRAL}") from None
+    length, width, height = (float(side or 0.0) for side in (asked.sides if hull is None else hull.sides))
+    stem = "vehicle" if place == STREAM else Path(place).stem
+    return Known(
+        name=asked.name or stem,
+        mass=float(asked.mass or 0.0),
+        sides=(length, width, height),
+        thrusters=_thrusters(asked, (length, width, height), hull),
+        buoyancy=force,
+        gravity_center=_triple("--cg", cg),
+        buoyancy_center=_triple("--cb", cb),
+        metacentric_height=asked.metacentric_height,
+        inertia=_triple("--inertia", inertia),
+        shape=shape,
+        fins=fins,
+        density=density,
+    )
+
+
+def _triple(option: str, text: str | None) -> Vector3 | None:
+    """Three numbers of an option's text; None where it was not given."""
+    from hydro.core.vehicle.layouts import numbers_of
+
+    if text is None:
+        return None
+    x, y, z = numbers_of(text, option, (3,), "x,y,z")
+    return x, y, z
+
+
+def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thruster, ...]:
+    """The thrusters by their numbers or layout."""
+    from hydro.core.vehicle.layouts import laid_out, parsed
+
+    if asked.thrusters:
+        return parsed(asked.thrusters)
+    middle = (0.0, 0.0, 0.0) if hull is None else tuple(hull.middle)
+    return laid_out(asked.layout or "none", asked.thrust or 0.0, sides, middle)  # type: ignore[arg-type]
+
+
+def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
+    """A mesh's solid, and its added mass where Capytaine is installed and the mesh not too fine."""
+    from hydro.core.vehicle.solid import MOST_FACES, radiated_added_mass, solid, solvable
+    from hydro.io.mesh import read_obj
+
+    vertices, faces = read_obj(path)
+    try:
+        hull = solid(vertices, faces)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from error
+    reason = ""
+    if not solvable():
+        reason = "Capytaine is not installed (pip install 'deep-hydro-sim[mesh]')"
+    elif len(faces) > MOST_FACES:
+        reason = f"the mesh has {len(faces):,} faces, above {MOST_FACES:,} (simplify it)"
+    if reason:
+        typer.echo(f"hydro: {path}: added mass is that of an equivalent ellipsoid: {reason}", err=True)
+        return hull, None
+    return hull, radiated_added_mass(vertices, faces, density)
+
+
+def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array | None, place: str) -> None:
+    """Estimate, check and write."""
+    from hydro.core.vehicle.estimate import estimate
+    from hydro.io import new_vehicle, vehicle
+
+    beside = None
+    if mesh is not None:
+        folder = Path.cwd() if place == STREAM else Path(place).absolute().parent
+        beside = Path(os.path.relpath(mesh, folder)).as_posix()
+    found = estimate(known, hull, beside, radiated)
+    text = new_vehicle.text(found)
+    vehicle.parse(text, known.name)
+    if place == STREAM:
+        typer.echo(text, nl=False)
+    else:
+        vehicle.write(text, place)
+    _tell(found, place)
+
+
+def _tell(found: Estimate, place: str) -> None:
+    """What was made, and what looks odd, on stderr."""
+    from hydro.core.effects.catalogue import implausible
+
+    known = found.vehicle
+    if place != STREAM:
+        by = f"{len(known.thruster)} thrusters, a hull like a {found.form.shape}"
+        typer.echo(f"hydro: {place}: {by}, full to {found.form.fullness:.0%} of its box", err=True)
+    weight = known.rigid_body.mass * known.environment.gravity
+    if abs(known.buoyancy.force - weight) > UNEVEN * weight:
+        typer.echo(
+            f"hydro: buoyancy {known.buoyancy.force:.4g} N is far from the weight {weight:.4g} N: "
+            "is it the dry mass?",
+            err=True,
+        )
+    for words in implausible(known):
+        typer.echo(f"hydro: {words}", err=True)
+
+
+COMMANDS = {
+    new: "hydro vehicle new --mass 11.5 --length 0.46 --width 0.34 --height 0.25 "
+    "--layout vectored6 --thrust 40 -o rov.toml",
+}

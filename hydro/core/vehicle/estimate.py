@@ -1,0 +1,271 @@
+"""A whole vehicle from what its user knows: box or mesh, mass, thrusters; each estimate with its error.
+
+Every number of water physics comes with a standard error, so that a fit and a diagnosis take it as what it
+is: a beginning.  The centre of the box, or of the mesh's volume, is taken for the centre of buoyancy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+from hydro.core.vehicle import ellipsoid, hull_drag, hull_inertia
+from hydro.core.vehicle.description import (
+    Buoyancy,
+    Environment,
+    Hull,
+    Matrix3,
+    RigidBody,
+    Thruster,
+    Vector3,
+    Vehicle,
+)
+from hydro.core.vehicle.hull_form import Form, Shape, form_of, uniform_inertia
+from hydro.core.vehicle.solid import Solid
+
+HEIGHT = 0.05
+"""Of the hull's height: the centre of gravity below that of buoyancy where nothing is known of it."""
+INERTIA_ERROR = 0.3
+"""Relative standard error of moments of inertia of a uniform body."""
+RADIATED = (0.2, 0.2, 0.2, 0.5, 0.3, 0.3)
+"""Relative standard errors of added mass of the very mesh: what it leaves out (thrusters, frames)."""
+COUPLED = 0.5
+"""Of the geometric mean of two axes' errors: standard error of the entry between them."""
+FIN_ERROR = 0.6
+"""Relative standard error of what follows from fins whose size was not asked for."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a vehicle.
+
+    Attributes:
+        name: Its name.
+        mass: Dry mass [kg].
+        sides: Length, width, height [m] of the hull's box; those of a mesh where there is one.
+        thrusters: In the order of a log's commands.
+        buoyancy: Buoyant force [N]; None is neutral.
+        gravity_center: Centre of gravity [m] from CO; None is below the centre of buoyancy.
+        buoyancy_center: Centre of buoyancy [m] from CO; None is that of the box or of the mesh's volume.
+        metacentric_height: Height [m] of the centre of buoyancy over that of gravity; None is HEIGHT of the
+            hull's, or what the two centres say.
+        inertia: Moments of inertia (3,) [kg m^2] about the centre of gravity; None is a uniform body.
+        shape: One of `hull_form.SHAPES`; None is by proportions.
+        fins: Whether a torpedo has tail fins of usual size.
+        density: Water density [kg/m^3].
+        gravity: [m/s^2].
+    """
+
+    name: str
+    mass: float
+    sides: tuple[float, float, float]
+    thrusters: tuple[Thruster, ...] = ()
+    buoyancy: float | None = None
+    gravity_center: Vector3 | None = None
+    buoyancy_center: Vector3 | None = None
+    metacentric_height: float | None = None
+    inertia: Vector3 | None = None
+    shape: Shape | None = None
+    fins: bool = True
+    density: float = 1025.0
+    gravity: float = 9.81
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A vehicle, and where its numbers come from.
+
+    Attributes:
+        vehicle: Its effects carry their standard errors.
+        form: What stood for the hull.
+        origins: A sentence by what it is about: `inertia`, `gravity`, `buoyancy`, and each effect's name.
+    """
+
+    vehicle: Vehicle
+    form: Form
+    origins: Mapping[str, str] = field(default_factory=dict)
+
+
+def estimate(
+    known: Known, hull: Solid | None = None, mesh: str | None = None, radiated: Array | None = None
+) -> Estimate:
+    """The vehicle file's content from what is known.
+
+    Args:
+        known: What is known.
+        hull: The mesh's solid, if there is one.
+        mesh: How the vehicle file is to name the mesh.
+        radiated: Added mass (6, 6) of the mesh about CO, if it was computed.
+
+    Raises:
+        DataError: A number is not possible; the line names it.
+    """
+    _check(known)
+    sides = known.sides if hull is None else hull.sides
+    displaced = (known.buoyancy or known.mass * known.gravity) / known.gravity
+    form = form_of(tuple(sides), displaced, known.density, known.shape, known.fins and hull is None)
+    middle = np.zeros(3) if hull is None else hull.middle
+    buoyancy_center, gravity_center, origins = _centers(known, form, hull)
+    inertia, inertia_errors, origins["inertia"] = _inertia(known, form, hull)
+    added, origins["added_mass"] = _added_mass(form, hull, radiated, inertia_errors)
+    tables = [added, *_fin_tables(form, origins), *_drag(form, origins)]
+    length, width, height = (float(side) for side in form.sides)
+    vehicle = Vehicle(
+        name=known.name,
+        environment=Environment(known.density, known.gravity),
+        rigid_body=RigidBody(known.mass, gravity_center, _matrix3(inertia)),
+        buoyancy=Buoyancy(displaced * known.gravity, buoyancy_center),
+        hull=Hull(length, width, height, _vector3(middle), mesh),
+        thruster=known.thrusters,
+        effect=tuple(tables),
+    )
+    return Estimate(vehicle, form, origins)
+
+
+def _check(known: Known) -> None:
+    """Raise for a number that no vehicle has."""
+    positive = {"mass": known.mass, "water density": known.density, "gravity": known.gravity}
+    if known.buoyancy is not None:
+        positive["buoyancy"] = known.buoyancy
+    for name, value in positive.items():
+        if not np.isfinite(value) or value <= 0.0:
+            raise DataError(f"{name}: must be a positive, finite number, got {value:g}")
+    given = (known.gravity_center, known.buoyancy_center, known.metacentric_height)
+    if all(value is not None for value in given):
+        raise DataError("metacentric height: the two centres say it already: leave one of the three out")
+    if known.metacentric_height is not None and not abs(known.metacentric_height) < np.inf:
+        raise DataError(f"metacentric height: must be finite, got {known.metacentric_height:g}")
+    if known.inertia is not None:
+        least, middle, most = sorted(known.inertia)
+        if least <= 0.0 or most > least + middle:
+            shown = ", ".join(f"{value:g}" for value in known.inertia)
+            raise DataError(f"inertia: no body has {shown}: all above 0, none above the sum of the other two")
+
+
+def _centers(known: Known, form: Form, hull: Solid | None) -> tuple[Vector3, Vector3, dict[str, str]]:
+    """Centres of buoyancy and gravity, and where they come from."""
+    lever = known.metacentric_height
+    said = (
+        "given" if lever is not None else f"a guess, {HEIGHT:.0%} of the hull's height: measure it by a tilt"
+    )
+    down = np.array([0.0, 0.0, HEIGHT * form.sides[2] if lever is None else lever])
+    own = np.zeros(3) if hull is None else hull.center
+    place = "the middle of the hull's box" if hull is None else "the centroid of the mesh's volume"
+    gravity, buoyancy = known.gravity_center, known.buoyancy_center
+    if buoyancy is None:
+        by_lever = gravity is not None and lever is not None
+        buoyancy = _vector3(np.asarray(gravity) - down) if by_lever else _vector3(own)
+        place = "over the centre of gravity, by the height given" if by_lever else place
+    else:
+        place = "given"
+    below = "given" if gravity is not None else f"below the centre of buoyancy; the height is {said}"
+    gravity = gravity if gravity is not None else _vector3(np.asarray(buoyancy) + down)
+    return buoyancy, gravity, {"gravity": below, "buoyancy": place}
+
+
+def _inertia(known: Known, form: Form, hull: Solid | None) -> tuple[Array, Array, str]:
+    """Inertia matrix, standard errors of its diagonal, and where it comes from."""
+    if known.inertia is not None:
+        return np.diag(known.inertia), np.zeros(3), "given"
+    if hull is not None:
+        matrix, body = hull.inertia(known.mass), "the mesh"
+    else:
+        matrix = np.diag(uniform_inertia(form, known.mass))
+        body = (
+            "a torpedo as full as its displacement" if form.shape == "torpedo" else "the ellipsoid in the box"
+        )
+    said = f"a uniform body: {body}; about {INERTIA_ERROR:.0%}, which the errors of the added mass include"
+    return matrix, INERTIA_ERROR * np.diag(matrix), said
+
+
+def _added_mass(
+    form: Form, hull: Solid | None, radiated: Array | None, body: Array
+) -> tuple[dict[str, Any], str]:
+    """The table of the added mass, and where it comes from."""
+    if hull is None:
+        diagonal = hull_inertia.added_mass(form)
+        errors = hull_inertia.added_mass_errors(form, diagonal, body)
+        said = {
+            "torpedo": "Lamb's k-factors (1932, art. 114-115) times mass and second moment of a body as "
+            "full as its displacement"
+            + ("; tail fins by slender-body theory (Nielsen 1960)" if form.fins else ""),
+            "ellipsoid": "Lamb's k-factors (1932, art. 114-115) times displaced mass and inertia",
+            "box": f"solid box (DNV-RP-C205, tables D-1 and D-2) times the fullness {form.fullness:.2g}",
+        }[form.shape]
+        return _table("added_mass", diagonal=(diagonal, errors)), said
+    if radiated is not None:
+        matrix, relative = radiated, RADIATED
+        said = "boundary elements on the mesh, unbounded water (Capytaine)"
+    else:
+        matrix = ellipsoid.added_mass_matrix(
+            tuple(hull.semi_axes), form.density, tuple(float(x) for x in hull.center)
+        )
+        relative = hull_inertia.ERRORS["ellipsoid"]
+        said = "the ellipsoid of the mesh's volume and moments, Lamb's k-factors (1932, art. 114-115)"
+    errors = hull_inertia.added_mass_errors(form, np.diag(matrix), body, relative)
+    between = COUPLED * np.sqrt(np.outer(errors, errors))
+    np.fill_diagonal(between, errors)
+    return _table("added_mass", matrix=(matrix, between)), said
+
+
+def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
+    """Coupling and lift of a torpedo's tail fins."""
+    if not form.fins:
+        return []
+    fins = "four tail fins of usual size (tips one diameter off the axis, chord half a diameter)"
+    coupling, lift, x = hull_inertia.fin_mass(form) * form.tail, hull_drag.fin_lift(form), form.tail
+    origins["added_mass_coupling"] = f"{fins}: their added mass times their station"
+    origins["body_lift"] = f"{fins}: 1/2 rho c_L A, c_L by aspect ratio (Hoerner; Prestero 2001, chapter 4)"
+    # Fins lift alike in both planes; the sign of x turns between them.
+    lifts = {
+        **{"L11": lift, "L15": x * lift, "L51": x * lift, "L55": x * x * lift},
+        **{"L22": lift, "L24": -x * lift, "L42": -x * lift, "L44": x * x * lift},
+    }
+    couplings = {"M15": coupling, "M24": -coupling}
+    return [
+        _table(name, **{key: (value, FIN_ERROR * abs(value)) for key, value in values.items()})
+        for name, values in (("added_mass_coupling", couplings), ("body_lift", lifts))
+    ]
+
+
+def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
+    """Linear and quadratic damping."""
+    quadratic = hull_drag.quadratic_drag(form)
+    linear = hull_drag.linear_drag(form, quadratic)
+    errors, linear_errors = hull_drag.drag_errors(form, quadratic, linear)
+    origins["linear_damping"] = (
+        f"equal to the quadratic where the hull moves at {hull_drag.SLOW:g} m/s; uncertain by its own size"
+    )
+    origins["quadratic_damping"] = (
+        "1/2 rho C_d A, C_d of blocks and plates (DNV-RP-C205, appendix E); about the axes integrated over "
+        "the faces"
+        if form.shape == "box"
+        else "1/2 rho C_d A: a streamlined body along (Hoerner, ch. 6), elliptic strips across (DNV-RP-C205, "
+        "appendix E), about the axes integrated over the length"
+    )
+    return [
+        _table("linear_damping", diagonal=(linear, linear_errors)),
+        _table("quadratic_damping", diagonal=(quadratic, errors)),
+    ]
+
+
+def _table(name: str, **values: tuple[Any, Any]) -> dict[str, Any]:
+    """An effect's table as a vehicle file has it, of values with their standard errors."""
+    plain = {key: np.asarray(value, float).tolist() for key, (value, _) in values.items()}
+    errors = {key: np.asarray(error, float).tolist() for key, (_, error) in values.items()}
+    return {"name": name, **plain, "standard_error": errors}
+
+
+def _vector3(values: Array) -> Vector3:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _matrix3(values: Array) -> Matrix3:
+    a, b, c = (_vector3(row) for row in values)
+    return a, b, c

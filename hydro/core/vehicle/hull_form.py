@@ -1,0 +1,136 @@
+"""Forms that stand for a hull while nothing but its box and its displacement is known.
+
+`torpedo` is a body of elliptic sections S(x) = S_0 (1 - |2x/L|^n), as full as its displacement says, with
+four tail fins; `ellipsoid` is the same with n = 2 and without fins; `box` is an open frame or a box-like hull
+whose solid parts are spread through its box.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+from hydro.core.vehicle.box import checked_sides
+
+Shape = Literal["torpedo", "ellipsoid", "box"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+SLENDER = 4.0
+"""Least length over diameter of a torpedo."""
+ROUND = 1.3
+"""Greatest width over height, or height over width, of a torpedo."""
+FULL = (0.4, 0.65)
+"""Displacement over the box's volume of what is likely an ellipsoid (pi/6 = 0.52): below is an open frame."""
+PRISMATIC = (2.0 / 3.0, 0.95)
+"""Least (an ellipsoid's) and greatest prismatic coefficient of a torpedo."""
+FIN_TIP = 1.0
+"""Of the hull's diameter: how far the tips of a torpedo's tail fins lie from its axis, and"""
+FIN_CHORD = 0.5
+"""their chord; usual proportions of survey vehicles, given with a wide error."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """What stands for the hull.
+
+    Attributes:
+        shape: One of SHAPES.
+        sides: Length, width, height [m].
+        displaced: Mass of the displaced water [kg].
+        density: Water density [kg/m^3].
+        fins: Whether it has four tail fins of usual proportions; of a torpedo alone.
+    """
+
+    shape: Shape
+    sides: Array
+    displaced: float
+    density: float
+    fins: bool
+
+    @property
+    def fullness(self) -> float:
+        """Displaced volume over the box's."""
+        return float(self.displaced / (self.density * np.prod(self.sides)))
+
+    @property
+    def diameter(self) -> float:
+        """That of a circle as large as the greatest section [m]."""
+        return float(np.sqrt(self.sides[1] * self.sides[2]))
+
+    @property
+    def exponent(self) -> float:
+        """Power n of S(x) = S_0 (1 - |2x/L|^n): a prismatic coefficient of n/(n + 1); 2 of an ellipsoid."""
+        if self.shape != "torpedo":
+            return 2.0
+        prismatic = float(np.clip(self.fullness / (np.pi / 4.0), *PRISMATIC))
+        return prismatic / (1.0 - prismatic)
+
+    @property
+    def tail(self) -> float:
+        """Station x of the fins [m], half a chord ahead of the stern."""
+        return float(-0.5 * self.sides[0] + 0.5 * FIN_CHORD * self.diameter)
+
+
+def form_of(
+    sides: Sequence[float], displaced: float, density: float, shape: Shape | None = None, fins: bool = True
+) -> Form:
+    """The form that stands for a hull.
+
+    Args:
+        sides: Length, width, height [m].
+        displaced: Mass of the displaced water [kg].
+        density: Water density [kg/m^3].
+        shape: One of SHAPES; by default a torpedo where the box is long and round, else by fullness.
+        fins: Whether a torpedo has tail fins.
+
+    Raises:
+        DataError: A number is not positive and finite, or more is displaced than the box holds.
+    """
+    size = checked_sides(sides)
+    for name, value in (("displaced mass", displaced), ("water density", density)):
+        if not np.isfinite(value) or value <= 0.0:
+            raise DataError(f"{name}: must be a positive, finite number, got {value:g}")
+    held = density * float(np.prod(size))
+    if displaced > 1.001 * held:
+        box = " x ".join(f"{side:g}" for side in size)
+        raise DataError(
+            f"a box of {box} m holds {held:.3g} kg of water, but the vehicle displaces {displaced:.3g} kg: "
+            "check mass and buoyancy (kg, N) and length, width and height (m)"
+        )
+    if shape is not None and shape not in SHAPES:
+        raise DataError(f"shape: expected {', '.join(SHAPES)}, got {shape}")
+    chosen = shape or default_shape(size, displaced / held)
+    return Form(chosen, size, displaced, density, fins and chosen == "torpedo")
+
+
+def default_shape(sides: Array, fullness: float) -> Shape:
+    """The likely shape of a hull by the proportions of its box (3,) [m], and by how full that is."""
+    length, width, height = sides
+    if length >= SLENDER * max(width, height) and max(width, height) <= ROUND * min(width, height):
+        return "torpedo"
+    return "ellipsoid" if FULL[0] <= fullness <= FULL[1] else "box"
+
+
+def second_moment(form: Form) -> float:
+    """Mean square of x over the volume of a torpedo or ellipsoid [m^2], sections 1 - |2x/L|^n."""
+    n = form.exponent
+    return float(form.sides[0] ** 2 / 4.0 * (1.0 / 3.0 - 1.0 / (n + 3.0)) / (1.0 - 1.0 / (n + 1.0)))
+
+
+def uniform_inertia(form: Form, mass: float) -> Array:
+    """Moments of inertia (3,) [kg m^2] about the centre of a body of uniform density.
+
+    A torpedo's and an ellipsoid's are their form's.  Of a box, the ellipsoid within it: heavy parts
+    (batteries, pressure hulls) stand near the middle, and the uniform box with its full corners is an upper
+    bound, 5/3 of it.
+    """
+    _, width2, height2 = form.sides**2
+    n = form.exponent
+    # Elliptic sections: mean y^2 = W^2/16 mean of (1 - |s|^n)^2 over mean of (1 - |s|^n).
+    across = (1.0 - 2.0 / (n + 1.0) + 1.0 / (2.0 * n + 1.0)) / (1.0 - 1.0 / (n + 1.0)) / 16.0
+    x2, y2, z2 = second_moment(form), across * width2, across * height2
+    return mass * np.array([y2 + z2, z2 + x2, x2 + y2])

@@ -1,0 +1,72 @@
+"""Added mass of a vehicle from its form, with the errors that such an estimate has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.vehicle.box import box_added_mass
+from hydro.core.vehicle.ellipsoid import lamb_factors
+from hydro.core.vehicle.hull_form import FIN_CHORD, FIN_TIP, Form, second_moment
+
+ERRORS = {
+    "torpedo": (0.5, 0.25, 0.25, 1.0, 0.4, 0.4),
+    "ellipsoid": (0.5, 0.3, 0.3, 1.0, 0.5, 0.5),
+    "box": (0.5, 0.5, 0.5, 0.6, 0.6, 0.6),
+}
+"""Relative standard errors.  A torpedo's sway is known well whatever its ends; along the axis and about it,
+what stands out of the hull counts most.  A box is between its solid parts alone and a solid box, about a
+factor of two either way."""
+LEAST = 0.05
+"""Of the displaced mass and inertia: least standard error, where a round body has no added inertia."""
+
+
+def added_mass(form: Form) -> Array:
+    """Diagonal of the added mass matrix about the hull's centre, (6,) [kg, kg m^2].
+
+    Ellipsoid: Lamb's k-factors times displaced mass and inertia (Lamb 1932, art. 114-115).  Torpedo: the
+    same k-factors (what the ends take off a strip of elliptic section; Newman 1977, section 4.15) times the
+    mass and second moment of its fuller form, and the fins.  Box: the solid box of DNV-RP-C205 times its
+    fullness: the solid parts of a frame carry water in proportion to their volume.
+    """
+    if form.shape == "box":
+        return np.asarray(form.fullness * box_added_mass(tuple(form.sides), form.density))
+    half2 = form.sides**2 / 4.0
+    along = 5.0 * second_moment(form)  # L^2/4 of an ellipsoid
+    mass = form.displaced
+    inertia = mass / 5.0 * np.array([half2[1] + half2[2], half2[2] + along, along + half2[1]])
+    hull = lamb_factors(tuple(form.sides / 2.0)) * np.concatenate([np.full(3, mass), inertia])
+    fin = fin_mass(form)
+    roll = 2.0 / np.pi * form.density * (FIN_TIP * form.diameter) ** 4 * FIN_CHORD * form.diameter
+    fins = np.array([0.0, fin, fin, roll, fin * form.tail**2, fin * form.tail**2])
+    return np.asarray(hull + fins * form.fins)
+
+
+def fin_mass(form: Form) -> float:
+    """Added mass in sway, or heave, of the pair of tail fins across it [kg].
+
+    Slender-body theory of a cylinder of radius R with fins to s (Nielsen 1960; Blevins 1979), less the bare
+    cylinder's: rho pi (s^2 - R^2)^2/s^2 per length.  About the axis, four fins have 2/pi rho s^4 per length.
+    """
+    s, R = FIN_TIP * form.diameter, 0.5 * form.diameter
+    return float(form.density * np.pi * (s * s - R * R) ** 2 / (s * s) * FIN_CHORD * form.diameter)
+
+
+def added_mass_errors(form: Form, values: Array, body: Array, relative: tuple[float, ...] = ()) -> Array:
+    """Standard errors of the added mass, (6,) [kg, kg m^2].
+
+    Args:
+        form: The form.
+        values: Diagonal of the added mass, (6,).
+        body: Standard errors of the dry moments of inertia (3,) [kg m^2]: a vehicle file holds none beside
+            `inertia`, and motion shows the sum of both alone, so they are added here.
+        relative: Relative standard errors, (6,); by default those of the shape.
+    """
+    mass = form.displaced
+    squares = form.sides**2
+    inertia = (
+        mass / 20.0 * np.array([squares[1] + squares[2], squares[2] + squares[0], squares[0] + squares[1]])
+    )
+    own = np.array(relative or ERRORS[form.shape]) * values
+    least = LEAST * np.concatenate([np.full(3, mass), inertia])
+    return np.asarray(np.hypot(np.maximum(own, least), np.concatenate([np.zeros(3), body])))

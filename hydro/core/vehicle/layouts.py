@@ -1,0 +1,132 @@
+"""Thrusters as a user knows them: each by seven numbers, or a usual layout within the hull's box."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
+
+import msgspec
+
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Thruster
+
+Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
+LAYOUTS: tuple[Layout, ...] = get_args(Layout)
+GUESSED_LAG = 0.1
+"""Time constant [s] of a thruster that nothing is known of; small electric ones have 0.03 to 0.2."""
+
+AHEAD, ASIDE, DOWN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+TO_PORT, TO_STARBOARD = (math.sqrt(0.5), -math.sqrt(0.5), 0.0), (math.sqrt(0.5), math.sqrt(0.5), 0.0)
+Placed = tuple[tuple[float, float, float], tuple[float, float, float]]
+HORIZONTAL: tuple[Placed, ...] = (
+    ((1 / 3, 1 / 3, 0.0), TO_PORT),
+    ((1 / 3, -1 / 3, 0.0), TO_STARBOARD),
+    ((-1 / 3, 1 / 3, 0.0), TO_STARBOARD),
+    ((-1 / 3, -1 / 3, 0.0), TO_PORT),
+)
+"""Four at 45 degrees in the corners, all of which push ahead with a positive command."""
+PLACES: dict[Layout, tuple[Placed, ...]] = {
+    "none": (),
+    "single": (((-0.5, 0.0, 0.0), AHEAD),),
+    "tunnel5": (
+        ((-0.5, 0.0, 0.0), AHEAD),
+        *(((x, 0.0, 0.0), direction) for x in (1 / 3, -1 / 3) for direction in (ASIDE, DOWN)),
+    ),
+    "vectored6": (*HORIZONTAL, ((0.0, 1 / 3, 0.0), DOWN), ((0.0, -1 / 3, 0.0), DOWN)),
+    "vectored8": (*HORIZONTAL, *(((x, y, 0.0), DOWN) for x in (1 / 4, -1 / 4) for y in (1 / 3, -1 / 3))),
+}
+"""Position in lengths of the box about its centre, and direction of the thrust."""
+
+
+def laid_out(
+    layout: Layout, thrust: float, sides: Sequence[float], middle: Sequence[float] = (0.0, 0.0, 0.0)
+) -> tuple[Thruster, ...]:
+    """The thrusters of a usual layout.
+
+    Args:
+        layout: One of LAYOUTS.
+        thrust: Greatest thrust of each [N], either way.
+        sides: Length, width, height [m].
+        middle: Centre of the box [m] from CO.
+
+    Raises:
+        DataError: There is no such layout, or the thrust is not a positive number.
+    """
+    if layout not in PLACES:
+        raise DataError(f"layout: expected {', '.join(LAYOUTS)}, got {layout}")
+    placed = []
+    for share, direction in PLACES[layout]:
+        at = [middle[i] + share[i] * sides[i] for i in range(3)]
+        placed.append([*at, *direction, thrust])
+    return tuple(_made(index, numbers, f"layout {layout}") for index, numbers in enumerate(placed, start=1))
+
+
+def parsed(texts: Sequence[str]) -> tuple[Thruster, ...]:
+    """Thrusters from texts such as `0.2,0.1,0,1,0,0,40`: position, direction, greatest thrust.
+
+    Directions may have any length.  An eighth number is the greatest thrust astern, where it is another.
+
+    Raises:
+        DataError: A text is not seven or eight numbers, has no direction or no positive thrust.
+    """
+    return tuple(
+        _made(
+            index, numbers_of(text, f"thruster {index}", (7, 8), "x,y,z,dx,dy,dz,max"), f"thruster {text!r}"
+        )
+        for index, text in enumerate(texts, start=1)
+    )
+
+
+def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> list[float]:
+    """So many finite numbers from a text with commas.
+
+    Raises:
+        DataError: It is something else; the line says what is expected.
+    """
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) not in counts or not all(math.isfinite(value) for value in found):
+        raise DataError(
+            f"{what}: {text!r} is not {example}: {' or '.join(map(str, counts))} numbers with commas"
+        )
+    return found
+
+
+def driven(
+    thrusters: Sequence[Thruster], curve: Literal["linear", "quadratic"] | None, time_constant: float | None
+) -> tuple[Thruster, ...]:
+    """The thrusters with another curve and time constant [s]; None leaves the guess.
+
+    Raises:
+        DataError: The time constant is negative or not finite.
+    """
+    changes: dict[str, Any] = {} if curve is None else {"curve": curve}
+    if time_constant is not None:
+        if not 0.0 <= time_constant < math.inf:
+            raise DataError(f"time constant: must be 0 s or more, got {time_constant:g}")
+        changes["time_constant"] = time_constant
+    return tuple(msgspec.structs.replace(thruster, **changes) for thruster in thrusters)
+
+
+def _made(index: int, numbers: Sequence[float], what: str) -> Thruster:
+    """A thruster of a point, a direction of any length and the greatest thrust ahead and astern."""
+    x, y, z, dx, dy, dz, ahead, *rest = numbers
+    astern = rest[0] if rest else ahead
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if length == 0.0:
+        raise DataError(
+            f"{what}: its direction is 0,0,0: give the direction of its thrust, as 1,0,0 for ahead"
+        )
+    if not (math.isfinite(ahead) and math.isfinite(astern)) or min(ahead, astern) <= 0.0:
+        raise DataError(f"{what}: the greatest thrust must be above 0 N, got {min(ahead, astern):g}")
+    return Thruster(
+        name=f"T{index}",
+        position=(x, y, z),
+        direction=(dx / length, dy / length, dz / length),
+        max_thrust=ahead,
+        max_reverse_thrust=astern,
+        time_constant=GUESSED_LAG,
+    )
