@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import struct
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,14 @@ from hydro.io.readers.damage import Bounded
 from hydro.io.readers.messages import Item, Options, Selection, Topic
 
 _EVERY = 4096
-_MICRO, _MILLI = 1e-6, 1e-3
+_MICRO, _MILLI = 1e6, 1e3
 _INSTANCES = ("C", "I", "Instance")
 """Fields that tell several sensors or EKF cores apart, of logs whose FMTU messages do not say so."""
 _WHOLE = frozenset("bBhHiIM")
 _NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
 """Messages about the log itself, and parts of files."""
-_WRAP = 2**32 * _MICRO
+_WRAP = 2**32 / _MICRO
+CUT_SHORT = "the last message is cut short, as when power is lost: the log is read up to it"
 _DAYS = 3 * 86400.0
 _YEARS = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100 [s]
 
@@ -32,7 +34,7 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
     from pymavlink.DFReader import DFReader_binary
 
     said = io.StringIO()
-    with _quiet(said):
+    with _silent(), _quiet(said):
         reader = DFReader_binary(os.fspath(path))
     types = {name for name in reader.name_to_id if name not in _NO_DATA and selection.takes_type(name)}
     topics: dict[tuple[str, Any], Topic] = {}
@@ -56,7 +58,19 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
                 options.progress(0.01 * reader.percent)
     finally:
         reader.close()
-    _tell_skipped(said, options)
+    _tell_damage(said, options)
+    if _cut_short(reader):
+        options.notes.append(CUT_SHORT)
+
+
+def _cut_short(reader: Any) -> bool:
+    """Whether the last message of a log begins in it and ends beyond."""
+    ends = [
+        places[-1] + reader.formats[number].len
+        for number, places in enumerate(reader.offsets)
+        if len(places) and number in reader.formats
+    ]
+    return max(ends, default=0) > reader.data_len
 
 
 def _same(message: Any) -> Any:
@@ -83,7 +97,24 @@ def _quiet(said: io.StringIO) -> Iterator[None]:
         yield
 
 
-def _tell_skipped(said: io.StringIO, options: Options) -> None:
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what compiled code prints to stderr, which no Python stream sees, off the terminal."""
+    try:
+        kept = os.dup(2)
+    except OSError:
+        yield
+        return
+    try:
+        with tempfile.TemporaryFile() as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _tell_damage(said: io.StringIO, options: Options) -> None:
     """A note where the library found bytes that are no message."""
     if lines := said.getvalue().splitlines():
         options.notes.append(
@@ -104,7 +135,7 @@ def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[It
     sources: dict[str, tuple[int, int]] = {}
     bad = done = 0
     with Bounded(path) as file:
-        for received, message in _frames(file, parser):
+        for received, message in _frames(file, parser, options):
             kind = message.get_type()
             if kind == "BAD_DATA":
                 bad += len(message.data)
@@ -129,17 +160,17 @@ def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[It
 
 
 def _mavlink_topic(message: Any, key: tuple[str, Any, int, int], first: tuple[int, int]) -> Topic:
-    """A topic, named by its type; by its sender too where it is not the first to send that type."""
+    """A topic, named by its type; by instance and sender too where these are not the first."""
     kind, instance, *sender = key
-    name = kind if instance is None else f"{kind}[{_word(instance)}]"
+    name = kind if instance is None or instance == 0 else f"{kind}[{_word(instance)}]"
     if tuple(sender) != first:
         name = f"{name}@{sender[0]}.{sender[1]}"
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     if "time_boot_ms" in types:
-        return Topic(name, kind, _same, lambda each: float(each.time_boot_ms) * _MILLI)
+        return Topic(name, kind, _same, lambda each: float(each.time_boot_ms) / _MILLI)
     if "time_usec" in types:
         wraps = _WRAP if types["time_usec"] == "uint32_t" else 0.0
-        return Topic(name, kind, _same, lambda each: float(each.time_usec) * _MICRO, wraps)
+        return Topic(name, kind, _same, lambda each: float(each.time_usec) / _MICRO, wraps)
     return Topic(name, kind, _same)
 
 
@@ -147,22 +178,26 @@ def _word(instance: Any) -> str:
     return instance.rstrip("\0") if isinstance(instance, str) else str(instance)
 
 
-def _frames(file: Bounded, parser: Any) -> Iterator[tuple[float, Any]]:
+def _frames(file: Bounded, parser: Any, options: Options) -> Iterator[tuple[float, Any]]:
     """Every frame with the time before it [s]; after bytes that are none, from the next plausible time on."""
     latest, lost = None, False
-    while len(head := file.read(8)) == 8:
-        received = struct.unpack(">Q", head)[0] * _MICRO
+    while head := file.read(8):
+        if len(head) < 8:
+            options.notes.append(CUT_SHORT)
+            return
+        received = struct.unpack(">Q", head)[0] / _MICRO
         while lost and not _plausible(received, latest):
             byte = file.read(1)
             if not byte:
                 return
             head = head[1:] + byte
-            received = struct.unpack(">Q", head)[0] * _MICRO
+            received = struct.unpack(">Q", head)[0] / _MICRO
         message = None
         while message is None:
             data = file.read(max(parser.bytes_needed(), 1))
             message = parser.parse_char(data)
             if message is None and not data:
+                options.notes.append(CUT_SHORT)
                 return
         lost = message.get_type() == "BAD_DATA"
         latest = latest if lost else received
@@ -180,4 +215,4 @@ def is_telemetry(head: bytes) -> bool:
     """Whether a file begins with a time in this century and the mark of a MAVLink frame."""
     if len(head) < 9 or head[8] not in (0xFD, 0xFE):
         return False
-    return _plausible(struct.unpack(">Q", head[:8])[0] * _MICRO, None)
+    return _plausible(struct.unpack(">Q", head[:8])[0] / _MICRO, None)

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import Array
+from hydro.core.errors import DataError
 from hydro.io.readers.clocks import Stamps, one_clock
 from hydro.io.readers.messages import Item, Selection, Topic, leaves, number, picker
 
@@ -109,17 +110,22 @@ class Buffer:
                 yield f"{self.topic.name}.{path}", _array(values)
 
 
-def collect(stream: Iterable[Item], selection: Selection) -> tuple[pl.DataFrame, list[str]]:
+def collect(stream: Iterable[Item], selection: Selection, name: str) -> tuple[pl.DataFrame, list[str]]:
     """The wanted columns of a log as one wide table in order of time, and what was done to its clocks.
 
     Every topic keeps its own rows, with nulls in the columns of the others.
+
+    Raises:
+        DataError: a wanted topic cannot be read; the line calls the log `name`.
     """
     buffers: dict[Topic, Buffer] = {}
     for topic, received, raw in stream:
         buffer = buffers.get(topic)
         if buffer is None:
             buffer = buffers[topic] = Buffer(topic, selection.paths(topic.name) or [])
-        if buffer.paths and topic.decode is not None:
+            if buffer.paths and topic.decode is None:
+                raise DataError(f"{name}: {topic.name} ({topic.kind}) is not read: {topic.unread}")
+        if buffer.paths:
             buffer.add(received, raw)
     return wide([each for each in buffers.values() if len(each.received)])
 

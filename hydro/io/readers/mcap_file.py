@@ -14,7 +14,7 @@ from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros import Definitions
 from hydro.io.readers.ros import topic as ros_topic
 
-_NANO = 1e-9
+_NANO = 1e9
 _EVERY = 4096
 _FORMS = {"ros1msg": "msg", "ros2msg": "msg", "ros2idl": "idl"}
 _ENCODINGS = {"cdr": 2, "ros1": 1}
@@ -37,7 +37,7 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
             if isinstance(record, Message):
                 topic = topics.of(record.channel_id)
                 if selection.takes(topic.name):
-                    yield topic, record.log_time * _NANO, record.data
+                    yield topic, record.log_time / _NANO, record.data
                 if done % _EVERY == 0:
                     options.progress(file.tell() / max(file.size, 1))
             elif isinstance(record, Schema):
@@ -94,7 +94,7 @@ def json_stamp(message: Any) -> float | None:
             seconds = place.get("sec", place.get("secs"))
             rest = next((place[name] for name in ("nanosec", "nsec", "nsecs") if name in place), 0)
             if isinstance(seconds, int | float) and isinstance(rest, int | float):
-                return seconds + _NANO * rest
+                return (seconds * _NANO + rest) / _NANO
     boot = number(_at(message, "message", "time_boot_ms"))
     return boot * 1e-3 if boot is not None else None
 

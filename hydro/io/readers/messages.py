@@ -93,7 +93,7 @@ def number(value: Any) -> float | None:
     if isinstance(value, int | float | np.number | np.bool_):
         return float(value)
     seconds, rest = getattr(value, "sec", None), getattr(value, "nanosec", None)
-    return seconds + 1e-9 * rest if seconds is not None and rest is not None else None
+    return (seconds * 10**9 + rest) / 1e9 if seconds is not None and rest is not None else None
 
 
 def leaves(value: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float | None]]:

@@ -116,7 +116,7 @@ def read(path: Path, reader: Reader, selection: Selection, options: Options) -> 
             every = (f"{each.topic.name}.{field}" for each in listed for field in each.fields)
             selection = Selection(frozenset(every))
         assert reader.messages is not None
-        frame, notes = collect(reader.messages(path, selection, options), selection)
+        frame, notes = collect(reader.messages(path, selection, options), selection, options.name)
     options.notes.extend(notes)
     return frame
 

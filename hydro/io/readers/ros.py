@@ -13,7 +13,7 @@ from hydro.core.errors import DataError
 from hydro.io.readers.damage import BoundedPath
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 
-_NANO = 1e-9
+_NANO = 1e9
 _EVERY = 4096
 """Messages between two reports of progress."""
 
@@ -35,7 +35,7 @@ class Definitions:
         known = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.LATEST)
         self._types: dict[str, Any] = dict(known.fielddefs)
         self._ros = ros
-        self._store: Any = None
+        self._store: Any = get_typestore(Stores.EMPTY)
         self._broken: dict[str, str] = {}
         if folder is not None:
             self._types.update(_from_folder(folder))
@@ -54,21 +54,17 @@ class Definitions:
                         self._types.update(get_types_from_idl(body))
         except Exception as error:
             self._broken[kind] = str(error).partition("\n")[0]
-        self._store = None
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
         """What makes a message of this type of its bytes; else None and why there is none."""
         if kind in self._broken:
             return None, "its definition cannot be read: give --msg DIR with its .msg files"
-        missing = self._missing(kind, set())
-        if missing:
+        needed: dict[str, None] = {}
+        if missing := self._needed(kind, needed):
             return None, f"no definition of {missing}: give --msg DIR with its .msg files"
-        if self._store is None:
-            from rosbags.typesys import Stores, get_typestore
-
-            self._store = get_typestore(Stores.EMPTY)
-            whole = {name: self._types[name] for name in self._types if not self._missing(name, set())}
-            self._store.register(whole)
+        new = {name: self._types[name] for name in needed if name not in self._store.fielddefs}
+        if new:
+            self._store.register(new)
         read = self._store.deserialize_ros1 if self._ros == 1 else self._store.deserialize_cdr
         return partial(_decode, read, kind), ""
 
@@ -79,18 +75,18 @@ class Definitions:
             return _header_stamp
         return (lambda message: number(message.stamp)) if "stamp" in names else (lambda message: None)
 
-    def _missing(self, kind: str, seen: set[str]) -> str:
-        """A type that is used under this one and that nobody defines; empty where all are there."""
-        if kind in seen:
+    def _needed(self, kind: str, needed: dict[str, None]) -> str:
+        """List a type and all that it is made of in `needed`; the name of one that nobody defines, if any."""
+        if kind in needed:
             return ""
         if kind not in self._types:
             return kind
-        seen.add(kind)
+        needed[kind] = None
         for _, described in self._types[kind][1]:
             while isinstance(described[1], tuple) and not isinstance(described[1][0], str):
                 described = described[1][0]
-            if isinstance(described[1], str) and (found := self._missing(described[1], seen)):
-                return found
+            if isinstance(described[1], str) and (missing := self._needed(described[1], needed)):
+                return missing
         return ""
 
 
@@ -153,7 +149,7 @@ def _messages(reader: Any, known: Definitions, selection: Selection, options: Op
         return
     total = sum(each.msgcount for each in wanted)
     for done, (source, received, raw) in enumerate(reader.messages(connections=wanted)):
-        yield topics[source.id], received * _NANO, raw
+        yield topics[source.id], received / _NANO, raw
         if done % _EVERY == 0:
             options.progress(done / max(total, 1))
 
