@@ -23,7 +23,7 @@ def import_(
     log: Annotated[
         list[str],
         typer.Argument(
-            metavar="LOG...",
+            metavar="LOG",
             show_default=False,
             help="A log, or the files of one dive: ROS 1 or 2 bag (also its folder), MCAP, DataFlash .bin, "
             "MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
@@ -90,6 +90,12 @@ def import_(
     The format is told by the first bytes. A log of messages has the columns topic.field, such as
     /dvl/data.velocity.x or XKF1[0].PN, and time [s]; --topics lists them. Several files are merged by time;
     those that do not overlap are sessions, named by their files.
+
+    hydro import dive.mcap --topics
+
+    hydro import dive.bag --map map.toml -o raw.parquet
+
+    hydro import nav.bag commands.csv --map map.toml -o raw.parquet
     """
     from hydro.io import log_files, log_import, log_topics
 

@@ -70,7 +70,7 @@ def _cut_short(reader: Any) -> bool:
         for number, places in enumerate(reader.offsets)
         if len(places) and number in reader.formats
     ]
-    return max(ends, default=0) > reader.data_len
+    return bool(max(ends, default=0) > reader.data_len)
 
 
 def _same(message: Any) -> Any:

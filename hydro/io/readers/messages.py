@@ -6,6 +6,7 @@ mappings (JSON); numbers are read from both by the same paths.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -120,7 +121,8 @@ def fields(message: Any) -> Sequence[str]:
     """The names of a message object's fields."""
     if hasattr(message, "get_fieldnames"):
         return tuple(message.get_fieldnames())
-    return tuple(getattr(message, "__dataclass_fields__", ()))
+    found = dataclasses.fields(message) if dataclasses.is_dataclass(message) else ()
+    return [each.name for each in found if not each.name.startswith("__")]
 
 
 def picker(paths: Sequence[str], example: Any) -> Callable[[Any], Sequence[Any]]:
