@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import polars as pl
@@ -93,17 +94,19 @@ def write_vehicle(vehicle: Vehicle, destination: str | Path, *, source: str | Pa
 
 
 def import_log(
-    log: str | Path | BinaryIO,
+    log: str | Path | BinaryIO | Sequence[str | Path],
     map: str | Path | LogMap | None = None,
     *,
     rate: float | None = None,
     strict: bool = False,
     fill: bool = False,
+    msg: str | Path | None = None,
 ) -> tuple[pl.DataFrame, ImportReport]:
     """Turn a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
     Args:
-        log: CSV or Parquet file, or a binary stream.
+        log: file in any format that `hydro import` reads, or a binary stream; several files of one dive are
+            merged by time, and those that do not overlap are sessions, named by their files.
         map: what the columns mean: a map file (`hydro import --write-map` begins one) or a `LogMap`; by
             default guessed from the columns' names.
         rate: rows per second; by default the median of the channels' own rates, or the fastest of them
@@ -111,6 +114,7 @@ def import_log(
         strict: refuse a log whose motion contradicts the map.
         fill: values in every row, on lines between the samples of a sensor slower than the rows; by default
             such a column is null between its samples.
+        msg: folder with the `.msg` files of ROS messages that the log does not describe.
 
     Returns:
         The raw table, and a report: `report.verdict.contradictions` are the frames, units and signs that the
@@ -120,15 +124,23 @@ def import_log(
     Raises:
         hydro.core.errors.DataError: the log or the map is broken, or they do not fit each other.
     """
+    from contextlib import ExitStack
     from pathlib import Path
+    from typing import cast
 
-    from hydro.io import log as logs
-    from hydro.io import log_import
+    from hydro.io import log_files, log_import
+    from hydro.io.log import opened
 
-    source = logs.read(log)
-    name = Path(log).stem if isinstance(log, str | Path) else "log"
-    meaning = log_import.declared(source, map, name)
-    report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
+    sources: list[str | Path | BinaryIO] = []
+    if isinstance(log, list | tuple):
+        sources.extend(log)
+    else:
+        sources.append(cast("str | Path | BinaryIO", log))
+    with ExitStack() as stack:
+        folder = Path(msg) if msg is not None else None
+        files = [stack.enter_context(opened(source, folder)) for source in sources]
+        source, meaning = log_files.gather(files, map)
+        report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     return report.imported.frame, report
 
 

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, dataset_name, refuse_terminal, write
+from hydro.commands.shell import STREAM, Output, progress, refuse_terminal, write
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
-    from hydro.io.log import Log
+    from hydro.io.log import Log, LogFile
     from hydro.io.log_import import ImportReport
     from hydro.io.table import Artefact
 
 
 def import_(
     log: Annotated[
-        str, typer.Argument(metavar="LOG", show_default=False, help="A log, CSV or Parquet; - is stdin.")
+        list[str],
+        typer.Argument(
+            metavar="LOG",
+            show_default=False,
+            help="A log, or the files of one dive: ROS 1 or 2 bag (also its folder), MCAP, DataFlash .bin, "
+            "MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
+        ),
     ],
     map_: Annotated[
         Path | None,
@@ -54,6 +62,18 @@ def import_(
         str | None,
         typer.Option("--write-map", metavar="FILE", help="Only write a commented map to begin with."),
     ] = None,
+    topics: Annotated[
+        bool,
+        typer.Option("--topics", help="Only list what is in the log: topics, rates, numeric fields, spans."),
+    ] = False,
+    msg: Annotated[
+        Path | None,
+        typer.Option(
+            "--msg",
+            metavar="DIR",
+            help="Folder with the .msg files of ROS messages that the log does not describe.",
+        ),
+    ] = None,
     output: Output = STREAM,
 ) -> None:
     """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
@@ -66,24 +86,64 @@ def import_(
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
     instead.
-    """
-    from hydro.io import log as logs
-    from hydro.io import log_import
 
-    if write_map is None:
+    The format is told by the first bytes. A log of messages has the columns topic.field, such as
+    /dvl/data.velocity.x or XKF1[0].PN, and time [s]; --topics lists them. Several files are merged by time;
+    those that do not overlap are sessions, named by their files.
+
+    hydro import dive.mcap --topics
+
+    hydro import dive.bag --map map.toml -o raw.parquet
+
+    hydro import nav.bag commands.csv --map map.toml -o raw.parquet
+    """
+    from hydro.io import log_files, log_import, log_topics
+
+    if write_map is None and not topics:
         refuse_terminal(output)
-    source = logs.read(sys.stdin.buffer if log == STREAM else log)
-    if write_map is not None:
-        _write_draft(source, log, write_map)
-        return
-    meaning = log_import.declared(source, map_, dataset_name(log))
-    if map_ is None:
-        typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
-    text = _vehicle_text(vehicle, len(meaning.commands.columns))
-    report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
+    with _opened(log, msg) as files:
+        if topics:
+            for file in files:
+                with _reading(file) as update:
+                    print(*log_topics.lines(file, update), sep="\n")
+            return
+        if write_map is not None:
+            _write_draft(log_files.header(files, _reading), log[0], write_map)
+            return
+        source, meaning = log_files.gather(files, map_, _reading)
+        for note in source.notes:
+            typer.echo(f"note: {note}", err=True)
+        if map_ is None:
+            typer.echo(
+                f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True
+            )
+        text = _vehicle_text(vehicle, len(meaning.commands.columns))
+        report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         typer.echo(line, err=True)
     write(_artefact(source, report, text), output)
+
+
+@contextmanager
+def _opened(log: Sequence[str], definitions: Path | None) -> Iterator[list[LogFile]]:
+    """The files, ready to be read."""
+    from hydro.io.log import opened
+
+    with ExitStack() as stack:
+        sources = [sys.stdin.buffer if name == STREAM else name for name in log]
+        yield [stack.enter_context(opened(source, definitions)) for source in sources]
+
+
+@contextmanager
+def _reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
+    """What shows how far a large file is read; nothing for a small one."""
+    from hydro.io.log_files import LARGE
+
+    if file.size < LARGE:
+        yield None
+        return
+    with progress(f"reading {file.stem}") as update:
+        yield lambda share: update(share, 1.0)
 
 
 def _write_draft(source: Log, log: str, path: str) -> None:

@@ -17,3 +17,8 @@ class UsageError(HydroError):
     """The command was called wrongly (exit code 2)."""
 
     exit_code = 2
+
+
+def shown(text: str) -> str:
+    """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
+    return text if text.isprintable() else repr(text)

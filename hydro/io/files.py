@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import shown as shown  # for those who name places by `name_of`
 
 Source = str | Path | BinaryIO
 
@@ -40,11 +41,6 @@ def bundled(name: str) -> Path:
 def name_of(place: Source, stream: str = "stdin") -> str:
     """What an error line calls this place: the path as given, or `stream` for a stream."""
     return shown(os.fspath(place)) if isinstance(place, str | Path) else stream
-
-
-def shown(text: str) -> str:
-    """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
-    return text if text.isprintable() else repr(text)
 
 
 def explained(name: str, error: OSError) -> DataError:

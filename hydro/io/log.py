@@ -1,22 +1,29 @@
-"""Logs in CSV and Parquet, and their columns as numbers."""
+"""Logs in any format that a reader knows, and their columns as numbers."""
 
 from __future__ import annotations
 
 import difflib
 import hashlib
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import polars as pl
 
 from hydro.core.columns import Array
-from hydro.core.errors import DataError
-from hydro.io.files import Source, name_of, read_bytes, shown
+from hydro.core.errors import DataError, UsageError
+from hydro.io.files import Source, explained, name_of, shown
 from hydro.io.logmap import listed
+from hydro.io.readers import collect, registry
+from hydro.io.readers.messages import Options, Selection
 
-EMPTY = ("", "nan", "NaN", "NAN", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
-"""What loggers write into a cell that holds nothing."""
-_SEPARATORS = (",", ";", "\t")
+Reading = Callable[[float], None]
+"""What is called with the share of a file that is read."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +32,22 @@ class Log:
 
     Attributes:
         name: What error lines call it.
-        frame: Its columns: of a CSV all text, of a Parquet file typed.
+        frame: Its columns: of a CSV all text, of other formats typed.
         digest: `sha256:` and the hash of its bytes.
+        more: Lists the columns that it has besides, which nobody wanted; that takes a pass over the log.
+        notes: What its reader has to say, a line each.
     """
 
     name: str
     frame: pl.DataFrame
     digest: str
+    more: Callable[[], Sequence[str]] = tuple
+    notes: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """All its columns, also those that were not read."""
+        return list(dict.fromkeys((*self.frame.columns, *self.more())))
 
     def texts(self) -> frozenset[str]:
         """Columns whose first entry is neither a number nor a time of a typed column."""
@@ -44,57 +60,156 @@ class Log:
         return frozenset(found)
 
 
-def read(source: Source) -> Log:
-    """Read a log: Parquet by its first bytes, else CSV with commas, semicolons or tabs and a line of names.
+@dataclass(frozen=True)
+class LogFile:
+    """A file, or a ROS 2 recording's folder, with the reader that it needs.
+
+    Attributes:
+        name: What error lines call it.
+        path: Where it is.
+        reader: What reads it.
+        definitions: Folder with `.msg` files, or None.
+    """
+
+    name: str
+    path: Path
+    reader: registry.Reader
+    definitions: Path | None = None
+
+    @property
+    def stem(self) -> str:
+        """What a session of it is called."""
+        return self.path.stem if self.name != "stdin" else self.name
+
+    @property
+    def parts(self) -> list[Path]:
+        """The files that it consists of."""
+        return (
+            sorted(each for each in self.path.rglob("*") if each.is_file())
+            if self.path.is_dir()
+            else [self.path]
+        )
+
+    @property
+    def size(self) -> int:
+        """Its bytes."""
+        return sum(part.stat().st_size for part in self.parts)
+
+    def topics(self, progress: Reading | None = None) -> tuple[list[collect.Listed], list[str]]:
+        """What a log of messages has, and what its reader says; none of a table."""
+        options = self._options(progress)
+        if self.reader.messages is None:
+            return [], []
+        return registry.topics(self.path, self.reader, options), options.notes
+
+    def header(self, progress: Reading | None = None) -> Log:
+        """The log's columns: of messages without rows, of a table with them.
+
+        Raises:
+            DataError: the file cannot be read, or has no messages.
+        """
+        if self.reader.messages is None:
+            return self.read(None, progress)
+        found, _ = self.topics(progress)
+        names = dict.fromkeys(collect.columns(found))
+        if not any(entry.fields for entry in found):
+            raise DataError(f"{self.name}: no message with numbers in this {self.reader.name}: see --topics")
+        return Log(self.name, pl.DataFrame(schema=dict.fromkeys(names, pl.Float64)), "")
+
+    def read(self, wanted: Iterable[str] | None = None, progress: Reading | None = None) -> Log:
+        """The log, of messages with the wanted columns alone.
+
+        Args:
+            wanted: Columns; all by default. A table is read whole.
+            progress: Called with the share of the file that is read.
+
+        Raises:
+            DataError: the file cannot be read, is no log, has no rows, or names a column twice.
+        """
+        options = self._options(progress)
+        selection = Selection(None if wanted is None else frozenset(wanted))
+        frame = registry.read(self.path, self.reader, selection, options)
+        if frame.height == 0 and (wanted is None or self.reader.messages is None):
+            raise DataError(f"{self.name}: no rows below the names of its columns: give a log with data")
+        return Log(self.name, frame, self._digest(), self._names, tuple(options.notes))
+
+    def _names(self) -> Sequence[str]:
+        """Its columns, for hints; none of a file that is gone by now."""
+        if self.reader.messages is None or not self.path.exists():
+            return ()
+        return self.header().frame.columns
+
+    def _options(self, progress: Reading | None) -> Options:
+        options = Options(self.name, self.definitions)
+        if progress is not None:
+            options.progress = progress
+        return options
+
+    def _digest(self) -> str:
+        """The hash of its bytes; of a folder, of all files in it by name."""
+        whole = hashlib.sha256()
+        try:
+            for part in self.parts:
+                with part.open("rb") as file:
+                    each = hashlib.file_digest(file, "sha256")
+                if len(self.parts) == 1 and not self.path.is_dir():
+                    return f"sha256:{each.hexdigest()}"
+                whole.update(f"{part.relative_to(self.path)} {each.hexdigest()}\n".encode())
+        except OSError as error:
+            raise explained(self.name, error) from error
+        return f"sha256:{whole.hexdigest()}"
+
+
+@contextmanager
+def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]:
+    """A log ready to be read; a stream is put into a temporary file first.
 
     Raises:
-        DataError: the file cannot be read, is no table, has no rows, or names a column twice.
+        DataError: the path cannot be read, nothing came in, or no reader knows the format.
+        UsageError: the stream is a terminal.
     """
     name = name_of(source)
-    content = read_bytes(source)
-    frame = _parquet(content, name) if content.startswith(b"PAR1") else _csv(content, name)
-    if frame.height == 0:
-        raise DataError(f"{name}: no rows below the names of its columns: give a log with data")
-    return Log(name, frame, f"sha256:{hashlib.sha256(content).hexdigest()}")
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            path = Path(source) if isinstance(source, str | Path) else _spooled(source, Path(folder))
+            path.stat()
+            if path.is_file() and not path.stat().st_size:
+                raise DataError(
+                    f"{name}: empty, not a single byte: did the command that should have written it fail?"
+                )
+            if not path.is_file() and not path.is_dir():
+                with path.open("rb") as pipe:
+                    path = _spooled(pipe, Path(folder))
+            reader = registry.reader_of(path, name)
+        except OSError as error:
+            raise explained(name, error) from error
+        yield LogFile(name, path, reader, definitions)
 
 
-def _csv(content: bytes, name: str) -> pl.DataFrame:
-    """All columns of a CSV as text, so that what is no number can be reported with its place."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(
-            f"{name}: not UTF-8 text (byte {error.start}): save the log as UTF-8, or as Parquet"
-        ) from error
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    separator = max(_SEPARATORS, key=first.count)
-    names = [part.strip().strip('"') for part in first.split(separator)]
-    if len(names) < 2 or not all(character.isprintable() or character == "\t" for character in first):
-        raise DataError(f"{name}: not a table: its first line should name columns, separated by commas")
-    if twice := sorted({column for column in names if names.count(column) > 1}):
-        raise DataError(f"{name}: column {shown(twice[0])} appears twice: rename or drop one")
-    try:
-        frame = pl.read_csv(
-            text.encode(),
-            separator=separator,
-            comment_prefix="#",
-            infer_schema=False,
-            null_values=list(EMPTY),
-        )
-    except (pl.exceptions.PolarsError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise DataError(
-            f"{name}: not a table of comma-separated values ({reason}): check its lines"
-        ) from error
-    return frame.rename(dict(zip(frame.columns, names, strict=True)))
+def _spooled(stream: BinaryIO, folder: Path) -> Path:
+    """The bytes of a stream in a file, for readers that go back and forth."""
+    if stream.isatty():
+        raise UsageError("nothing is piped in: name a file, or pipe a command into this one")
+    path = folder / "stream"
+    with path.open("wb") as file:
+        shutil.copyfileobj(stream, file)
+    return path
 
 
-def _parquet(content: bytes, name: str) -> pl.DataFrame:
-    try:
-        return pl.read_parquet(content)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again") from error
+def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Path | None = None) -> Log:
+    """Read a log in any format that its first bytes tell.
+
+    Args:
+        source: File, folder of a ROS 2 recording, or binary stream.
+        wanted: Of a log of messages, the columns to read; all by default.
+        definitions: Folder with `.msg` files for ROS messages that the log does not describe.
+
+    Raises:
+        DataError: the file cannot be read, is no log, has no rows, or names a column twice.
+        UsageError: the stream is a terminal.
+    """
+    with opened(source, definitions) as file:
+        return file.read(wanted)
 
 
 def column(log: Log, name: str, where: str) -> pl.Series:
@@ -109,8 +224,8 @@ def column(log: Log, name: str, where: str) -> pl.Series:
         DataError: there is no such column.
     """
     if name not in log.frame.columns:
-        near = difflib.get_close_matches(name, log.frame.columns, 1)
-        hint = f"did you mean {shown(near[0])}?" if near else f"it has {listed(log.frame.columns)}"
+        near = difflib.get_close_matches(name, [each for each in log.names if each != name], 1)
+        hint = f"did you mean {shown(near[0])}?" if near else f"it has {listed(log.names)}"
         raise DataError(
             f"{log.name}: no column is called {shown(name) or repr(name)}, as the map says in {where}: {hint}"
         )
@@ -139,6 +254,14 @@ def numbers(log: Log, name: str, where: str) -> Array:
         )
     found = values.cast(pl.Float64).fill_null(np.nan).to_numpy()
     return np.where(np.isfinite(found), found, np.nan)
+
+
+def numeric(values: pl.Series) -> bool:
+    """Whether a column holds numbers, as text or typed, in its first entry at least."""
+    if values.dtype != pl.String:
+        return values.dtype.is_numeric() or values.dtype == pl.Boolean
+    first = stripped(values.drop_nulls().head(1))
+    return bool(first.len()) and not first.cast(pl.Float64, strict=False).null_count()
 
 
 def stripped(values: pl.Series) -> pl.Series:

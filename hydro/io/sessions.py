@@ -26,7 +26,7 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
         DataError: a column is missing or holds text where a number belongs, or time goes backwards.
     """
     columns = {name: numbers(log, name, where) for where, name in _named(meaning)}
-    ticks, rows, per_second = _clock(log, meaning.time)
+    ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
     return [
@@ -42,7 +42,7 @@ def _named(meaning: LogMap) -> Iterator[tuple[str, str]]:
     yield from (("commands", command(source).column) for source in meaning.commands.columns)
 
 
-def _clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
+def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
     """The clock's numbers of those rows that have one, these rows, and its ticks in a second.
 
     Whole numbers stay whole: nanoseconds since 1970 have more digits than a double keeps.

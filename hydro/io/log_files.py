@@ -1,0 +1,169 @@
+"""One or several files of one dive as one log, and the map that reads it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+from hydro.core.logs.logmap import LogMap, Session
+from hydro.io.files import shown
+from hydro.io.log import Log, LogFile, Reading
+from hydro.io.log_import import declared
+from hydro.io.readers.collect import CLOCKS
+from hydro.io.sessions import clock
+
+Progress = Callable[[LogFile], AbstractContextManager[Reading | None]]
+"""While a file is read: what is called with the share that is, if anything."""
+LARGE = 50_000_000
+"""Bytes of a file whose reading takes long enough to show progress."""
+
+
+def header(files: Sequence[LogFile], progress: Progress = lambda file: nullcontext()) -> Log:
+    """All columns of the files, of tables with their rows.
+
+    Raises:
+        DataError: a file cannot be read.
+    """
+    each = []
+    for file in files:
+        with progress(file) as told:
+            each.append(file.header(told))
+    return (
+        each[0]
+        if len(each) == 1
+        else _together(each, pl.concat([log.frame for log in each], how="diagonal_relaxed"))
+    )
+
+
+def gather(
+    files: Sequence[LogFile],
+    map_: str | Path | LogMap | None,
+    progress: Progress = lambda file: nullcontext(),
+) -> tuple[Log, LogMap]:
+    """The log that some files are, with the columns that a map names, and that map.
+
+    Files whose times overlap are merged by time; those that do not are sessions, named by their files.
+
+    Args:
+        files: The files, in any order.
+        map_: A map, its file, or None to guess it from the columns' names.
+        progress: Gives what is told how far each file is read.
+
+    Raises:
+        DataError: a file cannot be read, or the map is none or does not fit it.
+    """
+    name = files[0].stem
+    known = header(files, progress) if map_ is None else Log(files[0].name, pl.DataFrame(), "")
+    meaning = declared(known, map_, name)
+    wanted = {*CLOCKS, *_texts(msgspec.to_builtins(meaning))}
+    logs = []
+    for file in files:
+        with progress(file) as told:
+            logs.append(file.read(wanted, told))
+    if len(logs) == 1:
+        return logs[0], meaning
+    return merged(logs, [file.stem for file in files], meaning)
+
+
+def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[Log, LogMap]:
+    """Several logs in one, in order of time, and the map with a session for each group that overlaps.
+
+    Args:
+        logs: The logs.
+        names: What a session of each alone is called.
+        meaning: What the columns of all of them mean.
+
+    Raises:
+        DataError: a log has no time, or its time goes backwards.
+    """
+    parts = [_timed(log, meaning) for log in logs]
+    shared = {*CLOCKS, meaning.time.column, meaning.session.column}
+    measured = [set(log.frame.columns) & {*_texts(msgspec.to_builtins(meaning))} - shared for log in logs]
+    groups = _groups([t for _, t in parts], measured)
+    column = "session" if not any("session" in log.frame.columns for log in logs) else "session of file"
+    rows = []
+    for group in groups:
+        frame = pl.concat([parts[place][0] for place in group], how="diagonal_relaxed")
+        order = np.argsort(np.concatenate([parts[place][1] for place in group]), kind="stable")
+        rows.append(frame[order].with_columns(pl.lit(_title(names, groups, group)).alias(column)))
+    frame = pl.concat(rows, how="diagonal_relaxed")
+    if meaning.session.column is None:
+        session = Session(column=column, gap=meaning.session.gap)
+        meaning = msgspec.structs.replace(meaning, session=session)
+    return _together(logs, frame), meaning
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text in a map: its columns, and words that no column is called."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            yield from _texts(part)
+    elif isinstance(value, Sequence):
+        for part in value:
+            yield from _texts(part)
+
+
+def _timed(log: Log, meaning: LogMap) -> tuple[pl.DataFrame, Array]:
+    """The rows of a log that have a time, and their times [s]."""
+    ticks, rows, per_second = clock(log, meaning.time)
+    if not len(rows):
+        raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
+    t = np.asarray(ticks / per_second, np.float64)
+    if meaning.session.column is None and (back := np.flatnonzero(np.diff(t) < 0.0)).size:
+        raise DataError(
+            f"{log.name}: column {shown(meaning.time.column)} goes backwards in {len(back)} of {len(t)} rows "
+            f"(first: row {rows[back[0] + 1]}): sort the log by time, or name a session.column"
+        )
+    return log.frame[rows], t
+
+
+def _groups(times: Sequence[Array], measured: Sequence[set[str]]) -> list[list[int]]:
+    """Which logs are of one recording, each group and all of them in order of their beginning."""
+    spans = [(float(np.min(t)), float(np.max(t))) for t in times]
+    groups: list[list[int]] = []
+    for place in sorted(range(len(times)), key=lambda place: spans[place]):
+        joined = [group for group in groups if any(_one(spans, measured, place, other) for other in group)]
+        rest = [group for group in groups if group not in joined]
+        groups = [*rest, sorted([place, *(other for group in joined for other in group)])]
+    return sorted(groups, key=lambda group: min(spans[place] for place in group))
+
+
+def _one(spans: Sequence[tuple[float, float]], measured: Sequence[set[str]], a: int, b: int) -> bool:
+    """Whether two logs are of one recording.
+
+    Their times overlap.  Where both have the same columns, one goes on where the other ended, and they
+    overlap a little at most: two runs whose clocks begin at 0 do so wholly, and are two recordings.
+    """
+    overlap = min(spans[a][1], spans[b][1]) - max(spans[a][0], spans[b][0])
+    shorter = min(spans[place][1] - spans[place][0] for place in (a, b))
+    return overlap >= 0.0 and not (measured[a] & measured[b] and overlap > 0.5 * shorter)
+
+
+def _title(names: Sequence[str], groups: Sequence[Sequence[int]], group: Sequence[int]) -> str:
+    """What the session of a group of files is called: by the first; numbered where two are called alike."""
+    title = names[group[0]]
+    alike = [other for other in groups if names[other[0]] == title]
+    return title if len(alike) == 1 else f"{title}-{alike.index(group) + 1}"
+
+
+def _together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
+    """A log of several, under the name of the first."""
+    digest = hashlib.sha256("".join(sorted(log.digest for log in logs)).encode()).hexdigest()
+    return Log(
+        name=f"{logs[0].name} and {len(logs) - 1} more",
+        frame=frame,
+        digest=f"sha256:{digest}",
+        more=lambda: [name for log in logs for name in log.more()],
+        notes=tuple(f"{log.name}: {note}" for log in logs for note in log.notes),
+    )

@@ -1,0 +1,218 @@
+"""ArduPilot's DataFlash logs and MAVLink telemetry logs, by `pymavlink`."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import struct
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hydro.core.errors import DataError
+from hydro.io.readers.damage import Bounded
+from hydro.io.readers.messages import Item, Options, Selection, Topic
+
+_EVERY = 4096
+_MICRO, _MILLI = 1e6, 1e3
+_INSTANCES = ("C", "I", "Instance")
+"""Fields that tell several sensors or EKF cores apart, of logs whose FMTU messages do not say so."""
+_WHOLE = frozenset("bBhHiIM")
+_NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
+"""Messages about the log itself, and parts of files."""
+_WRAP = 2**32 / _MICRO
+CUT_SHORT = "the last message is cut short, as when power is lost: the log is read up to it"
+_DAYS = 3 * 86400.0
+_YEARS = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100 [s]
+
+
+def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
+    """The messages of a DataFlash `.bin`; the clock is UTC where a GPS knew it, else since the start."""
+    os.environ.setdefault("MAVLINK_DIALECT", "ardupilotmega")
+    from pymavlink.DFReader import DFReader_binary
+
+    said = io.StringIO()
+    with _silent(), _quiet(said):
+        reader = DFReader_binary(os.fspath(path))
+    types = {name for name in reader.name_to_id if name not in _NO_DATA and selection.takes_type(name)}
+    topics: dict[tuple[str, Any], Topic] = {}
+    done = 0
+    try:
+        while types:
+            with _quiet(said):
+                message = reader.recv_match(type=types, strict=True)
+            if message is None:
+                break
+            kind = message.get_type()
+            instance = _instance(message)
+            topic = topics.get((kind, instance))
+            if topic is None:
+                name = kind if instance is None else f"{kind}[{instance}]"
+                topic = topics[kind, instance] = Topic(name, kind, _same)
+            if selection.takes(topic.name):
+                yield topic, message._timestamp, message
+            done += 1
+            if done % _EVERY == 0:
+                options.progress(0.01 * reader.percent)
+    finally:
+        reader.close()
+    _tell_damage(said, options)
+    if _cut_short(reader):
+        options.notes.append(CUT_SHORT)
+
+
+def _cut_short(reader: Any) -> bool:
+    """Whether the last message of a log begins in it and ends beyond."""
+    ends = [
+        places[-1] + reader.formats[number].len
+        for number, places in enumerate(reader.offsets)
+        if len(places) and number in reader.formats
+    ]
+    return bool(max(ends, default=0) > reader.data_len)
+
+
+def _same(message: Any) -> Any:
+    return message
+
+
+def _instance(message: Any) -> Any:
+    """Which of several sensors or cores a message is of; None where there is only one."""
+    fmt = message.fmt
+    name = fmt.instance_field
+    if name is None:
+        name = next((each for each in _INSTANCES if each in fmt.colhash), None)
+        if name is None or fmt.format[fmt.colhash[name]] not in _WHOLE:
+            return None
+    return getattr(message, name)
+
+
+@contextlib.contextmanager
+def _quiet(said: io.StringIO) -> Iterator[None]:
+    """Keep what the library prints, to the length of a few lines, off the terminal."""
+    if said.tell() > 1 << 16:
+        said.seek(1 << 15)
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        yield
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what compiled code prints to stderr, which no Python stream sees, off the terminal."""
+    try:
+        kept = os.dup(2)
+    except OSError:
+        yield
+        return
+    try:
+        with tempfile.TemporaryFile() as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _tell_damage(said: io.StringIO, options: Options) -> None:
+    """A note where the library found bytes that are no message."""
+    if lines := said.getvalue().splitlines():
+        options.notes.append(
+            f"the log is damaged in places, which are skipped; the first: {lines[0].strip()[:120]}"
+        )
+
+
+def telemetry(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
+    """The messages of a MAVLink `.tlog`: frames with the receiver's clock before each.
+
+    A message's stamp is its own `time_boot_ms` or `time_usec`: links deliver in bursts.
+    """
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    parser = ardupilotmega.MAVLink(None)
+    parser.robust_parsing = True
+    topics: dict[tuple[str, Any, int, int], Topic] = {}
+    sources: dict[str, tuple[int, int]] = {}
+    bad = done = 0
+    with Bounded(path) as file:
+        for received, message in _frames(file, parser, options):
+            kind = message.get_type()
+            if kind == "BAD_DATA":
+                bad += len(message.data)
+                continue
+            if kind.startswith("UNKNOWN_"):
+                continue
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            field = message._instance_field
+            key = (kind, getattr(message, field) if field else None, *sender)
+            topic = topics.get(key)
+            if topic is None:
+                topic = topics[key] = _mavlink_topic(message, key, sources.setdefault(kind, sender))
+            if selection.takes(topic.name):
+                yield topic, received, message
+            done += 1
+            if done % _EVERY == 0:
+                options.progress(file.tell() / max(file.size, 1))
+    if not done:
+        raise DataError(f"{options.name}: no MAVLink message in this file: is it a .tlog?")
+    if bad:
+        options.notes.append(f"{bad:,} bytes are no MAVLink messages and skipped")
+
+
+def _mavlink_topic(message: Any, key: tuple[str, Any, int, int], first: tuple[int, int]) -> Topic:
+    """A topic, named by its type; by instance and sender too where these are not the first."""
+    kind, instance, *sender = key
+    name = kind if instance is None or instance == 0 else f"{kind}[{_word(instance)}]"
+    if tuple(sender) != first:
+        name = f"{name}@{sender[0]}.{sender[1]}"
+    types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
+    if "time_boot_ms" in types:
+        return Topic(name, kind, _same, lambda each: float(each.time_boot_ms) / _MILLI)
+    if "time_usec" in types:
+        wraps = _WRAP if types["time_usec"] == "uint32_t" else 0.0
+        return Topic(name, kind, _same, lambda each: float(each.time_usec) / _MICRO, wraps)
+    return Topic(name, kind, _same)
+
+
+def _word(instance: Any) -> str:
+    return instance.rstrip("\0") if isinstance(instance, str) else str(instance)
+
+
+def _frames(file: Bounded, parser: Any, options: Options) -> Iterator[tuple[float, Any]]:
+    """Every frame with the time before it [s]; after bytes that are none, from the next plausible time on."""
+    latest, lost = None, False
+    while head := file.read(8):
+        if len(head) < 8:
+            options.notes.append(CUT_SHORT)
+            return
+        received = struct.unpack(">Q", head)[0] / _MICRO
+        while lost and not _plausible(received, latest):
+            byte = file.read(1)
+            if not byte:
+                return
+            head = head[1:] + byte
+            received = struct.unpack(">Q", head)[0] / _MICRO
+        message = None
+        while message is None:
+            data = file.read(max(parser.bytes_needed(), 1))
+            message = parser.parse_char(data)
+            if message is None and not data:
+                options.notes.append(CUT_SHORT)
+                return
+        lost = message.get_type() == "BAD_DATA"
+        latest = latest if lost else received
+        yield received, message
+
+
+def _plausible(received: float, latest: float | None) -> bool:
+    """Whether a time may stand before a frame."""
+    if latest is None:
+        return _YEARS[0] < received < _YEARS[1]
+    return abs(received - latest) <= _DAYS
+
+
+def is_telemetry(head: bytes) -> bool:
+    """Whether a file begins with a time in this century and the mark of a MAVLink frame."""
+    if len(head) < 9 or head[8] not in (0xFD, 0xFE):
+        return False
+    return _plausible(struct.unpack(">Q", head[:8])[0] / _MICRO, None)

@@ -1,0 +1,106 @@
+"""Arrays of numpy (`.npz`) and MATLAB (`.mat`, version 5): columns `name`, or `name[1]` of several."""
+
+from __future__ import annotations
+
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from hydro.core.errors import DataError, shown
+from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
+
+
+def npz(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
+    """The arrays of a `.npz` as a table."""
+    with zipfile.ZipFile(path) as archive:
+        _check_sizes(archive, options.name)
+    with np.load(path, allow_pickle=False) as file:
+        found = {}
+        for name in file.files:
+            try:
+                found[name] = file[name]
+            except ValueError as error:
+                if "allow_pickle" not in str(error):
+                    raise
+                options.notes.append(f"{shown(name)} holds Python objects and is not read")
+    return table(found, selection, options)
+
+
+def _check_sizes(archive: zipfile.ZipFile, name: str) -> None:
+    """Refuse an archive whose arrays declare more than is in them: numpy would allocate it first."""
+    for entry in archive.infolist():
+        with archive.open(entry) as stream:
+            version = np.lib.format.read_magic(stream)
+            read = (
+                np.lib.format.read_array_header_1_0
+                if version == (1, 0)
+                else np.lib.format.read_array_header_2_0
+            )
+            shape, _, dtype = read(stream)
+            if not dtype.hasobject and np.prod(shape, dtype=float) * dtype.itemsize > entry.file_size:
+                raise DataError(f"{name}: {shown(entry.filename)} is cut short: write or copy the file again")
+
+
+def mat(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
+    """The arrays of a `.mat` of version 5 (`save -v7` and older) as a table; structs as `name.field`."""
+    from scipy.io import loadmat
+
+    found = loadmat(path, simplify_cells=True)
+    return table(
+        {name: each for name, each in found.items() if not name.startswith("__")}, selection, options
+    )
+
+
+def table(named: Mapping[str, Any], selection: Selection, options: Options) -> pl.DataFrame:
+    """Arrays that have as many rows as the longest of the usual length, as the columns of a table.
+
+    Raises:
+        DataError: there is no array of numbers, or the wanted ones do not have the same number of rows.
+    """
+    arrays = dict(_flat(named, "", 0))
+    columns = {name: each for key, array in arrays.items() for name, each in _columns(key, array)}
+    if selection.columns is not None:
+        columns = {name: each for name, each in columns.items() if name in selection.columns}
+        lengths = {len(each): name for name, each in columns.items()}
+        if len(lengths) > 1:
+            told = " and ".join(f"{name} has {count:,}" for count, name in lengths.items())
+            raise DataError(f"{options.name}: {told} rows: name arrays of one length in the map")
+    if not columns:
+        if selection.columns is not None:
+            return pl.DataFrame()
+        raise DataError(
+            f"{options.name}: no array of numbers with two rows or more: save the log's columns as arrays"
+        )
+    counts = Counter(len(each) for each in columns.values())
+    rows = max(counts, key=lambda count: (counts[count], count))
+    others = [name for name, each in columns.items() if len(each) != rows]
+    if others:
+        options.notes.append(f"not of {rows:,} rows and left out: {', '.join(others[:8])}")
+    return pl.DataFrame({name: each for name, each in columns.items() if len(each) == rows})
+
+
+def _flat(value: Any, name: str, depth: int) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """Every array of numbers with its name, those in structs as `struct.field`."""
+    if isinstance(value, Mapping) and depth <= DEEPEST:
+        for key, part in value.items():
+            yield from _flat(part, f"{name}.{key}" if name else str(key), depth + 1)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size > 1:
+        yield name, value
+
+
+def _columns(name: str, array: np.ndarray[Any, Any]) -> Iterator[tuple[str, np.ndarray[Any, Any]]]:
+    """The columns of an array, whose rows are its longer side."""
+    flat = np.squeeze(array)
+    if flat.ndim == 1:
+        yield name, np.ascontiguousarray(flat)
+    elif flat.ndim == 2:
+        tall = flat if flat.shape[0] >= flat.shape[1] else flat.T
+        if tall.shape[1] <= LONGEST:
+            yield from (
+                (f"{name}[{place}]", np.ascontiguousarray(tall[:, place])) for place in range(tall.shape[1])
+            )

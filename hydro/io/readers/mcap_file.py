@@ -1,0 +1,106 @@
+"""MCAP, by `mcap`: ROS 2 (CDR), ROS 1 and JSON channels, also side by side in one file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from hydro.core.errors import DataError
+from hydro.io.readers.damage import Bounded
+from hydro.io.readers.messages import Item, Options, Selection, Topic, number
+from hydro.io.readers.ros import Definitions
+from hydro.io.readers.ros import topic as ros_topic
+
+_NANO = 1e9
+_EVERY = 4096
+_FORMS = {"ros1msg": "msg", "ros2msg": "msg", "ros2idl": "idl"}
+_ENCODINGS = {"cdr": 2, "ros1": 1}
+
+
+def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
+    """The messages of an MCAP file, or of all those in a ROS 2 recording's folder, in order of the file."""
+    if path.is_dir():
+        for part in sorted(path.glob("*.mcap")):
+            yield from messages(part, selection, options)
+        return
+    from mcap.records import Channel, Footer, Message, Schema
+    from mcap.stream_reader import StreamReader
+
+    file = Bounded(path)
+    topics = _Topics(options)
+    with file:
+        records = StreamReader(file, validate_crcs=True, record_size_limit=file.size).records
+        for done, record in enumerate(records):
+            if isinstance(record, Message):
+                topic = topics.of(record.channel_id)
+                if selection.takes(topic.name):
+                    yield topic, record.log_time / _NANO, record.data
+                if done % _EVERY == 0:
+                    options.progress(file.tell() / max(file.size, 1))
+            elif isinstance(record, Schema):
+                topics.schemas[record.id] = record
+            elif isinstance(record, Channel):
+                topics.channels.setdefault(record.id, record)
+            elif isinstance(record, Footer):
+                return
+    raise DataError(
+        f"{options.name}: this MCAP file is cut short: copy it again, or run `mcap recover` on it"
+    )
+
+
+class _Topics:
+    """The channels of a file as topics, each made when its first message comes."""
+
+    def __init__(self, options: Options) -> None:
+        self.schemas: dict[int, Any] = {}
+        self.channels: dict[int, Any] = {}
+        self._folder = options.definitions
+        self._known: dict[int, Definitions] = {}
+        self._made: dict[int, Topic] = {}
+
+    def of(self, channel: int) -> Topic:
+        """The topic of a channel's number."""
+        if channel not in self._made:
+            self._made[channel] = self._make(self.channels[channel])
+        return self._made[channel]
+
+    def _make(self, channel: Any) -> Topic:
+        schema = self.schemas.get(channel.schema_id)
+        kind = schema.name if schema is not None else ""
+        if channel.message_encoding == "json":
+            return Topic(channel.topic, kind or "json", msgspec.json.Decoder().decode, json_stamp)
+        if channel.message_encoding not in _ENCODINGS:
+            why = f"{channel.message_encoding or 'unnamed'} encoding: only CDR, ROS 1 and JSON are read"
+            return Topic(channel.topic, kind, None, unread=why)
+        ros = _ENCODINGS[channel.message_encoding]
+        if ros not in self._known:
+            self._known[ros] = Definitions(ros, self._folder)
+        known = self._known[ros]
+        kind = kind if kind.count("/") == 2 else "/msg/".join(kind.split("/"))
+        if schema is not None and schema.encoding in _FORMS and schema.data:
+            known.add(kind, schema.data.decode(), _FORMS[schema.encoding])
+        return ros_topic(channel.topic, kind, known)
+
+
+def json_stamp(message: Any) -> float | None:
+    """When a JSON message was measured [s]: stamp of its header, `timestamp`, or MAVLink's `time_boot_ms`."""
+    if not isinstance(message, Mapping):
+        return None
+    for place in (_at(message, "header", "stamp"), message.get("timestamp"), message.get("stamp")):
+        if isinstance(place, Mapping):
+            seconds = place.get("sec", place.get("secs"))
+            rest = next((place[name] for name in ("nanosec", "nsec", "nsecs") if name in place), 0)
+            if isinstance(seconds, int | float) and isinstance(rest, int | float):
+                return (seconds * _NANO + rest) / _NANO
+    boot = number(_at(message, "message", "time_boot_ms"))
+    return boot * 1e-3 if boot is not None else None
+
+
+def _at(message: Mapping[str, Any], *names: str) -> Any:
+    found: Any = message
+    for name in names:
+        found = found.get(name) if isinstance(found, Mapping) else None
+    return found

@@ -1,0 +1,160 @@
+"""ROS 1 bags and ROS 2 recordings in SQLite, by `rosbags`; message definitions for them and for MCAP."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from hydro.core.errors import DataError
+from hydro.io.readers.damage import BoundedPath
+from hydro.io.readers.messages import Item, Options, Selection, Topic, number
+
+_NANO = 1e9
+_EVERY = 4096
+"""Messages between two reports of progress."""
+
+
+class Definitions:
+    """The message types that a log describes, else those of a folder, else those of the distribution.
+
+    Args:
+        ros: 1 or 2: which distribution's types stand in for what a log does not describe.
+        folder: Folder with `.msg` files, or None.
+
+    Raises:
+        DataError: the folder is none, or a file in it is no message definition.
+    """
+
+    def __init__(self, ros: int, folder: Path | None) -> None:
+        from rosbags.typesys import Stores, get_typestore
+
+        known = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.LATEST)
+        self._types: dict[str, Any] = dict(known.fielddefs)
+        self._ros = ros
+        self._store: Any = get_typestore(Stores.EMPTY)
+        self._broken: dict[str, str] = {}
+        if folder is not None:
+            self._types.update(_from_folder(folder))
+
+    def add(self, kind: str, text: str, form: str) -> None:
+        """Take the definition that a log has of a type; `form` is `msg` or `idl`."""
+        from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+        try:
+            if form == "msg":
+                self._types.update(get_types_from_msg(text, kind))
+            else:
+                for part in re.split(r"^=+\n", text, flags=re.MULTILINE):
+                    body = part.partition("\n")[2] if part.startswith("IDL: ") else part
+                    if body.strip():
+                        self._types.update(get_types_from_idl(body))
+        except Exception as error:
+            self._broken[kind] = str(error).partition("\n")[0]
+
+    def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
+        """What makes a message of this type of its bytes; else None and why there is none."""
+        if kind in self._broken:
+            return None, "its definition cannot be read: give --msg DIR with its .msg files"
+        needed: dict[str, None] = {}
+        if missing := self._needed(kind, needed):
+            return None, f"no definition of {missing}: give --msg DIR with its .msg files"
+        new = {name: self._types[name] for name in needed if name not in self._store.fielddefs}
+        if new:
+            self._store.register(new)
+        read = self._store.deserialize_ros1 if self._ros == 1 else self._store.deserialize_cdr
+        return partial(_decode, read, kind), ""
+
+    def stamp(self, kind: str) -> Callable[[Any], float | None]:
+        """What reads a message's own time, of its header or a field `stamp`."""
+        names = [name for name, _ in self._types[kind][1]] if kind in self._types else []
+        if "header" in names:
+            return _header_stamp
+        return (lambda message: number(message.stamp)) if "stamp" in names else (lambda message: None)
+
+    def _needed(self, kind: str, needed: dict[str, None]) -> str:
+        """List a type and all that it is made of in `needed`; the name of one that nobody defines, if any."""
+        if kind in needed:
+            return ""
+        if kind not in self._types:
+            return kind
+        needed[kind] = None
+        for _, described in self._types[kind][1]:
+            while isinstance(described[1], tuple) and not isinstance(described[1][0], str):
+                described = described[1][0]
+            if isinstance(described[1], str) and (missing := self._needed(described[1], needed)):
+                return missing
+        return ""
+
+
+def _decode(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
+    return read(raw, kind)
+
+
+def _header_stamp(message: Any) -> float | None:
+    return number(getattr(message.header, "stamp", None))
+
+
+def _from_folder(folder: Path) -> dict[str, Any]:
+    """The types of all `.msg` files under a folder, named by the folder of their package."""
+    from rosbags.typesys import get_types_from_msg
+
+    files = sorted(folder.rglob("*.msg"))
+    if not files:
+        raise DataError(f"{folder}: no .msg file in this folder: name the one that holds the definitions")
+    found: dict[str, Any] = {}
+    for file in files:
+        package = file.resolve().parent
+        package = package.parent if package.name == "msg" else package
+        try:
+            found |= get_types_from_msg(file.read_text(), f"{package.name}/msg/{file.stem}")
+        except Exception as error:
+            reason = str(error).partition("\n")[0]
+            raise DataError(f"{file}: not a message definition ({reason}): correct it") from error
+    return found
+
+
+def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
+    """The messages of a ROS 1 bag."""
+    from rosbags.rosbag1 import Reader
+
+    with Reader(BoundedPath(path)) as reader:
+        yield from _messages(reader, Definitions(1, options.definitions), selection, options)
+
+
+def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
+    """The messages of a ROS 2 recording in SQLite: the `.db3` file, or its folder with `metadata.yaml`."""
+    from rosbags.rosbag2 import Reader
+
+    with tempfile.TemporaryDirectory() as folder:
+        if path.is_file() and path.suffix != ".db3":  # the library goes by suffix
+            link = Path(folder) / "log.db3"
+            link.symlink_to(path.resolve())
+            path = link
+        with Reader(path) as reader:
+            yield from _messages(reader, Definitions(2, options.definitions), selection, options)
+
+
+def _messages(reader: Any, known: Definitions, selection: Selection, options: Options) -> Iterator[Item]:
+    """The wanted messages of an open reader."""
+    for each in reader.connections:
+        if each.msgdef.data:
+            known.add(each.msgtype, each.msgdef.data, each.msgdef.format.name.lower())
+    topics = {each.id: topic(each.topic, each.msgtype, known) for each in reader.connections}
+    wanted = [each for each in reader.connections if selection.takes(each.topic)]
+    if not wanted:
+        return
+    total = sum(each.msgcount for each in wanted)
+    for done, (source, received, raw) in enumerate(reader.messages(connections=wanted)):
+        yield topics[source.id], received / _NANO, raw
+        if done % _EVERY == 0:
+            options.progress(done / max(total, 1))
+
+
+def topic(name: str, kind: str, known: Definitions) -> Topic:
+    """A topic of ROS messages, readable where all its types are known."""
+    decode, why = known.decoder(kind)
+    return Topic(name, kind, decode, known.stamp(kind), unread=why)
