@@ -18,8 +18,13 @@ if TYPE_CHECKING:
 
 
 def import_(
-    log: Annotated[
-        str, typer.Argument(metavar="LOG", show_default=False, help="A log, CSV or Parquet; - is stdin.")
+    logs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG...",
+            show_default=False,
+            help="A log, CSV or Parquet; - is stdin. Several are the tables of one recording.",
+        ),
     ],
     map_: Annotated[
         Path | None,
@@ -67,23 +72,30 @@ def import_(
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
     instead.
     """
-    from hydro.io import log as logs
-    from hydro.io import log_import
+    from hydro.io import joining, log_import
 
     if write_map is None:
         refuse_terminal(output)
-    source = logs.read(sys.stdin.buffer if log == STREAM else log)
+    sources = _read(logs)
     if write_map is not None:
-        _write_draft(source, log, write_map)
+        _write_draft(sources[0], logs[0], write_map)
         return
-    meaning = log_import.declared(source, map_, dataset_name(log))
+    meaning = log_import.declared(sources[0], map_, dataset_name(logs[0]))
     if map_ is None:
         typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
     text = _vehicle_text(vehicle, len(meaning.commands.columns))
+    source, meaning = joining.joined(sources, meaning)
     report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         typer.echo(line, err=True)
-    write(_artefact(source, report, text), output)
+    write(_artefact(sources, report, text), output)
+
+
+def _read(names: list[str]) -> list[Log]:
+    """The logs of these names."""
+    from hydro.io import log
+
+    return [log.read(sys.stdin.buffer if name == STREAM else name) for name in names]
 
 
 def _write_draft(source: Log, log: str, path: str) -> None:
@@ -100,20 +112,20 @@ def _write_draft(source: Log, log: str, path: str) -> None:
         write_bytes(text.encode(), path)
 
 
-def _artefact(source: Log, report: ImportReport, text: str | None) -> Artefact:
+def _artefact(sources: list[Log], report: ImportReport, text: str | None) -> Artefact:
     """The raw table with the log and the map in its footer."""
     import msgspec
 
     from hydro.io import table
     from hydro.io.provenance import Provenance
 
-    log = table.Artefact("log", source.frame, Provenance("log", "", source.digest))
+    inputs = [table.Artefact("log", one.frame, Provenance("log", "", one.digest)) for one in sources]
     return table.make(
         "raw",
         report.imported.frame,
         stage="import",
         parameters={"rate": round(1.0 / report.imported.dt, 9), "map": msgspec.to_builtins(report.map)},
-        inputs=[log],
+        inputs=inputs,
         vehicle_text=text,
     )
 

@@ -16,6 +16,7 @@ from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured
 from hydro.io import logmap
+from hydro.io.clock_account import Clocks, clocks
 from hydro.io.log import Log
 from hydro.io.sessions import sessions
 
@@ -28,16 +29,19 @@ class ImportReport:
         map: What the columns were taken for.
         imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
         verdict: What the kinematics of the log say of the map's frames, units and signs.
+        clocks: How late its sensors are on the pose, and the motion on the commands.
     """
 
     map: LogMap
     imported: Imported
     verdict: Verdict
+    clocks: Clocks
 
     def lines(self) -> Iterator[str]:
         """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
         yield from _account(self.imported)
         yield from _judged(self.verdict)
+        yield from self.clocks.lines()
 
 
 def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap:
@@ -88,12 +92,16 @@ def import_log(
         imported = raw_table(logs, meaning, rate, fill=fill)
     except DataError as error:
         raise DataError(f"{source.name}: {error}") from error
-    verdict = check(imported.logs, imported.times, imported.dt, meaning)
-    if strict and verdict.contradictions:
-        others = len(verdict.contradictions) - 1
-        more = f" (and {others} more: see without --strict)" if others else ""
-        raise DataError(f"{source.name}: {verdict.contradictions[0]}{more}")
-    return ImportReport(meaning, imported, verdict)
+    as_measured = imported.meaning
+    if meaning.rates is not None and meaning.rates.source == "attitude":
+        as_measured = msgspec.structs.replace(as_measured, rates=None)
+    verdict = check(imported.logs, imported.times, imported.dt, as_measured)
+    offsets = clocks(imported, verdict.follows, meaning)
+    against = [*verdict.contradictions, *offsets.contradictions()]
+    if strict and against:
+        more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""
+        raise DataError(f"{source.name}: {against[0]}{more}")
+    return ImportReport(meaning, imported, verdict, offsets)
 
 
 def described(meaning: LogMap) -> Iterator[str]:
@@ -132,6 +140,7 @@ def _account(imported: Imported) -> Iterator[str]:
     if rare := {name: count for name, count in rare.items() if count}:
         counts = ", ".join(f"{name} {count:,}" for name, count in rare.items())
         yield f"slower sensors, null between their samples (--fill draws lines): {counts}"
+    yield from imported.notes
     if imported.gaps:
         longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
         total = sum(gap.stop - gap.start for gap in imported.gaps)
