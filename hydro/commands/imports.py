@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from hydro.io.log import Log
     from hydro.io.log_import import ImportReport
     from hydro.io.table import Artefact
+
+Preset = Literal["mavros", "ardusub", "blueos", "stonefish", "px4"]
 
 
 def import_(
@@ -59,6 +61,15 @@ def import_(
         str | None,
         typer.Option("--write-map", metavar="FILE", help="Only write a commented map to begin with."),
     ] = None,
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            show_default=False, help="Whose names the columns have, for a guess; by default tried in turn."
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let --write-map replace a map that is there and differs.")
+    ] = False,
     output: Output = STREAM,
 ) -> None:
     """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
@@ -78,9 +89,9 @@ def import_(
         refuse_terminal(output)
     sources = _read(logs)
     if write_map is not None:
-        _write_draft(sources[0], logs[0], write_map)
+        _write_draft(sources[0], logs[0], write_map, preset, force=force)
         return
-    meaning = log_import.declared(sources[0], map_, dataset_name(logs[0]))
+    meaning = log_import.declared(sources[0], map_, dataset_name(logs[0]), preset)
     if map_ is None:
         typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
     text = _vehicle_text(vehicle, len(meaning.commands.columns))
@@ -98,17 +109,22 @@ def _read(names: list[str]) -> list[Log]:
     return [log.read(sys.stdin.buffer if name == STREAM else name) for name in names]
 
 
-def _write_draft(source: Log, log: str, path: str) -> None:
-    """Write the map that the columns' names suggest."""
+def _write_draft(source: Log, log: str, path: str, preset: Preset | None, *, force: bool) -> None:
+    """Write the map that the columns' names suggest; never over one that somebody may have edited."""
     from hydro.core.logs.aliases import guess
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 
     names = source.frame.columns
-    text = mapdraft.draft(guess(names, source.texts()), names, log)
+    text = mapdraft.draft(guess(names, source.texts(), preset), names, log)
     if path == STREAM:
         typer.echo(text, nl=False)
     else:
+        there = Path(path)
+        if there.is_file() and not force and there.read_bytes() != text.encode():
+            raise DataError(
+                f"{path} is there already and is not this draft: give --force to replace it, or another name"
+            )
         write_bytes(text.encode(), path)
 
 

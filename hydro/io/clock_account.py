@@ -36,7 +36,8 @@ class Clocks:
         if told:
             yield f"lag of stamps on the pose, with 95 %: {'; '.join(told)}"
         if self.commands is not None:
-            yield f"the motion follows the commands by {_interval(self.commands)} with 95 %, thrusters' lag included"
+            late = _interval(self.commands)
+            yield f"the motion follows the commands by {late} with 95 %, thrusters' lag included"
         yield from (f"warning: {line}" for line in (*self.contradictions(), *self.suspicions()))
 
     def contradictions(self) -> list[str]:
@@ -71,8 +72,8 @@ class Clocks:
         lag = getattr(self.declared, one.block).lag + one.seconds
         early = "late" if one.seconds > 0.0 else "early"
         return (
-            f"{one.block} is stamped {abs(one.seconds):.3g} s {early} on {AGAINST[one.block]} ({_range(one)}); "
-            f"write lag = {lag:.3g} in [{one.block}]"
+            f"{one.block} is stamped {abs(one.seconds):.3g} s {early} on {AGAINST[one.block]} "
+            f"({_range(one)}); write lag = {lag:.3g} in [{one.block}]"
         )
 
 

@@ -50,8 +50,8 @@ def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
         for name in columns:
             if where.setdefault(name, table) is not table:
                 raise DataError(
-                    f"column {shown(name)} is in {where[name].files} and in {table.files}: give these tables a "
-                    "name, and call it NAME.COLUMN"
+                    f"column {shown(name)} is in {where[name].files} and in {table.files}: give these tables "
+                    "a name, and call it NAME.COLUMN"
                 )
         ticks, rows, per_second = clock(log, Time(table.time, table.unit))
         if np.issubdtype(ticks.dtype, np.integer):

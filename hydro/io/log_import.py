@@ -44,13 +44,14 @@ class ImportReport:
         yield from self.clocks.lines()
 
 
-def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap:
+def declared(source: Log, file: str | Path | LogMap | None, name: str, preset: str | None = None) -> LogMap:
     """The map of a log: as given, or guessed from the columns' names.
 
     Args:
         source: The log.
         file: A map, its file, or None to guess.
         name: What a session is called that nobody names.
+        preset: Whose names a guess takes the columns to have; by default those of any.
 
     Raises:
         DataError: the file is not a map, or the names do not suffice for a guess.
@@ -62,7 +63,7 @@ def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap
     else:
         names = source.frame.columns
         try:
-            meaning = logmap.from_guess(guess(names, source.texts()), names)
+            meaning = logmap.from_guess(guess(names, source.texts(), preset), names)
         except DataError as error:
             raise DataError(f"{source.name}: {error}") from error
     if meaning.session.column is None and meaning.session.name is None:

@@ -21,7 +21,7 @@ PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 LEAST = 50
 """Stamps that an even clock is fitted to, at least."""
 CLOSE, BURSTS = 0.2, 0.25
-"""Steps below this part of the mean are within a burst; so many of them, as a share, make a clock of bursts."""
+"""Steps below this part of the mean are within a burst; such a share of them makes a clock of bursts."""
 PAUSE = 20.0
 """Steps of this many means part a topic: it paused, and its even clock began anew."""
 LATEST, STRETCHES = 3.0, 20
@@ -63,8 +63,8 @@ def require_plausible(step: float, time: Time) -> None:
         f'set time.unit = "{unit}", which makes it {rate:.3g} Hz' for unit, rate in fitting.items()
     )
     raise DataError(
-        f"column {time.column} read in {time.unit} gives the log's fastest column {1.0 / step:.3g} samples per "
-        f"second, which no vehicle's log has: {remedy or 'name the column of the clock, and its unit'}"
+        f"column {time.column} read in {time.unit} gives the log's fastest column {1.0 / step:.3g} samples "
+        f"per second, which no vehicle's log has: {remedy or 'name the column of the clock, and its unit'}"
     )
 
 

@@ -20,7 +20,7 @@ from hydro.core.logs import conventions
 from hydro.core.logs.agreement import Evidence, tested, windows
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import motion
-from hydro.core.logs.logmap import LogMap, blocks_of, measured
+from hydro.core.logs.logmap import LogMap, measured
 from hydro.core.recording.segments import GAP
 
 FARTHEST = 1.2
@@ -42,7 +42,7 @@ LAGS = 3
 
 @dataclass(frozen=True)
 class Offset:
-    """How late the stamps of a sensor are on the pose; of the commands, how much later than them the motion is.
+    """How late the stamps of a sensor are on the pose, or the motion is on the commands.
 
     Attributes:
         block: `velocity`, `rates` or `attitude`; or `commands`.
@@ -158,7 +158,7 @@ def _estimated(
 
 
 def _solved(J: Array, r: Array) -> Array:
-    """The Gauss-Newton step of residuals (W, c) with slopes (k, W, c); none in a direction that shows nothing."""
+    """The Gauss-Newton step of residuals (W, c) with slopes (k, W, c); none where these show nothing."""
     A = J.reshape(len(J), -1).T
     return np.asarray(np.linalg.lstsq(A, -r.ravel(), rcond=1e-3)[0])
 
@@ -249,13 +249,9 @@ def command_delay(
 
 def _axes(given: LogMap) -> list[int]:
     """Axes whose velocity is measured."""
-    blocks = blocks_of(given)
-    along = (
-        range(3)
-        if "velocity" in blocks and ("attitude" in blocks or given.velocity.frame in conventions.BODIES)
-        else ()
-    )  # type: ignore[union-attr]
-    return [*along, *(range(3, 6) if "rates" in blocks else ())]
+    turned = given.velocity is not None and given.velocity.frame not in conventions.BODIES
+    along = given.velocity is not None and (given.attitude is not None or not turned)
+    return [*(range(3) if along else ()), *(range(3, 6) if given.rates is not None else ())]
 
 
 def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap) -> Iterator[_Piece]:

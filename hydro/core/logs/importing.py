@@ -188,7 +188,7 @@ def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array
             continue
         edges = common([spans(log.channel(one), meaning.time.longest_step) for one in measured(block)])
         within = ((t[:, None] >= edges[:, 0] - ROUNDED) & (t[:, None] <= edges[:, 1] + ROUNDED)).any(axis=1)
-        out[:, 3 * BLOCKS.index(name) : 3 * BLOCKS.index(name) + 3] &= within[:, None]
+        out[:, 3 * BLOCKS.index(name) : 3 * BLOCKS.index(name) + 3] &= np.reshape(within, (-1, 1))
     turned = isinstance(meaning.velocity, Velocity) and meaning.velocity.frame not in conventions.BODIES
     if turned and "attitude" in gated:
         out[:, 6:9] &= out[:, 3:6]

@@ -34,7 +34,7 @@ PRESETS: dict[str, Array] = {
         float,
     ),
 }
-"""Motor factors of ArduSub's frames (AP_Motors6DOF, setup_motors), a row for each motor, a column for each axis.
+"""Motor factors of ArduSub's frames (AP_Motors6DOF, setup_motors), a row a motor, a column an axis.
 
 Heave is down here, as SNAME has it; ArduSub's throttle is up.
 """
@@ -48,7 +48,7 @@ def matrix(mixer: Mixer) -> Array:
         found = np.array(mixer.matrix, float)
     else:
         found = np.eye(len(mixer.demands))
-    return found * np.array(mixer.directions or (1,) * len(found), float)[:, None]
+    return np.asarray(found * np.array(mixer.directions or (1,) * len(found), float)[:, None])
 
 
 def thrusters(mixer: Mixer | None, commands: int) -> int:
@@ -59,8 +59,8 @@ def thrusters(mixer: Mixer | None, commands: int) -> int:
 def mixed(mixer: Mixer, demands: Array) -> Array:
     """Commands of the thrusters, (N, n), of demands in [-1, 1], (N, k).
 
-    Where demands add up to more than full thrust of a motor, ArduSub clips it in its vectored frame, and scales
-    all motors of its plane down alike in the vectored frame of six degrees of freedom.
+    Where demands add up to more than full thrust of a motor, ArduSub clips it in its vectored frame, and
+    scales all motors of its plane down alike in the vectored frame of six degrees of freedom.
     """
     drive: Array = demands @ matrix(mixer).T
     if mixer.preset != "ardusub_vectored_6dof":

@@ -1,11 +1,11 @@
-"""Where a sensor sits: its readings as those of the body, and rates that nobody measured from the attitude."""
+"""Where a sensor sits: its readings as those of the body; and rates of the attitude."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.conventions import AXES, BODIES, UNITS, SessionLog
@@ -100,7 +100,7 @@ def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tup
     return t, out
 
 
-def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Array]:
+def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
     """Times and rows of the samples that a vector of three columns has whole."""
     names = [named(source).column for source in block.columns]
     values = np.stack([log.columns[name] for name in names])
@@ -108,7 +108,7 @@ def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Array]:
     return log.clocks.get(names[0], log.t)[rows], rows
 
 
-def _written(log: SessionLog, block: Velocity | Rates, rows: Array, values: Array) -> dict[str, Array]:
+def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array) -> dict[str, Array]:
     """Vectors in FRD or NED at some rows as the columns that the block would read them from."""
     own = values @ AXES[block.frame] / UNITS[block.unit]
     found = {}

@@ -146,14 +146,14 @@ def _holds(log: SessionLog, one: Valid, names: Sequence[str]) -> Mask:
     if one.column is not None:
         return _meets(_latest(log.columns[one.column]), one)
     held = [_meets(log.columns[each], one) | ~np.isfinite(log.columns[each]) for each in names]
-    return np.logical_and.reduce(held)
+    return np.asarray(np.logical_and.reduce(held))
 
 
 def _meets(values: Array, one: Valid) -> Mask:
     with np.errstate(invalid="ignore"):
-        good = np.isfinite(values)
+        good: Mask = np.isfinite(values)
         if one == Valid(one.column):
-            return good & (values != 0.0)
+            good &= values != 0.0
         if one.equals is not None:
             good &= np.isclose(values, one.equals, rtol=SAME, atol=0.0)
         if one.differs is not None:
@@ -257,8 +257,8 @@ def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
             latest = max(each for _, each in even)
             keep = "" if block.even else f"; {name}.even = false keeps the stamps"
             lines.append(
-                f"{name}: received in bursts; put on an even clock of {1.0 / period:.4g} Hz below the times of "
-                f"receipt, which are up to {latest:.2g} s later{keep}"
+                f"{name}: received in bursts; put on an even clock of {1.0 / period:.4g} Hz below the times "
+                f"of receipt, which are up to {latest:.2g} s later{keep}"
             )
     if meaning.rates is not None and meaning.rates.source == "attitude":
         lines.append(
