@@ -100,9 +100,7 @@ def _require_all(meaning: LogMap, logs: Sequence[Log], wanted: set[str], where: 
     there = {_place(log, meaning)[0] for log in logs}
     for table in meaning.table:
         if table not in there:
-            raise DataError(
-                f"no file is called like {table.files}, as a [[table]] of the map has it: give it too"
-            )
+            raise DataError(f"no file is called like {table.files}, a [[table]] of the map: give it too")
     if missing := sorted(wanted - where.keys()):
         raise DataError(
             f"no file has a column that the map calls {', '.join(map(shown, missing))}; columns of a table with "

@@ -11,10 +11,13 @@ import msgspec
 
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
+from hydro.core.evaluation.thruster_order import rewired
 from hydro.core.logs.aliases import guess
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured
+from hydro.core.recording.arrays import recording
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
 from hydro.io.clock_account import Clocks, clocks
 from hydro.io.log import Log
@@ -103,6 +106,25 @@ def import_log(
         more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""
         raise DataError(f"{source.name}: {against[0]}{more}")
     return ImportReport(meaning, imported, verdict, offsets)
+
+
+def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
+    """Command columns that drive other thrusters than the vehicle file says, or drive them in reverse.
+
+    Args:
+        imported: The log.
+        vehicle: The vehicle file, with as many thrusters as there are commands.
+    """
+    try:
+        found = rewired(vehicle, recording(vehicle, imported.frame))
+    except DataError as error:
+        yield f"note: the order of the thrusters is not tested: {error}"
+        return
+    if found is not None:
+        yield (
+            f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): change "
+            "the order of commands.columns, or reverse = true, or mixer.directions, or the vehicle file"
+        )
 
 
 def described(meaning: LogMap) -> Iterator[str]:

@@ -90,45 +90,12 @@ _STICKS = re.compile(
     r"(^|_)(rc_?in|rc_channels(_raw|_scaled|_override)?|rc_override|manual_control|joy|joystick)(_|$)"
 )
 """Messages of what a pilot's sticks say, which no thruster hears."""
-_WANTED = frozenset(
-    [
-        "rc",
-        "cmd",
-        "command",
-        "commanded",
-        "set",
-        "setpoint",
-        "setpoints",
-        "sp",
-        "ref",
-        "reference",
-        "target",
-        "goal",
-        "joy",
-        "joystick",
-        "manual",
-        "demand",
-        "demanded",
-        "input",
-        "control",
-        "ctrl",
-        "controller",
-        "override",
-        "pilot",
-        "stick",
-        "servo",
-        "pwm",
-        "output",
-        "error",
-        "err",
-        "innov",
-        "std",
-        "var",
-        "cov",
-        "covariance",
-        "bias",
-    ]
+_WORDS = (
+    "rc cmd command commanded set setpoint setpoints sp ref reference target goal joy joystick "
+    "manual demand demanded input control ctrl controller override pilot stick servo pwm output "
+    "error err innov std var cov covariance bias"
 )
+_WANTED = frozenset(_WORDS.split())
 """Words of names that are wanted, or told of a quantity, and not measured."""
 _DESIRED = re.compile(r"des(?!c|k)|tgt")
 _PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "channels", "esc")

@@ -59,8 +59,8 @@ class _Sensor(_Part, frozen=True, kw_only=True):
     """What every sensor, and the commands, may say of their samples.
 
     `valid`: the conditions under which a sample counts; others are empty cells.  `per`: a column by which
-    each value is divided.  `lag` [s]: the samples were taken that long before their stamp.  `even`: the stamps are
-    receive times of a topic that was sent at even steps; by default found from their bursts.
+    each value is divided.  `lag` [s]: the samples were taken that long before their stamp.  `even`: the
+    stamps are receive times of a topic that was sent at even steps; by default found from their bursts.
     """
 
     valid: Condition | tuple[Condition, ...] = ()
@@ -201,7 +201,7 @@ class Mixer(_Part, frozen=True):
 
 
 class Use(_Part, frozen=True, rename={"start": "from", "stop": "to"}):
-    """A stretch to use, in seconds since the start of a `session`, or of each without a stretch of its own."""
+    """A stretch to use [s] since the start of a `session`, or of each without a stretch of its own."""
 
     session: str | None = None
     start: float = 0.0
