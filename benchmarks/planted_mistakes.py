@@ -59,7 +59,11 @@ def late(*names: str) -> Change:
     return written(*(pl.col(name).shift(rows).over("session") for name in names))
 
 
-COMMAND = pl.col("cmd_1")
+def _commands(spec: Spec) -> list[str]:
+    """The command columns that a map names."""
+    return list(spec["commands"]["columns"])  # type: ignore[call-overload]
+
+
 MISTAKES: dict[str, Mistake] = {
     "position is ENU": Mistake(
         written(pl.col("y").alias("x"), pl.col("x").alias("y"), -pl.col("z")), ('position.world = "ENU"',)
@@ -71,12 +75,21 @@ MISTAKES: dict[str, Mistake] = {
     "rates are in degrees": Mistake(written(pl.col("p", "q", "r").degrees()), ('rates.unit = "deg/s"',)),
     "velocity is in knots": Mistake(written(pl.col("u", "v", "w") * 3600 / 1852), ('velocity.unit = "kn"',)),
     "heave is up": Mistake(written(-pl.col("w")), ('column = "w", scale = -1',)),
-    "u and v exchanged": Mistake(declared("velocity", columns=["v", "u", "w"]), ("write u in the place of v",)),
+    "u and v exchanged": Mistake(
+        declared("velocity", columns=["v", "u", "w"]), ("write u in the place of v",)
+    ),
     "yaw rate reversed": Mistake(written(-pl.col("r")), ('column = "r", scale = -1',)),
     "clock in milliseconds": Mistake(written(pl.col("t") * 1000.0), ('time.unit = "ms"',)),
-    "velocity stamped late": Mistake(late("u", "v", "w"), ("velocity is stamped 0.4", "velocity is stamped 0.3")),
-    "commands stamped late": Mistake(late("COMMANDS"), ("before the commands that cause it",)),
-    "thruster 2 reversed": Mistake(written(-pl.col("cmd_2")), ("minus cmd_2 drives thruster 2",)),
+    "velocity stamped late": Mistake(
+        late("u", "v", "w"), ("velocity is stamped 0.4", "velocity is stamped 0.3")
+    ),
+    "commands stamped late": Mistake(
+        lambda log, spec: late(*_commands(spec))(log, spec), ("before the commands that cause it",)
+    ),
+    "thrusters from the other end": Mistake(
+        lambda log, spec: declared("commands", columns=_commands(spec)[::-1])(log, spec),
+        ("drives thruster",),
+    ),
 }
 
 
@@ -112,13 +125,14 @@ def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
     return [line for line in lines if line.startswith("warning")]
 
 
-def outcomes(vehicle: Vehicle, raw: pl.DataFrame, names: Sequence[str]) -> Iterator[tuple[str, bool, list[str]]]:
+def outcomes(
+    vehicle: Vehicle, raw: pl.DataFrame, names: Sequence[str]
+) -> Iterator[tuple[str, bool, list[str]]]:
     """Of each mistake: whether it is named, and all that is said."""
     log, spec = log_of(raw)
     for name in names:
         one = MISTAKES[name]
-        change = one.change if name != "commands stamped late" else late(*spec["commands"]["columns"])  # type: ignore[misc]
-        lines = said(vehicle, *change(log, spec))
+        lines = said(vehicle, *one.change(log, spec))
         yield name, any(part in line for line in lines for part in one.named), lines
 
 

@@ -12,6 +12,7 @@ from hydro.commands.shell import STREAM, Output, dataset_name, refuse_terminal, 
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.log import Log
     from hydro.io.log_import import ImportReport
     from hydro.io.table import Artefact
@@ -81,8 +82,10 @@ def import_(
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
-    instead.
+    instead. So it does where the stamps of a sensor, or the commands, are late. With --vehicle the order of the
+    thrusters is tested by the accelerations.
     """
+    from hydro.core.logs.mixer import thrusters
     from hydro.io import joining, log_import
 
     if write_map is None:
@@ -94,11 +97,14 @@ def import_(
     meaning = log_import.declared(sources[0], map_, dataset_name(logs[0]), preset)
     if map_ is None:
         typer.echo(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True)
-    text = _vehicle_text(vehicle, len(meaning.commands.columns))
+    known, text = _known(vehicle, thrusters(meaning.mixer, len(meaning.commands.columns)))
     source, meaning = joining.joined(sources, meaning)
     report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         typer.echo(line, err=True)
+    if known is not None:
+        for line in log_import.wiring(report.imported, known):
+            typer.echo(line, err=True)
     write(_artefact(sources, report, text), output)
 
 
@@ -146,19 +152,19 @@ def _artefact(sources: list[Log], report: ImportReport, text: str | None) -> Art
     )
 
 
-def _vehicle_text(file: Path | None, commands: int) -> str | None:
-    """The text of the vehicle file, once it is known to have as many thrusters as the log has commands."""
+def _known(file: Path | None, thrusters: int) -> tuple[Vehicle | None, str | None]:
+    """The vehicle and its text, once it is known to have as many thrusters as the log has commands for."""
     from hydro.io import vehicle
 
     if file is None:
-        return None
+        return None, None
     known, text = vehicle.read(file)
-    if len(known.thruster) != commands:
+    if len(known.thruster) != thrusters:
         raise DataError(
-            f"the map names {commands} commands, but {file} has {len(known.thruster)} thrusters: name one "
-            "column per thruster in commands.columns, in the file's order"
+            f"the map names {thrusters} commands, but {file} has {len(known.thruster)} thrusters: name one "
+            "column per thruster in commands.columns, in the file's order, or say in [mixer] what they demand"
         )
-    return text
+    return known, text
 
 
 import_.__name__ = "import"  # a keyword of Python's, and the name of the command

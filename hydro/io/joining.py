@@ -103,6 +103,6 @@ def _require_all(meaning: LogMap, logs: Sequence[Log], wanted: set[str], where: 
             raise DataError(f"no file is called like {table.files}, a [[table]] of the map: give it too")
     if missing := sorted(wanted - where.keys()):
         raise DataError(
-            f"no file has a column that the map calls {', '.join(map(shown, missing))}; columns of a table with "
-            "a name are called NAME.COLUMN"
+            f"no file has a column that the map calls {', '.join(map(shown, missing))}; columns of a table "
+            "with a name are called NAME.COLUMN"
         )

@@ -122,8 +122,8 @@ def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
         return
     if found is not None:
         yield (
-            f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): change "
-            "the order of commands.columns, or reverse = true, or mixer.directions, or the vehicle file"
+            f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): "
+            "change the order of commands.columns, or reverse = true, or mixer.directions, or the vehicle file"
         )
 
 

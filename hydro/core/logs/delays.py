@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.logs import conventions
-from hydro.core.logs.agreement import Evidence, tested, windows
+from hydro.core.logs.agreement import Evidence, testable, tested, windows
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import motion
 from hydro.core.logs.logmap import LogMap, measured
@@ -25,8 +26,10 @@ from hydro.core.recording.segments import GAP
 
 FARTHEST = 1.2
 """Lags that are looked for, to both sides [s]."""
-STEP = 0.04
+STEP = 0.1
 """Between those tried first [s]."""
+ROW = 0.05
+"""Rows of a window this far apart show as much as all of them [s]."""
 LEAST = 15
 """Windows, without those that a shift would carry across a gap."""
 UNEXPLAINED = 0.7
@@ -89,7 +92,8 @@ def sensor_offsets(
         dt: Sample time [s].
         given: The map that the data follow.
     """
-    taken = windows([_inner(t, dt) for t in times], dt)
+    thin = max(1, int(ROW / dt))
+    taken = windows([_inner(t, dt)[::thin] for t in times], thin * dt)
     if sum(map(len, taken)) < LEAST:
         return []
     moves, spins = tested(given)
@@ -117,13 +121,24 @@ def _estimated(
 ) -> list[Offset]:
     """Lags of some blocks by nonlinear least squares of one identity: tried on a grid, then Gauss-Newton."""
 
+    plain = Evidence(logs, taken)
+    of = testable(given)[rows]
+
+    @cache
+    def late(block: str, lag: float) -> Evidence:
+        return Evidence([shifted(log, given, block, lag) for log in logs], taken) if lag else plain
+
     def left(lags: Array) -> Array:
-        moved = list(logs)
-        for block, lag in zip(blocks, lags, strict=True):
-            if lag:
-                moved = [shifted(log, given, block, lag) for log in moved]
-        evidence = Evidence(moved, taken)
-        return evidence.residuals(given)[:, rows]
+        moved = {block: late(block, round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
+        if "rates" in moved:
+            assert given.rates is not None and given.attitude is not None
+            spinning = plain.mean(moved["rates"].spinning(given.rates), "trapezoid")
+            return np.asarray((plain.turning(given.attitude) - spinning) * of)
+        assert given.position is not None and given.attitude is not None and given.velocity is not None
+        v = moved["velocity"].velocity(given.velocity)
+        if given.velocity.frame in conventions.BODIES:
+            v = np.einsum("wkij,wkj->wki", moved["attitude"].attitude(given.attitude), v)
+        return np.asarray((plain.travel(given.position) - plain.mean(v, "trapezoid")) * of)
 
     lags = np.zeros(len(blocks))
     grid = np.arange(-FARTHEST + STEP, FARTHEST, STEP)
@@ -131,7 +146,7 @@ def _estimated(
     lags[0] = grid[int(np.argmin(costs))]
     if lags[0] in (grid[0], grid[-1]):
         return []
-    h = 0.5 * STEP
+    h = 0.2 * STEP
     r = left(lags)
     for _ in range(6):
         J = np.stack([(left(lags + step) - left(lags - step)) / (2.0 * h) for step in h * np.eye(len(lags))])
@@ -140,8 +155,7 @@ def _estimated(
         r = left(lags)
         if np.abs(step).max() < 1e-4:
             break
-    evidence = Evidence(logs, taken)
-    whole = evidence.motion(given)[0 if rows.start == 0 else 1]
+    whole = plain.motion(given)[0 if rows.start == 0 else 1]
     if np.sqrt((r**2).sum(axis=1).mean()) > UNEXPLAINED * whole:
         return []
     return [
@@ -231,7 +245,11 @@ def command_delay(
         None where the log shows none: no velocities, too short, or commands that explain no acceleration.
     """
     axes = _axes(given)
-    pieces = [piece for log, t in zip(logs, times, strict=True) for piece in _pieces(log, t, dt, given)]
+    rows = sum(map(len, times))
+    stride = max(1, round(ACCELERATED / dt) // 4, rows // MOST_WINDOWS)
+    pieces = [
+        piece for log, t in zip(logs, times, strict=True) for piece in _pieces(log, t, dt, given, stride)
+    ]
     count = sum(len(piece.change) for piece in pieces)
     if (
         not axes
@@ -239,11 +257,10 @@ def command_delay(
         or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + len(pieces[0].drive(0.0).T))
     ):
         return None
-    thin = slice(None, None, max(1, count // MOST_WINDOWS))
-    y = np.concatenate([piece.change[thin] for piece in pieces])[:, axes]
-    Z = np.concatenate([piece.fixed[thin] for piece in pieces])
+    y = np.concatenate([piece.change for piece in pieces])[:, axes]
+    Z = np.concatenate([piece.fixed for piece in pieces])
     delays = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
-    drives = [np.concatenate([piece.drive(delay)[thin] for piece in pieces]) for delay in delays]
+    drives = [np.concatenate([piece.drive(delay) for piece in pieces]) for delay in delays]
     return _profiled(y, Z, drives, delays, dt)
 
 
@@ -254,7 +271,7 @@ def _axes(given: LogMap) -> list[int]:
     return [*(range(3) if along else ()), *(range(3, 6) if given.rates is not None else ())]
 
 
-def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap) -> Iterator[_Piece]:
+def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) -> Iterator[_Piece]:
     """The windows of each unbroken piece of a session that is long enough for every delay."""
     m = max(2, round(ACCELERATED / dt))
     edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
@@ -263,7 +280,7 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap) -> Iterator[_Pi
         if len(at) < m or not at[-1] - at[0] > LONGEST_DELAY - EARLIEST + 2.0 * ACCELERATED:
             continue
         inside = (at > at[0] + LONGEST_DELAY) & (at < at[-1] + EARLIEST - ACCELERATED)
-        first = np.flatnonzero(inside)[:: max(1, m // 4)]
+        first = np.flatnonzero(inside)[::stride]
         values = np.nan_to_num(motion(log, at, given))
         nu = values[:, 6:]
         steady = _beside(nu, values[:, 3], values[:, 4])
@@ -299,12 +316,10 @@ def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: fl
     """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
     basis = _basis(Z)
     y = y - basis @ (basis.T @ y)
-    residuals = []
-    for drive in drives:
-        own = _basis(drive - basis @ (basis.T @ drive))
-        residuals.append(y - own @ (own.T @ y))
+    drives = [drive - basis @ (basis.T @ drive) for drive in drives]
+    left = np.stack([_left(y, drive) for drive in drives])
     share = 1.0 - (Z.shape[1] + drives[0].shape[1]) / len(y)
-    every = [_axis(y[:, i], [each[:, i] for each in residuals], delays, share) for i in range(y.shape[1])]
+    every = [_axis(y[:, i], left[:, i], drives, delays, share) for i in range(y.shape[1])]
     found = np.array([one for one in every if one is not None]).reshape(-1, 2)
     if not len(found):
         return None
@@ -317,23 +332,26 @@ def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: fl
     return Offset("commands", middle, middle - half, middle + half, dt) if half < WIDEST else None
 
 
-def _axis(y: Array, residuals: Sequence[Array], delays: Array, share: float) -> tuple[float, float] | None:
+def _axis(
+    y: Array, left: Array, drives: Sequence[Array], delays: Array, share: float
+) -> tuple[float, float] | None:
     """The delay of one axis with the greatest likelihood, and its standard error by the profile.
 
     Args:
         y: Accelerations, less what is free beside the commands, (W,).
-        residuals: What the commands leave of them at each delay, (W,) each.
+        left: Sum of squares that the commands leave of them at each delay.
+        drives: The commands at each delay, (W, n) each.
         delays: These delays [s].
         share: Degrees of freedom that are left, of W.
 
     Returns:
         None where the commands explain hardly any of it, or no delay is better than those at the ends.
     """
-    left = np.array([each @ each for each in residuals])
     best = int(np.argmin(left))
     if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
         return None
-    size = _effective(residuals[best]) * share
+    own = _basis(drives[best])
+    size = _effective(y - own @ (own.T @ y)) * share
     above = size * np.log(left / left[best]) - CHI2
     low, high = _crossing(delays, above, best, -1), _crossing(delays, above, best, 1)
     if low <= delays[0] or high >= delays[-1]:
@@ -341,6 +359,16 @@ def _axis(y: Array, residuals: Sequence[Array], delays: Array, share: float) -> 
     a, b, _ = np.polyfit(delays[best - 1 : best + 2], left[best - 1 : best + 2], 2)
     middle = -b / (2.0 * a) if a > 0.0 else delays[best]
     return float(np.clip(middle, delays[best - 1], delays[best + 1])), float((high - low) / (2.0 * NORMAL))
+
+
+def _left(y: Array, drive: Array) -> Array:
+    """Sum of squares that commands leave of accelerations (W, axes), by the normal equations."""
+    size = np.linalg.norm(drive, axis=0)
+    unit = drive[:, size > 0.0] / size[size > 0.0]
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    kept = values > 1e-9 * values.max(initial=0.0)
+    told = (vectors[:, kept].T @ (unit.T @ y)) ** 2 / values[kept, None]
+    return np.asarray((y**2).sum(axis=0) - told.sum(axis=0))
 
 
 def _basis(columns: Array) -> Array:
