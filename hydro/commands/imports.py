@@ -82,8 +82,8 @@ def import_(
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
-    instead. So it does where the stamps of a sensor, or the commands, are late. With --vehicle the order of the
-    thrusters is tested by the accelerations.
+    instead. So it does where the stamps of a sensor are late, or those of the commands; with --vehicle also
+    where the accelerations ask for another order of the thrusters.
     """
     from hydro.core.logs.mixer import thrusters
     from hydro.io import joining, log_import

@@ -123,7 +123,7 @@ def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
     if found is not None:
         yield (
             f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): "
-            "change the order of commands.columns, or reverse = true, or mixer.directions, or the vehicle file"
+            "change the order of commands.columns, reverse = true, mixer.directions or the vehicle file"
         )
 
 

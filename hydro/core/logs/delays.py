@@ -120,7 +120,6 @@ def _estimated(
     logs: Sequence[SessionLog], taken: Sequence[Array], given: LogMap, blocks: tuple[str, ...], rows: slice
 ) -> list[Offset]:
     """Lags of some blocks by nonlinear least squares of one identity: tried on a grid, then Gauss-Newton."""
-
     plain = Evidence(logs, taken)
     of = testable(given)[rows]
 
@@ -131,10 +130,13 @@ def _estimated(
     def left(lags: Array) -> Array:
         moved = {block: late(block, round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
         if "rates" in moved:
-            assert given.rates is not None and given.attitude is not None
+            assert given.rates is not None
+            assert given.attitude is not None
             spinning = plain.mean(moved["rates"].spinning(given.rates), "trapezoid")
             return np.asarray((plain.turning(given.attitude) - spinning) * of)
-        assert given.position is not None and given.attitude is not None and given.velocity is not None
+        assert given.position is not None
+        assert given.attitude is not None
+        assert given.velocity is not None
         v = moved["velocity"].velocity(given.velocity)
         if given.velocity.frame in conventions.BODIES:
             v = np.einsum("wkij,wkj->wki", moved["attitude"].attitude(given.attitude), v)
