@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -14,16 +14,19 @@ from hydro.commands.shell import STREAM, Output, progress, refuse_terminal, writ
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.log import Log, LogFile
     from hydro.io.log_import import ImportReport
     from hydro.io.table import Artefact
 
+Preset = Literal["mavros", "ardusub", "blueos", "stonefish", "px4"]
+
 
 def import_(
-    log: Annotated[
+    logs: Annotated[
         list[str],
         typer.Argument(
-            metavar="LOG",
+            metavar="LOG...",
             show_default=False,
             help="A log, or the files of one dive: ROS 1 or 2 bag (also its folder), MCAP, DataFlash .bin, "
             "MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
@@ -74,6 +77,15 @@ def import_(
             help="Folder with the .msg files of ROS messages that the log does not describe.",
         ),
     ] = None,
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            show_default=False, help="Whose names the columns have, for a guess; by default tried in turn."
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let --write-map replace a map that is there and differs.")
+    ] = False,
     output: Output = STREAM,
 ) -> None:
     """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
@@ -85,7 +97,8 @@ def import_(
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
-    instead.
+    instead. So it does where the stamps of a sensor are late, or those of the commands; with --vehicle also
+    where the accelerations ask for another order of the thrusters.
 
     The format is told by the first bytes. A log of messages has the columns topic.field, such as
     /dvl/data.velocity.x or XKF1[0].PN, and time [s]; --topics lists them. Several files are merged by time;
@@ -97,30 +110,34 @@ def import_(
 
     hydro import nav.bag commands.csv --map map.toml -o raw.parquet
     """
+    from hydro.core.logs.mixer import thrusters
     from hydro.io import log_files, log_import, log_topics
 
     if write_map is None and not topics:
         refuse_terminal(output)
-    with _opened(log, msg) as files:
+    with _opened(logs, msg) as files:
         if topics:
             for file in files:
                 with _reading(file) as update:
                     print(*log_topics.lines(file, update), sep="\n")
             return
         if write_map is not None:
-            _write_draft(log_files.header(files, _reading), log[0], write_map)
+            _write_draft(log_files.header(files, _reading), logs[0], write_map, preset, force=force)
             return
-        source, meaning = log_files.gather(files, map_, _reading)
+        source, meaning = log_files.gather(files, map_, _reading, preset)
         for note in source.notes:
             typer.echo(f"note: {note}", err=True)
         if map_ is None:
             typer.echo(
                 f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True
             )
-        text = _vehicle_text(vehicle, len(meaning.commands.columns))
+        known, text = _known(vehicle, thrusters(meaning.mixer, len(meaning.commands.columns)))
         report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():
         typer.echo(line, err=True)
+    if known is not None:
+        for line in log_import.wiring(report.imported, known):
+            typer.echo(line, err=True)
     write(_artefact(source, report, text), output)
 
 
@@ -146,17 +163,22 @@ def _reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
         yield lambda share: update(share, 1.0)
 
 
-def _write_draft(source: Log, log: str, path: str) -> None:
-    """Write the map that the columns' names suggest."""
+def _write_draft(source: Log, log: str, path: str, preset: Preset | None, *, force: bool) -> None:
+    """Write the map that the columns' names suggest; never over one that somebody may have edited."""
     from hydro.core.logs.aliases import guess
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 
     names = source.frame.columns
-    text = mapdraft.draft(guess(names, source.texts()), names, log)
+    text = mapdraft.draft(guess(names, source.texts(), preset), names, log)
     if path == STREAM:
         typer.echo(text, nl=False)
     else:
+        there = Path(path)
+        if there.is_file() and not force and there.read_bytes() != text.encode():
+            raise DataError(
+                f"{path} is there already and is not this draft: give --force to replace it, or another name"
+            )
         write_bytes(text.encode(), path)
 
 
@@ -167,30 +189,30 @@ def _artefact(source: Log, report: ImportReport, text: str | None) -> Artefact:
     from hydro.io import table
     from hydro.io.provenance import Provenance
 
-    log = table.Artefact("log", source.frame, Provenance("log", "", source.digest))
+    files = source.files or (source.digest,)
     return table.make(
         "raw",
         report.imported.frame,
         stage="import",
         parameters={"rate": round(1.0 / report.imported.dt, 9), "map": msgspec.to_builtins(report.map)},
-        inputs=[log],
+        inputs=[table.Artefact("log", source.frame, Provenance("log", "", each)) for each in files],
         vehicle_text=text,
     )
 
 
-def _vehicle_text(file: Path | None, commands: int) -> str | None:
-    """The text of the vehicle file, once it is known to have as many thrusters as the log has commands."""
+def _known(file: Path | None, thrusters: int) -> tuple[Vehicle | None, str | None]:
+    """The vehicle and its text, once it is known to have as many thrusters as the log has commands for."""
     from hydro.io import vehicle
 
     if file is None:
-        return None
+        return None, None
     known, text = vehicle.read(file)
-    if len(known.thruster) != commands:
+    if len(known.thruster) != thrusters:
         raise DataError(
-            f"the map names {commands} commands, but {file} has {len(known.thruster)} thrusters: name one "
-            "column per thruster in commands.columns, in the file's order"
+            f"the map names {thrusters} commands, but {file} has {len(known.thruster)} thrusters: name one "
+            "column per thruster in commands.columns, in the file's order, or say in [mixer] what they demand"
         )
-    return text
+    return known, text
 
 
 import_.__name__ = "import"  # a keyword of Python's, and the name of the command

@@ -36,6 +36,7 @@ class Log:
         digest: `sha256:` and the hash of its bytes.
         more: Lists the columns that it has besides, which nobody wanted; that takes a pass over the log.
         notes: What its reader has to say, a line each.
+        files: `digest` of every file that it was made of, where there are several.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Log:
     digest: str
     more: Callable[[], Sequence[str]] = tuple
     notes: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:

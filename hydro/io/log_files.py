@@ -16,6 +16,7 @@ from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.core.logs.logmap import LogMap, Session
 from hydro.io.files import shown
+from hydro.io.joining import joined
 from hydro.io.log import Log, LogFile, Reading
 from hydro.io.log_import import declared
 from hydro.io.readers.collect import CLOCKS
@@ -48,27 +49,33 @@ def gather(
     files: Sequence[LogFile],
     map_: str | Path | LogMap | None,
     progress: Progress = lambda file: nullcontext(),
+    preset: str | None = None,
 ) -> tuple[Log, LogMap]:
     """The log that some files are, with the columns that a map names, and that map.
 
-    Files whose times overlap are merged by time; those that do not are sessions, named by their files.
+    Where the map has a `[[table]]` it says what belongs together (see `joining`).  Without one, files whose
+    times overlap are merged by time; those that do not are sessions, named by their files.
 
     Args:
         files: The files, in any order.
         map_: A map, its file, or None to guess it from the columns' names.
         progress: Gives what is told how far each file is read.
+        preset: Whose names a guess takes the columns to have; by default those of any.
 
     Raises:
         DataError: a file cannot be read, or the map is none or does not fit it.
     """
     name = files[0].stem
     known = header(files, progress) if map_ is None else Log(files[0].name, pl.DataFrame(), "")
-    meaning = declared(known, map_, name)
-    wanted = {*CLOCKS, *_texts(msgspec.to_builtins(meaning))}
+    meaning = declared(known, map_, name, preset)
+    words = [*_texts(msgspec.to_builtins(meaning))]
+    wanted = {*CLOCKS, *words, *(word.partition(".")[2] for word in words if meaning.table)}
     logs = []
     for file in files:
         with progress(file) as told:
             logs.append(file.read(wanted, told))
+    if meaning.table:
+        return joined(logs, meaning)
     if len(logs) == 1:
         return logs[0], meaning
     return merged(logs, [file.stem for file in files], meaning)
@@ -85,7 +92,10 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     Raises:
         DataError: a log has no time, or its time goes backwards.
     """
-    parts = [_timed(log, meaning) for log in logs]
+    try:
+        parts = [_timed(log, meaning) for log in logs]
+    except DataError as error:
+        raise DataError(f"{error}; where files have clocks of their own, give each a [[table]]") from error
     shared = {*CLOCKS, meaning.time.column, meaning.session.column}
     measured = [set(log.frame.columns) & {*_texts(msgspec.to_builtins(meaning))} - shared for log in logs]
     groups = _groups([t for _, t in parts], measured)
@@ -166,4 +176,5 @@ def _together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
         digest=f"sha256:{digest}",
         more=lambda: [name for log in logs for name in log.more()],
         notes=tuple(f"{log.name}: {note}" for log in logs for note in log.notes),
+        files=tuple(log.digest for log in logs),
     )

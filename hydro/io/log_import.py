@@ -11,11 +11,15 @@ import msgspec
 
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
+from hydro.core.evaluation.thruster_order import rewired
 from hydro.core.logs.aliases import guess
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured
+from hydro.core.recording.arrays import recording
+from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
+from hydro.io.clock_account import Clocks, clocks
 from hydro.io.log import Log
 from hydro.io.sessions import sessions
 
@@ -28,25 +32,29 @@ class ImportReport:
         map: What the columns were taken for.
         imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
         verdict: What the kinematics of the log say of the map's frames, units and signs.
+        clocks: How late its sensors are on the pose, and the motion on the commands.
     """
 
     map: LogMap
     imported: Imported
     verdict: Verdict
+    clocks: Clocks
 
     def lines(self) -> Iterator[str]:
         """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
         yield from _account(self.imported)
         yield from _judged(self.verdict)
+        yield from self.clocks.lines()
 
 
-def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap:
+def declared(source: Log, file: str | Path | LogMap | None, name: str, preset: str | None = None) -> LogMap:
     """The map of a log: as given, or guessed from the columns' names.
 
     Args:
         source: The log.
         file: A map, its file, or None to guess.
         name: What a session is called that nobody names.
+        preset: Whose names a guess takes the columns to have; by default those of any.
 
     Raises:
         DataError: the file is not a map, or the names do not suffice for a guess.
@@ -58,7 +66,7 @@ def declared(source: Log, file: str | Path | LogMap | None, name: str) -> LogMap
     else:
         names = source.frame.columns
         try:
-            meaning = logmap.from_guess(guess(names, source.texts()), names)
+            meaning = logmap.from_guess(guess(names, source.texts(), preset), names)
         except DataError as error:
             raise DataError(f"{source.name}: {error}") from error
     if meaning.session.column is None and meaning.session.name is None:
@@ -88,12 +96,35 @@ def import_log(
         imported = raw_table(logs, meaning, rate, fill=fill)
     except DataError as error:
         raise DataError(f"{source.name}: {error}") from error
-    verdict = check(imported.logs, imported.times, imported.dt, meaning)
-    if strict and verdict.contradictions:
-        others = len(verdict.contradictions) - 1
-        more = f" (and {others} more: see without --strict)" if others else ""
-        raise DataError(f"{source.name}: {verdict.contradictions[0]}{more}")
-    return ImportReport(meaning, imported, verdict)
+    as_measured = imported.meaning
+    if meaning.rates is not None and meaning.rates.source == "attitude":
+        as_measured = msgspec.structs.replace(as_measured, rates=None)
+    verdict = check(imported.logs, imported.times, imported.dt, as_measured)
+    offsets = clocks(imported, verdict.follows, meaning)
+    against = [*verdict.contradictions, *offsets.contradictions()]
+    if strict and against:
+        more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""
+        raise DataError(f"{source.name}: {against[0]}{more}")
+    return ImportReport(meaning, imported, verdict, offsets)
+
+
+def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
+    """Command columns that drive other thrusters than the vehicle file says, or drive them in reverse.
+
+    Args:
+        imported: The log.
+        vehicle: The vehicle file, with as many thrusters as there are commands.
+    """
+    try:
+        found = rewired(vehicle, recording(vehicle, imported.frame))
+    except DataError as error:
+        yield f"note: the order of the thrusters is not tested: {error}"
+        return
+    if found is not None:
+        yield (
+            f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): "
+            "change the order of commands.columns, reverse = true, mixer.directions or the vehicle file"
+        )
 
 
 def described(meaning: LogMap) -> Iterator[str]:
@@ -132,6 +163,7 @@ def _account(imported: Imported) -> Iterator[str]:
     if rare := {name: count for name, count in rare.items() if count}:
         counts = ", ".join(f"{name} {count:,}" for name, count in rare.items())
         yield f"slower sensors, null between their samples (--fill draws lines): {counts}"
+    yield from imported.notes
     if imported.gaps:
         longest = max(imported.gaps, key=lambda gap: gap.stop - gap.start)
         total = sum(gap.stop - gap.start for gap in imported.gaps)

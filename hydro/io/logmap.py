@@ -9,14 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.logs.logmap import BLOCKS, Attitude, LogMap, Position, blocks_of
+from hydro.core.logs.logmap import BLOCKS, Attitude, LogMap, Mount, Position, blocks_of, conditions, stretches
+from hydro.core.logs.mixer import PRESETS
 from hydro.io import toml
 from hydro.io.files import read_bytes, shown
 
 TABLES = ("time", *BLOCKS, "commands")
 """The blocks that a guess must find: it cannot tell a sensor that is not there from one of another name."""
+
+ORTHOGONAL = 1e-3
+"""How far a matrix may be from a rotation, for it is written by hand."""
 
 
 def is_map(path: str | Path) -> bool:
@@ -78,8 +83,16 @@ def check(found: LogMap) -> None:
     if found.attitude is not None:
         _check_attitude(found.attitude)
     for name, block in (("velocity", found.velocity), ("rates", found.rates)):
-        if block is not None:
+        if block is not None and not (name == "rates" and found.rates.source == "attitude"):  # type: ignore[union-attr]
             _check_count(f"{name}.columns", block.columns, 3)
+        if block is not None and block.mount is not None:
+            _check_mount(f"{name}.mount", block.mount)
+    _check_derived(found)
+    _check_samples(found)
+    _check_mixer(found)
+    for one in stretches(found):
+        if one.stop is not None and not one.stop > one.start:
+            raise DataError(f"use: to ({one.stop:g} s) must come after from ({one.start:g} s)")
     if found.velocity is not None and found.velocity.frame not in ("FRD", "FLU") and found.attitude is None:
         raise DataError(f"velocity.frame: {found.velocity.frame} needs an attitude that turns it; give one")
     if not found.commands.columns:
@@ -136,6 +149,74 @@ def _check_attitude(block: Attitude) -> None:
         _check_count("attitude.quaternion", block.quaternion, 4)
 
 
-def _check_count(path: str, columns: Sequence[Any], count: int) -> None:
-    if len(columns) != count:
-        raise DataError(f"{path}: expected {count} columns, got {len(columns)}")
+def _check_mount(path: str, mount: Mount) -> None:
+    """A rotation, given one way, and a place of three numbers."""
+    _check_count(f"{path}.position", mount.position, 3)
+    if path == "rates.mount" and any(mount.position):
+        raise DataError(f"{path}.position: a gyroscope measures the same anywhere on the body; leave it out")
+    if mount.matrix is None:
+        return
+    if any((mount.roll, mount.pitch, mount.yaw)):
+        raise DataError(f"{path}: give either roll, pitch and yaw or a matrix")
+    _check_count(f"{path}.matrix", mount.matrix, 3)
+    for row in mount.matrix:
+        _check_count(f"{path}.matrix", row, 3)
+    R = np.array(mount.matrix)
+    if not (np.abs(R @ R.T - np.eye(3)).max() < ORTHOGONAL and np.linalg.det(R) > 0.0):
+        raise DataError(f"{path}.matrix: must be a rotation: rows of length 1 at right angles, right-handed")
+
+
+def _check_derived(found: LogMap) -> None:
+    """Rates from the attitude have an attitude, and no columns or mount of their own."""
+    rates = found.rates
+    if rates is None or rates.source == "columns":
+        return
+    if found.attitude is None:
+        raise DataError('rates.from: "attitude" needs an attitude; give one')
+    if rates.columns or rates.mount is not None:
+        raise DataError('rates: give either columns, with their mount, or from = "attitude"')
+
+
+def _check_samples(found: LogMap) -> None:
+    """Conditions that ask one thing at least where they name no column."""
+    for name, block in {**blocks_of(found), "commands": found.commands}.items():
+        for one in conditions(block.valid):
+            asked = (one.equals, one.above, one.below, one.differs)
+            if one.column is None and asked == (None,) * 4:
+                raise DataError(
+                    f"{name}.valid: give a column, or what the values must be (not, above, below)"
+                )
+    if found.velocity is not None and found.velocity.mount is not None:
+        mount = found.velocity.mount
+        turned = mount.matrix is not None or any((mount.roll, mount.pitch, mount.yaw))
+        if found.velocity.frame not in ("FRD", "FLU") and turned:
+            raise DataError(
+                "velocity.mount: a velocity along the world's axes has no mounting angles; leave them out"
+            )
+
+
+def _check_mixer(found: LogMap) -> None:
+    """As many demands as commands, each once, of axes that the preset drives."""
+    mixer = found.mixer
+    if mixer is None:
+        return
+    count = len(found.commands.columns)
+    if len(mixer.demands) != count:
+        raise DataError(f"mixer.demands: name one axis for each of the {count} columns of commands")
+    if len(set(mixer.demands)) != count:
+        raise DataError("mixer.demands: an axis is named twice")
+    if mixer.preset is not None and mixer.matrix is not None:
+        raise DataError("mixer: give either preset or matrix")
+    if mixer.preset == "ardusub_vectored" and "pitch" in mixer.demands:
+        raise DataError("mixer.demands: ArduSub's vectored frame has no pitch; leave its column out")
+    for row in mixer.matrix or ():
+        _check_count("mixer.matrix", row, count)
+    thrusters = len(PRESETS[mixer.preset]) if mixer.preset is not None else len(mixer.matrix or mixer.demands)
+    if mixer.directions:
+        _check_count("mixer.directions", mixer.directions, thrusters)
+
+
+def _check_count(path: str, entries: Sequence[Any], count: int) -> None:
+    if len(entries) != count:
+        what = "columns" if path.endswith((".columns", ".quaternion")) else "numbers"
+        raise DataError(f"{path}: expected {count} {what}, got {len(entries)}")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, Time, blocks_of, command, measured
+from hydro.core.logs.logmap import LogMap, Time, beside, blocks_of, command, measured
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, stripped
 
@@ -25,7 +25,7 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     Raises:
         DataError: a column is missing or holds text where a number belongs, or time goes backwards.
     """
-    columns = {name: numbers(log, name, where) for where, name in _named(meaning)}
+    columns = {name: numbers(log, name, where) for where, name in named_columns(meaning)}
     ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
@@ -35,11 +35,13 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     ]
 
 
-def _named(meaning: LogMap) -> Iterator[tuple[str, str]]:
+def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
     """Every column of numbers that a map names, and where it does."""
     for where, block in blocks_of(meaning).items():
         yield from ((where, source.column) for source in measured(block))
+        yield from ((where, name) for name in beside(block))
     yield from (("commands", command(source).column) for source in meaning.commands.columns)
+    yield from (("commands", name) for name in beside(meaning.commands))
 
 
 def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from hydro.core.logs.presets import MOST_THRUSTERS, preset_blocks
+
 Block = dict[str, Any]
 
 
@@ -79,30 +81,64 @@ _COMMAND = re.compile(
     r"(cmd|command|u|thruster|thrust|motor|servo|pwm|rcout|rcou_c|ch|channel|output|esc|t)_?(\d+)"
     r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
 )
-_PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "esc")
+_LONG_COMMAND = re.compile(
+    r"(.+)_(cmd|command|thruster|motor|servo|pwm|rcout|channels|setpoint|setpoints|control|output)_?(\d+)"
+    r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
+)
+"""The same behind the name of a message, where a short stem would be anything."""
+_STICKS = re.compile(
+    r"(^|_)(rc_?in|rc_channels(_raw|_scaled|_override)?|rc_override|manual_control|joy|joystick)(_|$)"
+)
+"""Messages of what a pilot's sticks say, which no thruster hears."""
+_WORDS = (
+    "rc cmd command commanded set setpoint setpoints sp ref reference target goal joy joystick "
+    "manual demand demanded input control ctrl controller override pilot stick servo pwm output "
+    "error err innov std var cov covariance bias"
+)
+_WANTED = frozenset(_WORDS.split())
+"""Words of names that are wanted, or told of a quantity, and not measured."""
+_DESIRED = re.compile(r"des(?!c|k)|tgt")
+_PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "channels", "esc")
 
 
-def guess(names: Sequence[str], texts: frozenset[str] = frozenset()) -> dict[str, Block]:
-    """The blocks of a map that the names of columns suggest.
+def guess(
+    names: Sequence[str], texts: frozenset[str] = frozenset(), preset: str | None = None
+) -> dict[str, Block]:
+    """The blocks of a map that the names of columns suggest; those of a known logger before others.
+
+    What is commanded or wanted (`rc_roll`, `roll_cmd`, `DesYaw`) is never taken for what was measured.
 
     Args:
         names: The log's columns.
         texts: Those that hold text: a clock among them is one of ISO timestamps.
+        preset: A logger of `presets.PRESETS`; by default the one whose names these are.
 
     Returns:
         Blocks by name, as a map file has them; those that no names suggest are not there.
+
+    Raises:
+        DataError: no column is called as the given preset has it.
     """
     plain = {re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_"): name for name in reversed(names)}
+    measured = {name: column for name, column in plain.items() if not _is_wanted(name)}
     found = {
         "time": _time(plain, texts),
         "session": _session(plain),
-        "position": _position(plain),
-        "attitude": _attitude(plain),
-        "velocity": _vector(plain, _VELOCITY, _SPEEDS),
-        "rates": _vector(plain, _RATES, _SPINS),
+        "position": _position(measured),
+        "attitude": _attitude(measured),
+        "velocity": _vector(measured, _VELOCITY, _SPEEDS),
+        "rates": _vector(measured, _RATES, _SPINS),
         "commands": _commands(plain),
     }
+    _, known = preset_blocks(names, preset)
+    found.update(known)
     return {name: block for name, block in found.items() if block is not None}
+
+
+def _is_wanted(name: str) -> bool:
+    """Whether a name is of something commanded, or told of a quantity, and not of a measurement."""
+    words = name.split("_")
+    return bool(_WANTED.intersection(words)) or any(_DESIRED.match(word) for word in words)
 
 
 def _time(plain: dict[str, str], texts: frozenset[str]) -> Block | None:
@@ -162,14 +198,25 @@ def _prefixes(plain: dict[str, str], first: str) -> Iterator[str]:
 
 def _commands(plain: dict[str, str]) -> Block | None:
     """The longest row of numbered columns that are called like a thruster's command."""
-    rows: dict[tuple[str, str], dict[int, str]] = {}
+    rows: dict[tuple[str, str, str], dict[int, str]] = {}
     for name, column in plain.items():
+        if _STICKS.search(name):
+            continue
         if match := _COMMAND.fullmatch(name):
-            rows.setdefault((match[1], match[3]), {})[int(match[2])] = column
+            rows.setdefault(("", match[1], match[3]), {})[int(match[2])] = column
+        elif match := _LONG_COMMAND.fullmatch(name):
+            rows.setdefault((match[1], match[2], match[4]), {})[int(match[3])] = column
     if not rows:
         return None
-    (stem, ending), numbered = max(rows.items(), key=lambda row: (len(row[1]), row[0][0] == "cmd"))
-    block: Block = {"columns": [numbered[number] for number in sorted(numbered)]}
-    if stem in _PULSED or re.search("_(raw|pwm|us)", ending):
+    (_, stem, ending), numbered = max(
+        rows.items(), key=lambda row: (len(row[1]), row[0][0] == "", row[0][1] == "cmd")
+    )
+    pulsed = stem in _PULSED or re.search("_(raw|pwm|us)", ending) is not None
+    first = sorted(numbered)[:MOST_THRUSTERS]
+    taken = (
+        first if pulsed and first == list(range(first[0], first[0] + MOST_THRUSTERS)) else sorted(numbered)
+    )
+    block: Block = {"columns": [numbered[number] for number in taken]}
+    if pulsed:
         return {**block, "unit": "pwm"}
     return {**block, "unit": "percent"} if re.search("_(pct|percent)", ending) else block

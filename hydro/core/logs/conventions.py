@@ -7,7 +7,7 @@ of the same columns is the same call with another block.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,6 +17,7 @@ from hydro.core.errors import DataError
 from hydro.core.logs.logmap import (
     Attitude,
     Commands,
+    Mixer,
     Number,
     Position,
     Rates,
@@ -24,6 +25,7 @@ from hydro.core.logs.logmap import (
     command,
     named,
 )
+from hydro.core.logs.mixer import mixed
 from hydro.core.logs.resample import Channel, averaged, channel, interpolated, same_sign, unwrapped
 from hydro.core.vehicle.frames import HALF_TURN
 
@@ -64,16 +66,20 @@ class SessionLog:
         name: Its name.
         t: Times since its start [s], shape (n,), not falling.
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
+        clocks: Times of the samples of those columns that were not taken at `t` [s], (n,) each; they do not
+            fall from one sample to the next.
     """
 
     name: str
     t: Array
     columns: Mapping[str, Array]
+    clocks: Mapping[str, Array] = field(default_factory=dict)
 
     def channel(self, source: Number) -> Channel:
         """The samples of one column, scaled and shifted as the map says."""
         column = named(source)
-        return channel(self.t, column.scale * self.columns[column.column] + column.offset)
+        t = self.clocks.get(column.column, self.t)
+        return channel(t, column.scale * self.columns[column.column] + column.offset)
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
@@ -114,11 +120,14 @@ def rates(log: SessionLog, block: Rates, at: Array) -> Array:
     return _vector(log, block, at)
 
 
-def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Array, Mask]:
+def commands(
+    log: SessionLog, block: Commands, at: Array, dt: float, mixer: Mixer | None = None
+) -> tuple[Array, Mask]:
     """Commands in [-1, 1], the mean over each row of what is held from each to the next.
 
     Returns:
-        Commands of shape (N, n), and which of them lay beyond [-1, 1] and were clipped.
+        Commands of the thrusters, (N, n), and which of those logged, or of what a mixer made of them, lay
+        beyond [-1, 1] and were clipped.
 
     Raises:
         DataError: a command lies so far beyond that its unit must be another.
@@ -134,6 +143,8 @@ def commands(log: SessionLog, block: Commands, at: Array, dt: float) -> tuple[Ar
                 "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
             )
         values[:, i] = -drive if source.reverse else drive
+    if mixer is not None:
+        values = mixed(mixer, np.clip(values, -1.0, 1.0))
     beyond = np.abs(values) > 1.0 + 1e-9
     return np.clip(values, -1.0, 1.0), beyond
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from hydro.core.columns import MOTION, Array, Mask, command_column, command_columns
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
+from hydro.core.logs.clocks import require_plausible
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import Block, LogMap, blocks_of, command, measured
-from hydro.core.logs.resample import Channel, common, rows, sample_time, spans
+from hydro.core.logs.logmap import BLOCKS, Block, LogMap, Velocity, blocks_of, command, measured, stretches
+from hydro.core.logs.resample import Channel, channel, common, rows, sample_time, spans
+from hydro.core.logs.samples import prepared
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
 
@@ -34,21 +36,25 @@ class Imported:
 
     Attributes:
         frame: The raw table.
-        logs: The sessions that gave rows.
-        times: Of each of them, the times of its rows [s].
+        meaning: The map that reads `logs`: what was declared, with columns of derived rates.
+        logs: The sessions that gave rows, their samples at their own times and of the body origin.
+        times: Of each of them, the times at which all channels go on, on a grid of `dt` [s].
         dt: Sample time [s].
         gaps: Where rows are missing within sessions.
         left_out: Sessions that have no two rows on which all channels go on.
         clipped: Number of commands beyond [-1, 1], of each thruster that has some.
+        notes: What was done to the samples before, a line each.
     """
 
     frame: pl.DataFrame
+    meaning: LogMap
     logs: tuple[SessionLog, ...]
     times: tuple[Array, ...]
     dt: float
     gaps: tuple[Gap, ...]
     left_out: tuple[str, ...]
     clipped: dict[str, int]
+    notes: tuple[str, ...] = ()
 
 
 ROUNDED = 1e-6  # of a sample time
@@ -77,31 +83,39 @@ def raw_table(
         DataError: A column has no numbers, no session has all channels at one time, or a command is no share
             of full thrust.
     """
+    samples = prepared(logs, meaning)
+    logs, meaning = samples.logs, samples.meaning
     channels = [_channels(log, meaning) for log in logs]
     _check_filled(channels, meaning)
     every = [each for given in channels for each in given]
-    dt = 1.0 / rate if rate is not None else sample_time(every)
     fastest = min(every, key=lambda each: each.step)
+    require_plausible(fastest.step, meaning.time)
+    dt = 1.0 / rate if rate is not None else sample_time(every)
     if rate is None and not fill and fastest.step * SLOWER <= dt:
         dt = sample_time([fastest])
-    shared = [_shared(log, given, meaning) for log, given in zip(logs, channels, strict=True)]
-    times = [rows(stretches, dt) for stretches in shared]
-    full = [(log, t) for log, t in zip(logs, times, strict=True) if len(t)]
+    parts = []
+    for log, gated in zip(logs, samples.gated, strict=True):
+        t = rows(_shared(log, meaning, {} if fill else gated), dt)
+        whole = rows(_shared(log, meaning, {}), dt) if gated else t
+        parts.append((log, t, whole, gated))
+    full = [(log, t, whole, gated) for log, t, whole, gated in parts if len(t)]
     if not full:
         raise DataError(
             "in no session do all columns have values at the same time; compare the times at which each "
             "column begins and ends, or raise time.longest_step"
         )
-    parts = [_part(log, t, meaning, dt, fill) for log, t in full]
-    clipped = np.sum([beyond for _, beyond in parts], axis=0)
+    tables = [_part(log, t, meaning, dt, fill, gated) for log, t, _, gated in full]
+    clipped = np.sum([beyond for _, beyond in tables], axis=0)
     return Imported(
-        frame=pl.concat([part for part, _ in parts]),
-        logs=tuple(log for log, _ in full),
-        times=tuple(t for _, t in full),
+        frame=pl.concat([part for part, _ in tables]),
+        meaning=meaning,
+        logs=tuple(log for log, *_ in full),
+        times=tuple(whole for _, _, whole, _ in full),
         dt=dt,
-        gaps=tuple(gap for log, t in full for gap in _gaps(log.name, t, dt)),
-        left_out=tuple(log.name for log, t in zip(logs, times, strict=True) if not len(t)),
+        gaps=tuple(gap for log, t, *_ in full for gap in _gaps(log.name, t, dt)),
+        left_out=tuple(log.name for log, t, *_ in parts if not len(t)),
         clipped={command_column(i): int(count) for i, count in enumerate(clipped) if count},
+        notes=samples.notes,
     )
 
 
@@ -118,31 +132,67 @@ def _check_filled(channels: Sequence[Sequence[Channel]], meaning: LogMap) -> Non
             raise DataError(f"column {name} has no number in any row; name another column in the map")
 
 
-def _shared(log: SessionLog, channels: Sequence[Channel], meaning: LogMap) -> Array:
-    """Where all channels go on and every thruster has had a command, (k, 2) [s]."""
-    stretches = [spans(each, meaning.time.longest_step) for each in channels]
+def _shared(log: SessionLog, meaning: LogMap, gated: Mapping[str, Array]) -> Array:
+    """Where all channels go on, every thruster has had a command, and the map has a use, (k, 2) [s].
+
+    A sensor that lost samples as not valid, or as repeats, goes on where its readings come.
+    """
+    longest = meaning.time.longest_step
+    found = []
+    for name, block in blocks_of(meaning).items():
+        for source in measured(block):
+            each = log.channel(source)
+            if name in gated and len(each.t):
+                each = channel(gated[name], np.zeros(len(gated[name])))
+            found.append(spans(each, longest))
     for source in map(command, meaning.commands.columns):
         given = log.channel(source).t
-        stretches.append(np.array([[given[0], np.inf]]) if len(given) else np.empty((0, 2)))
-    return common(stretches)
+        found.append(np.array([[given[0], np.inf]]) if len(given) else np.empty((0, 2)))
+    if (used := _used(log.name, meaning)) is not None:
+        found.append(used)
+    return common(found)
+
+
+def _used(session: str, meaning: LogMap) -> Array | None:
+    """The stretches of a session that the map has a use for, (k, 2) [s]; None where that is all."""
+    every = stretches(meaning)
+    own = [one for one in every if one.session == session] or [one for one in every if one.session is None]
+    limits = [(one.start, np.inf if one.stop is None else one.stop) for one in own]
+    return np.array(limits) if limits else None
 
 
 def _part(
-    log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool
+    log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool, gated: Mapping[str, Array]
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
     """The rows of one session, and how many commands of each thruster were clipped."""
     numbers = motion(log, t, meaning)
-    drive, beyond = conventions.commands(log, meaning.commands, t, dt)
+    drive, beyond = conventions.commands(log, meaning.commands, t, dt, meaning.mixer)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
     drives = pl.DataFrame(drive, schema=command_columns(drive.shape[1]))
     table = pl.DataFrame(numbers, schema=[*MOTION]).fill_nan(None)
     if not fill:
-        seen = zip(MOTION, _sampled(log, t, meaning, dt).T, strict=True)
+        sampled = _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
+        seen = zip(MOTION, sampled.T, strict=True)
         table = table.with_columns(
             pl.when(pl.Series(there)).then(name).alias(name) for name, there in seen if not there.all()
         )
     wide = [table, drives]
     return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
+
+
+def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array]) -> Mask:
+    """Rows within the spans of each sensor's valid samples, (N, 12); all, of those that lost none."""
+    out = np.ones((len(t), len(MOTION)), bool)
+    for name, block in blocks_of(meaning).items():
+        if name not in gated:
+            continue
+        edges = common([spans(log.channel(one), meaning.time.longest_step) for one in measured(block)])
+        within = ((t[:, None] >= edges[:, 0] - ROUNDED) & (t[:, None] <= edges[:, 1] + ROUNDED)).any(axis=1)
+        out[:, 3 * BLOCKS.index(name) : 3 * BLOCKS.index(name) + 3] &= np.reshape(within, (-1, 1))
+    turned = isinstance(meaning.velocity, Velocity) and meaning.velocity.frame not in conventions.BODIES
+    if turned and "attitude" in gated:
+        out[:, 6:9] &= out[:, 3:6]
+    return out
 
 
 def motion(log: SessionLog, t: Array, meaning: LogMap) -> Array:

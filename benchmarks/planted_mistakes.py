@@ -1,0 +1,164 @@
+"""Which mistakes of a map, a mounting or a clock `hydro import` names.
+
+    python -m benchmarks.planted_mistakes
+
+Twelve mistakes, each alone, in logs of three bundled vehicles flown by the teacher with the noise of an
+ordinary navigation suite. A mistake is named where a line of the import, or its error, says what to write;
+`clean` counts the warnings where there is no mistake.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import polars as pl
+
+from hydro.core.columns import MOTION
+from hydro.core.errors import DataError
+from hydro.core.simulation.sensor_noise import PROFILES
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import log_import, logmap
+from hydro.io import vehicle as vehicle_io
+from hydro.io.files import bundled
+from hydro.io.log import Log
+from hydro.sim.teacher import collect, teacher
+
+VEHICLES = ("bluerov2_heavy", "remus100", "auv151")
+ROWS, SEED = 15_000, 5
+"""Rows at 50 Hz, and the seed of demands and noise."""
+LATE = 0.4
+"""Seconds by which a stamp is late."""
+Spec = dict[str, dict[str, object]]
+Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A change of a log, or of its map, and what a line that names it has in it."""
+
+    change: Change
+    named: tuple[str, ...]
+
+
+def declared(table: str, **settings: object) -> Change:
+    """A map that says something else of a table."""
+    return lambda log, spec: (log, {**spec, table: {**spec[table], **settings}})
+
+
+def written(*columns: pl.Expr) -> Change:
+    """A log whose columns hold something else."""
+    return lambda log, spec: (log.with_columns(*columns), spec)
+
+
+def late(*names: str) -> Change:
+    """A log whose columns are stamped late."""
+    rows = round(LATE * 50.0)
+    return written(*(pl.col(name).shift(rows).over("session") for name in names))
+
+
+def _commands(spec: Spec) -> list[str]:
+    """The command columns that a map names."""
+    return list(spec["commands"]["columns"])  # type: ignore[call-overload]
+
+
+MISTAKES: dict[str, Mistake] = {
+    "position is ENU": Mistake(
+        written(pl.col("y").alias("x"), pl.col("x").alias("y"), -pl.col("z")), ('position.world = "ENU"',)
+    ),
+    "velocity is FLU": Mistake(written(-pl.col("v"), -pl.col("w")), ('velocity.frame = "FLU"',)),
+    "attitude is in degrees": Mistake(
+        written(pl.col("phi", "theta", "psi").degrees()), ('attitude.unit = "deg"',)
+    ),
+    "rates are in degrees": Mistake(written(pl.col("p", "q", "r").degrees()), ('rates.unit = "deg/s"',)),
+    "velocity is in knots": Mistake(written(pl.col("u", "v", "w") * 3600 / 1852), ('velocity.unit = "kn"',)),
+    "heave is up": Mistake(written(-pl.col("w")), ('column = "w", scale = -1',)),
+    "u and v exchanged": Mistake(
+        declared("velocity", columns=["v", "u", "w"]), ("write u in the place of v",)
+    ),
+    "yaw rate reversed": Mistake(written(-pl.col("r")), ('column = "r", scale = -1',)),
+    "clock in milliseconds": Mistake(written(pl.col("t") * 1000.0), ('time.unit = "ms"',)),
+    "velocity stamped late": Mistake(
+        late("u", "v", "w"), ("velocity is stamped 0.4", "velocity is stamped 0.3")
+    ),
+    "commands stamped late": Mistake(
+        lambda log, spec: late(*_commands(spec))(log, spec), ("before the commands that cause it",)
+    ),
+    "thrusters from the other end": Mistake(
+        lambda log, spec: declared("commands", columns=_commands(spec)[::-1])(log, spec),
+        ("drives thruster",),
+    ),
+}
+
+
+def log_of(raw: pl.DataFrame) -> tuple[pl.DataFrame, Spec]:
+    """A raw table as a log, and the map that reads it."""
+    commands = [name for name in raw.columns if name.startswith("cmd_")]
+    spec: Spec = {
+        "time": {"column": "t"},
+        "session": {"column": "session"},
+        "position": {"columns": ["x", "y", "z"]},
+        "attitude": {"columns": ["phi", "theta", "psi"]},
+        "velocity": {"columns": ["u", "v", "w"]},
+        "rates": {"columns": ["p", "q", "r"]},
+        "commands": {"columns": commands},
+    }
+    return raw.select("session", "t", *(pl.col(name).cast(pl.Float64) for name in (*MOTION, *commands))), spec
+
+
+def flown(name: str, rows: int = ROWS) -> tuple[Vehicle, pl.DataFrame]:
+    """A bundled vehicle and a recording of it."""
+    vehicle = vehicle_io.read(bundled(f"vehicles/{name}.toml"))[0]
+    return vehicle, collect(teacher(vehicle), rows, SEED, noise=PROFILES["ordinary"], threads=1)
+
+
+def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
+    """The warnings of an import, and those of the order of thrusters; or its error."""
+    source = Log("log", log, "sha256:0")
+    try:
+        report = log_import.import_log(source, logmap.parse(_toml(spec)))
+    except DataError as error:
+        return [f"error: {error}"]
+    lines = [*report.lines(), *log_import.wiring(report.imported, vehicle)]
+    return [line for line in lines if line.startswith("warning")]
+
+
+def outcomes(
+    vehicle: Vehicle, raw: pl.DataFrame, names: Sequence[str]
+) -> Iterator[tuple[str, bool, list[str]]]:
+    """Of each mistake: whether it is named, and all that is said."""
+    log, spec = log_of(raw)
+    for name in names:
+        one = MISTAKES[name]
+        lines = said(vehicle, *one.change(log, spec))
+        yield name, any(part in line for line in lines for part in one.named), lines
+
+
+def _toml(spec: Spec) -> str:
+    import tomlkit
+
+    return tomlkit.dumps(spec)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--vehicles", nargs="*", default=VEHICLES)
+    parser.add_argument("--rows", type=int, default=ROWS)
+    parser.add_argument("--lines", action="store_true", help="print what is said")
+    given = parser.parse_args()
+    total, count = 0, 0
+    for name in given.vehicles:
+        vehicle, raw = flown(name, given.rows)
+        clean = said(vehicle, *log_of(raw))
+        print(f"{name}: {raw.height:,} rows; clean: {len(clean)} warnings", *clean, sep="\n  ")
+        for mistake, named, lines in outcomes(vehicle, raw, tuple(MISTAKES)):
+            total, count = total + named, count + 1
+            print(f"  {'named ' if named else 'MISSED'} {mistake} ({len(lines)} lines)", flush=True)
+            if given.lines or not named:
+                print(*lines, sep="\n      ")
+    print(f"{total} of {count} named")
+
+
+if __name__ == "__main__":
+    main()

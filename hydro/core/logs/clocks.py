@@ -1,0 +1,136 @@
+"""Clocks of a log: units that cannot be, and receive times of messages that were sent at even steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+from hydro.core.logs.logmap import Time
+
+SLOWEST, FASTEST = 0.5, 5000.0
+"""Samples per second that the fastest sensor of a vehicle's log may have [Hz]."""
+USUAL = (1.0, 1000.0)
+"""Those that most have: what another unit must make of the clock to be proposed [Hz]."""
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+LEAST = 50
+"""Stamps that an even clock is fitted to, at least."""
+CLOSE, BURSTS = 0.2, 0.25
+"""Steps below this part of the mean are within a burst; such a share of them makes a clock of bursts."""
+PAUSE = 20.0
+"""Steps of this many means part a topic: it paused, and its even clock began anew."""
+LATEST, STRETCHES = 3.0, 20
+"""Longest silences that a message may come late on an even clock; and periods that the soonest of most of so
+many stretches may."""
+
+
+@dataclass(frozen=True)
+class Evened:
+    """Receive times put on the clock of their sender.
+
+    Attributes:
+        t: Times of sending [s], (n,), up to the shortest delay, which receive times do not show.
+        period: Step of the sender [s].
+        latest: The longest that a message came later than the earliest did [s].
+    """
+
+    t: Array
+    period: float
+    latest: float
+
+
+def require_plausible(step: float, time: Time) -> None:
+    """Refuse a clock by which no sensor, or every sensor, is faster than any of a vehicle.
+
+    Args:
+        step: Median step of the log's fastest channel [s], as the map reads the clock.
+        time: What the map says of it.
+
+    Raises:
+        DataError: the unit must be another; the line says which would make sense.
+    """
+    if not np.isfinite(step) or step <= 0.0 or SLOWEST <= 1.0 / step <= FASTEST:
+        return
+    own = PER_SECOND.get(time.unit)
+    rates = {} if own is None else {unit: each / own / step for unit, each in PER_SECOND.items()}
+    fitting = {unit: rate for unit, rate in rates.items() if USUAL[0] <= rate <= USUAL[1]}
+    remedy = " or ".join(
+        f'set time.unit = "{unit}", which makes it {rate:.3g} Hz' for unit, rate in fitting.items()
+    )
+    raise DataError(
+        f"column {time.column} read in {time.unit} gives the log's fastest column {1.0 / step:.3g} samples "
+        f"per second, which no vehicle's log has: {remedy or 'name the column of the clock, and its unit'}"
+    )
+
+
+def bunched(t: Array) -> bool:
+    """Whether stamps come in bursts: many steps far below the mean, as receive times have them.
+
+    Args:
+        t: Stamps of every message of one topic [s], (n,), not falling.
+    """
+    steps = np.diff(t)
+    if len(t) < LEAST or not t[-1] > t[0]:
+        return False
+    usual = steps[steps < PAUSE * steps.mean()]
+    return bool(np.mean(steps < CLOSE * usual.mean()) > BURSTS)
+
+
+def evened(t: Array) -> Evened | None:
+    """Put receive times of a topic that is sent at even steps on its sender's clock.
+
+    A message is received when it was sent or later: the sender's clock is the straight line below all receive
+    times over their number, and the closest to them in the sum (the edge of their lower convex hull above the
+    mean number).  Order is kept; a pause begins a new line.
+
+    Args:
+        t: Receive times of every message [s], (n,), not falling.
+
+    Returns:
+        None where no even clock explains them: messages were lost, or were not sent at even steps.
+    """
+    if len(t) < LEAST or not t[-1] > t[0]:
+        return None
+    steps = np.diff(t)
+    pauses = np.flatnonzero(steps > PAUSE * steps.mean()) + 1
+    whole = _fitted(t, [0, len(t)])
+    return whole if whole is not None or not len(pauses) else _fitted(t, [0, *pauses.tolist(), len(t)])
+
+
+def _fitted(t: Array, edges: Sequence[int]) -> Evened | None:
+    """Receive times with a line for each piece that is long enough; None where these explain them badly."""
+    out, slopes, longest = t.copy(), [], 0.0
+    for start, stop in pairwise(edges):
+        if stop - start >= LEAST:
+            out[start:stop], slope = _line(t[start:stop])
+            slopes.append(slope)
+            longest = max(longest, float(np.diff(t[start:stop]).max()))
+    if not slopes:
+        return None
+    late, period = t - out, float(np.median(slopes))
+    if period <= 0.0 or late.max() > LATEST * (longest + period) or (np.diff(out) <= 0.0).any():
+        return None
+    soonest = [part.min() for part in np.array_split(late, STRETCHES)]
+    if np.median(soonest) > LATEST * period:  # lost messages bend the receipts off every line
+        return None
+    return Evened(out, period, float(late.max()))
+
+
+def _line(t: Array) -> tuple[Array, float]:
+    """The line below all times over their number, the closest in the sum, and its slope."""
+    number = np.arange(len(t), dtype=float)
+    line = number / max(len(t) - 1, 1) * (t[-1] - t[0]) + t[0]
+    try:
+        hull = ConvexHull(np.column_stack([number, t - line]))
+    except QhullError:  # all on one line
+        return line, float((t[-1] - t[0]) / (len(t) - 1))
+    below = hull.equations[hull.equations[:, 1] < 0.0]
+    heights = -(below[:, :1] * number.mean() + below[:, 2:]) / below[:, 1:2]
+    a, b, c = below[int(np.argmax(heights))]
+    found: Array = line - (a * number + c) / b
+    return found, float(found[1] - found[0])

@@ -1,0 +1,402 @@
+"""Clocks that disagree: by how much each sensor is late on the pose, and the motion on the commands.
+
+Sensors are held against the pose by kinematics (see `logs.agreement`): the lag of a sensor is the shift of
+its samples with which d(position)/dt = R v and dR/dt = R S(omega) hold best.  Commands are held against the
+motion by least squares of accelerations over every delay: forces linear and quadratic in each delayed
+command, damping, the Coriolis and weight terms of a rigid body, each coefficient free.  Intervals are of
+95 %, and respect that what is left is correlated in time (Newey and West 1987; Ljung 1999, sec. 9.6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.logs import conventions
+from hydro.core.logs.agreement import Evidence, testable, tested, windows
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.importing import motion
+from hydro.core.logs.logmap import LogMap, measured
+from hydro.core.recording.segments import GAP
+
+FARTHEST = 1.2
+"""Lags that are looked for, to both sides [s]."""
+STEP = 0.1
+"""Between those tried first [s]."""
+ROW = 0.05
+"""Rows of a window this far apart show as much as all of them [s]."""
+LEAST = 15
+"""Windows, without those that a shift would carry across a gap."""
+UNEXPLAINED = 0.7
+"""Share of the motion left unexplained at the best lag from which there is no best lag."""
+WIDEST = 0.5
+"""Half an interval that is worth telling [s]."""
+NORMAL = 1.96
+PLAIN = 4.0
+"""Standard errors from which a lag is plain."""
+LAGS = 3
+"""Windows over which what they leave is correlated."""
+
+
+@dataclass(frozen=True)
+class Offset:
+    """How late the stamps of a sensor are on the pose, or the motion is on the commands.
+
+    Attributes:
+        block: `velocity`, `rates` or `attitude`; or `commands`.
+        seconds: The estimate [s].
+        low, high: Its interval of 95 % [s].
+        step: Median step of its samples [s].
+    """
+
+    block: str
+    seconds: float
+    low: float
+    high: float
+    step: float
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is no accident: off zero by far more than its interval."""
+        half = max(self.high - self.seconds, self.seconds - self.low)
+        return abs(self.seconds) > PLAIN / NORMAL * half
+
+    @property
+    def over_a_sample(self) -> bool:
+        """Whether it is longer than the sensor takes from one sample to the next."""
+        return abs(self.seconds) > self.step
+
+
+def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
+    """A session whose sensor's stamps are earlier by some seconds."""
+    sources = measured(getattr(given, block))
+    clocks = {one.column: log.clocks.get(one.column, log.t) - by for one in sources}
+    return replace(log, clocks={**log.clocks, **clocks})
+
+
+def sensor_offsets(
+    logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
+) -> list[Offset]:
+    """How late velocity, rates and attitude are on the pose, by kinematics; those that the motion shows.
+
+    Velocity and attitude are held against the position, rates against the attitude.
+
+    Args:
+        logs: The sessions.
+        times: Of each session, the times at which all channels go on [s].
+        dt: Sample time [s].
+        given: The map that the data follow.
+    """
+    thin = max(1, int(ROW / dt))
+    taken = windows([_inner(t, dt)[::thin] for t in times], thin * dt)
+    if sum(map(len, taken)) < LEAST:
+        return []
+    moves, spins = tested(given)
+    found = []
+    if moves:
+        found += _estimated(logs, taken, given, ("velocity", "attitude"), slice(0, 3))
+    if spins:
+        found += _estimated(logs, taken, given, ("rates",), slice(3, 6))
+    return found
+
+
+def _inner(t: Array, dt: float) -> Array:
+    """Times that are farther than the farthest lag from every gap."""
+    edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
+    kept = [
+        part[(part > part[0] + FARTHEST) & (part < part[-1] - FARTHEST)]
+        for part in (t[start:stop] for start, stop in pairwise(edges))
+        if len(part)
+    ]
+    return np.concatenate(kept) if kept else t[:0]
+
+
+def _estimated(
+    logs: Sequence[SessionLog], taken: Sequence[Array], given: LogMap, blocks: tuple[str, ...], rows: slice
+) -> list[Offset]:
+    """Lags of some blocks by nonlinear least squares of one identity: tried on a grid, then Gauss-Newton."""
+    plain = Evidence(logs, taken)
+    of = testable(given)[rows]
+
+    @cache
+    def late(block: str, lag: float) -> Evidence:
+        return Evidence([shifted(log, given, block, lag) for log in logs], taken) if lag else plain
+
+    def left(lags: Array) -> Array:
+        moved = {block: late(block, round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
+        if "rates" in moved:
+            assert given.rates is not None
+            assert given.attitude is not None
+            spinning = plain.mean(moved["rates"].spinning(given.rates), "trapezoid")
+            return np.asarray((plain.turning(given.attitude) - spinning) * of)
+        assert given.position is not None
+        assert given.attitude is not None
+        assert given.velocity is not None
+        v = moved["velocity"].velocity(given.velocity)
+        if given.velocity.frame in conventions.BODIES:
+            v = np.einsum("wkij,wkj->wki", moved["attitude"].attitude(given.attitude), v)
+        return np.asarray((plain.travel(given.position) - plain.mean(v, "trapezoid")) * of)
+
+    lags = np.zeros(len(blocks))
+    grid = np.arange(-FARTHEST + STEP, FARTHEST, STEP)
+    costs = [float((left(np.r_[lag, lags[1:]]) ** 2).sum()) for lag in grid]
+    lags[0] = grid[int(np.argmin(costs))]
+    if lags[0] in (grid[0], grid[-1]):
+        return []
+    h = 0.2 * STEP
+    r = left(lags)
+    for _ in range(6):
+        J = np.stack([(left(lags + step) - left(lags - step)) / (2.0 * h) for step in h * np.eye(len(lags))])
+        step = _solved(J, r)
+        lags = np.clip(lags + np.clip(step, -STEP, STEP), -FARTHEST, FARTHEST)
+        r = left(lags)
+        if np.abs(step).max() < 1e-4:
+            break
+    whole = plain.motion(given)[0 if rows.start == 0 else 1]
+    if np.sqrt((r**2).sum(axis=1).mean()) > UNEXPLAINED * whole:
+        return []
+    return [
+        Offset(
+            block,
+            float(lag),
+            float(lag - NORMAL * error),
+            float(lag + NORMAL * error),
+            _step(logs, given, block),
+        )
+        for block, lag, error in zip(blocks, lags, _errors(J, r), strict=True)
+        if NORMAL * error < WIDEST and abs(lag) < FARTHEST
+    ]
+
+
+def _solved(J: Array, r: Array) -> Array:
+    """The Gauss-Newton step of residuals (W, c) with slopes (k, W, c); none where these show nothing."""
+    A = J.reshape(len(J), -1).T
+    return np.asarray(np.linalg.lstsq(A, -r.ravel(), rcond=1e-3)[0])
+
+
+def _errors(J: Array, r: Array) -> Array:
+    """Standard errors of the estimate, (k,), with what the windows leave correlated over a few of them."""
+    H = np.einsum("kwc,lwc->kl", J, J)
+    scores = np.einsum("kwc,wc->wk", J, r)
+    S = scores.T @ scores
+    for lag in range(1, LAGS + 1):
+        weight = 1.0 - lag / (LAGS + 1.0)
+        cross = scores[lag:].T @ scores[:-lag]
+        S += weight * (cross + cross.T)
+    independent = H * (r**2).mean()  # short logs: never surer than white noise of this size allows
+    if not np.linalg.eigvalsh(H)[0] > 1e-12 * np.trace(H):
+        return np.full(len(H), np.inf)
+    inverse = np.linalg.inv(H)
+    variances = [np.diag(inverse @ each @ inverse) for each in (S, independent)]
+    return np.sqrt(np.maximum(*variances))
+
+
+def _step(logs: Sequence[SessionLog], given: LogMap, block: str) -> float:
+    """Median step of a sensor's samples [s]."""
+    first = measured(getattr(given, block))[0]
+    return float(np.median([log.channel(first).step for log in logs]))
+
+
+ACCELERATED = 0.5
+"""Time over which a change of velocity is looked at [s]."""
+MOST_WINDOWS = 1500
+LONGEST_DELAY, EARLIEST = 1.5, -0.7
+"""Delays of the motion that are looked for [s]; before the commands it comes only if clocks disagree."""
+DELAY_STEP = 0.02
+LEAST_OF_EACH = 3
+"""Windows for each coefficient."""
+EXPLAINS = 0.05
+"""Share of the acceleration that the commands must explain at the best delay."""
+CHI2 = 3.84
+"""95 % of chi2 with one degree of freedom."""
+Drive = Callable[[float], Array]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Windows of an unbroken piece of a log.
+
+    Attributes:
+        change: Change of the velocity over each, (W, 6).
+        fixed: Integrals of all that a change of velocity is of beside the commands, (W, k).
+        drive: Integrals of the commands, and of them squared, of a delay [s], (W, 2 n).
+    """
+
+    change: Array
+    fixed: Array
+    drive: Drive
+
+
+def command_delay(
+    logs: Sequence[SessionLog], times: Sequence[Array], dt: float, given: LogMap
+) -> Offset | None:
+    """How much later than the commands the motion is, thrusters' own lag included.
+
+    Args:
+        logs: The sessions.
+        times: Of each session, the times at which all channels go on [s].
+        dt: Sample time [s].
+        given: The map that the data follow; velocity or rates at least.
+
+    Returns:
+        None where the log shows none: no velocities, too short, or commands that explain no acceleration.
+    """
+    axes = _axes(given)
+    rows = sum(map(len, times))
+    stride = max(1, round(ACCELERATED / dt) // 4, rows // MOST_WINDOWS)
+    pieces = [
+        piece for log, t in zip(logs, times, strict=True) for piece in _pieces(log, t, dt, given, stride)
+    ]
+    count = sum(len(piece.change) for piece in pieces)
+    if (
+        not axes
+        or not pieces
+        or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + len(pieces[0].drive(0.0).T))
+    ):
+        return None
+    y = np.concatenate([piece.change for piece in pieces])[:, axes]
+    Z = np.concatenate([piece.fixed for piece in pieces])
+    delays = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
+    drives = [np.concatenate([piece.drive(delay) for piece in pieces]) for delay in delays]
+    return _profiled(y, Z, drives, delays, dt)
+
+
+def _axes(given: LogMap) -> list[int]:
+    """Axes whose velocity is measured."""
+    turned = given.velocity is not None and given.velocity.frame not in conventions.BODIES
+    along = given.velocity is not None and (given.attitude is not None or not turned)
+    return [*(range(3) if along else ()), *(range(3, 6) if given.rates is not None else ())]
+
+
+def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) -> Iterator[_Piece]:
+    """The windows of each unbroken piece of a session that is long enough for every delay."""
+    m = max(2, round(ACCELERATED / dt))
+    edges = np.r_[0, np.flatnonzero(np.diff(t) > GAP * dt) + 1, len(t)]
+    for start, stop in pairwise(edges):
+        at = t[start:stop]
+        if len(at) < m or not at[-1] - at[0] > LONGEST_DELAY - EARLIEST + 2.0 * ACCELERATED:
+            continue
+        inside = (at > at[0] + LONGEST_DELAY) & (at < at[-1] + EARLIEST - ACCELERATED)
+        first = np.flatnonzero(inside)[::stride]
+        values = np.nan_to_num(motion(log, at, given))
+        nu = values[:, 6:]
+        steady = _beside(nu, values[:, 3], values[:, 4])
+        areas = np.vstack(
+            [np.zeros(steady.shape[1]), np.cumsum(0.5 * dt * (steady[1:] + steady[:-1]), axis=0)]
+        )
+        drive = _driven(log, at, dt, given, first, m)
+        yield _Piece(nu[first + m] - nu[first], areas[first + m] - areas[first], drive)
+
+
+def _beside(nu: Array, phi: Array, theta: Array) -> Array:
+    """What accelerates a body beside its thrusters, up to coefficients, (N, 25): damping, turning, weight."""
+    u, v, w, p, q, r = nu.T
+    turning = np.stack([v * r, w * q, u * r, w * p, u * q, v * p, q * r, p * r, p * q], axis=1)
+    weight = np.stack([np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)], axis=1)
+    return np.column_stack([nu, np.abs(nu) * nu, turning, weight, np.ones(len(nu))])
+
+
+def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Drive:
+    """Integrals of commands over windows that begin at some rows, of a delay."""
+    drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
+    drive = np.column_stack([drive, np.abs(drive) * drive])
+    summed = np.vstack([np.zeros(drive.shape[1]), np.cumsum(drive * dt, axis=0)])
+    grid = np.r_[at, at[-1] + dt]
+
+    def until(t: Array) -> Array:
+        return np.stack([np.interp(t, grid, each) for each in summed.T], axis=1)
+
+    return lambda delay: until(at[first + m] - delay) - until(at[first] - delay)
+
+
+def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: float) -> Offset | None:
+    """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
+    basis = _basis(Z)
+    y = y - basis @ (basis.T @ y)
+    drives = [drive - basis @ (basis.T @ drive) for drive in drives]
+    left = np.stack([_left(y, drive) for drive in drives])
+    share = 1.0 - (Z.shape[1] + drives[0].shape[1]) / len(y)
+    every = [_axis(y[:, i], left[:, i], drives, delays, share) for i in range(y.shape[1])]
+    found = np.array([one for one in every if one is not None]).reshape(-1, 2)
+    if not len(found):
+        return None
+    weights = found[:, 1] ** -2.0
+    middle = float(found[:, 0] @ weights / weights.sum())
+    chi2 = float(
+        ((found[:, 0] - middle) ** 2 * weights).sum() / max(len(found) - 1, 1)
+    )  # Birge's ratio, squared
+    half = NORMAL * float(np.sqrt(max(chi2, 1.0) / weights.sum()))
+    return Offset("commands", middle, middle - half, middle + half, dt) if half < WIDEST else None
+
+
+def _axis(
+    y: Array, left: Array, drives: Sequence[Array], delays: Array, share: float
+) -> tuple[float, float] | None:
+    """The delay of one axis with the greatest likelihood, and its standard error by the profile.
+
+    Args:
+        y: Accelerations, less what is free beside the commands, (W,).
+        left: Sum of squares that the commands leave of them at each delay.
+        drives: The commands at each delay, (W, n) each.
+        delays: These delays [s].
+        share: Degrees of freedom that are left, of W.
+
+    Returns:
+        None where the commands explain hardly any of it, or no delay is better than those at the ends.
+    """
+    best = int(np.argmin(left))
+    if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
+        return None
+    own = _basis(drives[best])
+    size = _effective(y - own @ (own.T @ y)) * share
+    above = size * np.log(left / left[best]) - CHI2
+    low, high = _crossing(delays, above, best, -1), _crossing(delays, above, best, 1)
+    if low <= delays[0] or high >= delays[-1]:
+        return None
+    a, b, _ = np.polyfit(delays[best - 1 : best + 2], left[best - 1 : best + 2], 2)
+    middle = -b / (2.0 * a) if a > 0.0 else delays[best]
+    return float(np.clip(middle, delays[best - 1], delays[best + 1])), float((high - low) / (2.0 * NORMAL))
+
+
+def _left(y: Array, drive: Array) -> Array:
+    """Sum of squares that commands leave of accelerations (W, axes), by the normal equations."""
+    size = np.linalg.norm(drive, axis=0)
+    unit = drive[:, size > 0.0] / size[size > 0.0]
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    kept = values > 1e-9 * values.max(initial=0.0)
+    told = (vectors[:, kept].T @ (unit.T @ y)) ** 2 / values[kept, None]
+    return np.asarray((y**2).sum(axis=0) - told.sum(axis=0))
+
+
+def _basis(columns: Array) -> Array:
+    """An orthonormal basis of what columns span, scaled each to 1; of those that say nothing new none."""
+    size = np.linalg.norm(columns, axis=0)
+    U, s, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(U[:, s > 1e-6 * s.max(initial=0.0)])
+
+
+def _effective(r: Array) -> float:
+    """The number of independent values that a correlated series is worth."""
+    r = r - r.mean()
+    power = np.abs(np.fft.rfft(r, 2 * len(r))) ** 2
+    correlation = np.fft.irfft(power)[: len(r)]
+    correlation /= correlation[0]
+    ends = np.flatnonzero(correlation < 0.0)
+    first = int(ends[0]) if len(ends) else len(r)
+    return float(len(r) / (1.0 + 2.0 * correlation[1:first].sum()))
+
+
+def _crossing(delays: Array, above: Array, best: int, way: int) -> float:
+    """Where the profile rises through the limit, to one side of its best, on a line between delays."""
+    k = best
+    while 0 < k < len(delays) - 1 and above[k] <= 0.0:
+        k += way
+    if above[k] <= 0.0:
+        return float(delays[k])
+    share = above[k - way] / (above[k - way] - above[k])
+    return float(delays[k - way] + share * (delays[k] - delays[k - way]))

@@ -1,0 +1,119 @@
+"""Where a sensor sits: its readings as those of the body; and rates of the attitude."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hydro.core.columns import Array, Rows
+from hydro.core.errors import DataError
+from hydro.core.logs import conventions
+from hydro.core.logs.conventions import AXES, BODIES, UNITS, SessionLog
+from hydro.core.logs.logmap import Attitude, Mount, Rates, Velocity, named
+
+SLOPE_SAMPLES = 5
+"""Samples of the attitude that a local parabola has by default."""
+DERIVED = tuple(f"{name}, from the attitude" for name in "pqr")
+"""Columns of rates that stand for none of the log."""
+
+
+def turn(mount: Mount) -> Array:
+    """The rotation from the sensor's axes to the body's, (3, 3)."""
+    if mount.matrix is not None:
+        return np.array(mount.matrix, float)
+    return np.asarray(
+        Rotation.from_euler("ZYX", [mount.yaw, mount.pitch, mount.roll], degrees=True).as_matrix()
+    )
+
+
+def mounted_rates(log: SessionLog, block: Rates) -> dict[str, Array]:
+    """Columns of a gyroscope as if its axes were the body's, in the block's own frame and unit."""
+    assert block.mount is not None
+    t, rows = _samples(log, block)
+    return _written(log, block, rows, conventions.rates(log, block, t) @ turn(block.mount).T)
+
+
+def mounted_velocity(
+    log: SessionLog, block: Velocity, rates: Rates | None, attitude: Attitude | None
+) -> dict[str, Array]:
+    """Columns of a velocity log as if it sat in the body origin with the body's axes: v = R v_s - omega x r.
+
+    Args:
+        log: The session, its rates already put right.
+        block: The velocity, with its mount.
+        rates: What the columns of the rates mean.
+        attitude: The same of the attitude, by which a velocity along world axes is turned.
+
+    Raises:
+        DataError: a lever arm without rates.
+    """
+    assert block.mount is not None
+    t, rows = _samples(log, block)
+    R: Array = np.tile(np.eye(3), (len(t), 1, 1))
+    if block.frame not in BODIES and attitude is not None:
+        R = conventions.attitude(log, attitude, t)
+    v = conventions.velocity(log, block, t, R) @ turn(block.mount).T
+    arm = np.array(block.mount.position, float)
+    if arm.any():
+        if rates is None:
+            raise DataError(
+                "velocity.mount.position: a lever arm needs rates; give rates, or rates from the attitude"
+            )
+        v = v - np.cross(conventions.rates(log, rates, t), arm)
+    if block.frame not in BODIES:
+        v = np.einsum("nij,nj->ni", R, v)
+    return _written(log, block, rows, v)
+
+
+def derived_rates(log: SessionLog, block: Attitude, window: float | None) -> tuple[Array, Array]:
+    """Angular velocity of the attitude's own samples: slopes of local parabolas of its turn.
+
+    The turn from the middle sample to those about it is a small rotation vector, whose slope in the middle is
+    the angular velocity in body axes, exactly.
+
+    Args:
+        log: The session.
+        block: What the attitude's columns mean.
+        window: Length of what a parabola passes through [s]; by default that of five samples.
+
+    Returns:
+        Times [s], shape (n,), and rates about FRD [rad/s], (n, 3); NaN where the window has too few samples.
+    """
+    first = block.quaternion[0] if block.quaternion else (block.columns or ("",))[0]
+    t = log.channel(first).t
+    if len(t) < SLOPE_SAMPLES:
+        return t, np.full((len(t), 3), np.nan)
+    R = Rotation.from_matrix(conventions.attitude(log, block, t))
+    step = float(np.median(np.diff(t)))
+    reach = 0.5 * (window if window is not None else (SLOPE_SAMPLES - 1) * step)
+    limit = 1.001 * max(reach, step)
+    out = np.full((len(t), 3), np.nan)
+    starts, stops = np.searchsorted(t, t - limit), np.searchsorted(t, t + limit, side="right")
+    for k, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        if stop - start < 3 or k in (start, stop - 1):
+            continue
+        s = (t[start:stop] - t[k]) / limit
+        turned = (R[k].inv() * R[start:stop]).as_rotvec()
+        powers = np.stack([s, s**2], axis=1)  # through the middle sample's own turn would keep its noise
+        design = np.column_stack([np.ones(len(s)), powers])
+        out[k] = np.linalg.lstsq(design, turned, rcond=None)[0][1] / limit
+    return t, out
+
+
+def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
+    """Times and rows of the samples that a vector of three columns has whole."""
+    names = [named(source).column for source in block.columns]
+    values = np.stack([log.columns[name] for name in names])
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
+    return log.clocks.get(names[0], log.t)[rows], rows
+
+
+def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array) -> dict[str, Array]:
+    """Vectors in FRD or NED at some rows as the columns that the block would read them from."""
+    own = values @ AXES[block.frame] / UNITS[block.unit]
+    found = {}
+    for source, part in zip(map(named, block.columns), own.T, strict=True):
+        column = np.full(len(log.t), np.nan)
+        column[rows] = (part - source.offset) / source.scale
+        found[source.column] = column
+    return found

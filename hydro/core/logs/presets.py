@@ -1,0 +1,174 @@
+"""Columns of well-known loggers, by the names of their messages: what they are, in which frame and unit.
+
+A name fits the end of a column, after a slash, a dot or nothing, so that a vehicle's namespace may stand
+before it; an index may be written `[0]` or `.0`.  Of several sources of a quantity the first that is whole is
+taken: the estimate of the vehicle's own filter before a single sensor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from hydro.core.errors import DataError
+
+Block = dict[str, Any]
+MOST_THRUSTERS = 8
+"""Outputs taken for thrusters where the names do not say: beyond are lights, grippers and mounts."""
+LEAST_BLOCKS = 2
+"""Quantities that a log must have by a preset's names before it is taken unasked."""
+
+
+class Source(NamedTuple):
+    """Columns of one quantity: a stem with what is put for its `*`, and the settings of its block."""
+
+    stem: str
+    parts: tuple[str, ...]
+    settings: Mapping[str, Any] = MappingProxyType({})
+
+
+def _of(stem: str, parts: str | Sequence[str], **settings: Any) -> Source:
+    return Source(stem, tuple(parts), settings)
+
+
+def _ros(topic: str, world: str, body: str) -> dict[str, list[Source]]:
+    """The fields of a nav_msgs/Odometry."""
+    frames = {"world": world, "body": body}
+    return {
+        "position": [_of(f"{topic}.pose.pose.position.*", "xyz", world=world)],
+        "attitude": [_of(f"{topic}.pose.pose.orientation.*", "xyzw", layout="xyzw", **frames)],
+        "velocity": [_of(f"{topic}.twist.twist.linear.*", "xyz", frame=body)],
+        "rates": [_of(f"{topic}.twist.twist.angular.*", "xyz", frame=body)],
+    }
+
+
+_INDICES = tuple(str(i) for i in range(MOST_THRUSTERS))
+_NUMBERS = tuple(str(i + 1) for i in range(MOST_THRUSTERS))
+_LOCAL = "mavros/local_position"
+_FLU = {"world": "ENU", "body": "FLU"}
+_ODOMETRY = _ros(f"{_LOCAL}/odom", "ENU", "FLU")
+_ANGLES = ("roll", "pitch", "yaw")
+_SPINS = ("rollspeed", "pitchspeed", "yawspeed")
+_CORE = "XKF1"
+
+PRESETS: dict[str, dict[str, list[Source]]] = {
+    "mavros": {
+        "position": [*_ODOMETRY["position"], _of(f"{_LOCAL}/pose.pose.position.*", "xyz", world="ENU")],
+        "attitude": [
+            *_ODOMETRY["attitude"],
+            _of(f"{_LOCAL}/pose.pose.orientation.*", "xyzw", layout="xyzw", **_FLU),
+            _of("mavros/imu/data.orientation.*", "xyzw", layout="xyzw", **_FLU),
+        ],
+        "velocity": [
+            *_ODOMETRY["velocity"],
+            _of(f"{_LOCAL}/velocity_body.twist.linear.*", "xyz", frame="FLU"),
+            _of(f"{_LOCAL}/velocity_local.twist.linear.*", "xyz", frame="ENU"),
+        ],
+        "rates": [*_ODOMETRY["rates"], _of("mavros/imu/data.angular_velocity.*", "xyz", frame="FLU")],
+        "commands": [_of("mavros/rc/out.channels.*", _INDICES, unit="pwm")],
+    },
+    "ardusub": {
+        "position": [_of(f"{_CORE}.P*", "NED"), _of("NKF1.P*", "NED")],
+        "attitude": [
+            _of("ATT.*", ("Roll", "Pitch", "Yaw"), unit="deg"),
+            _of(f"{_CORE}.*", ("Roll", "Pitch", "Yaw"), unit="deg"),
+        ],
+        "velocity": [_of(f"{_CORE}.V*", "NED", frame="NED"), _of("NKF1.V*", "NED", frame="NED")],
+        "rates": [_of("IMU.Gyr*", "XYZ")],
+        "commands": [_of("RCOU.C*", _NUMBERS, unit="pwm")],
+    },
+    "blueos": {
+        "position": [_of("LOCAL_POSITION_NED.*", "xyz")],
+        "attitude": [_of("ATTITUDE.*", _ANGLES)],
+        "velocity": [_of("LOCAL_POSITION_NED.v*", "xyz", frame="NED")],
+        "rates": [_of("ATTITUDE.*", _SPINS)],
+        "commands": [_of("SERVO_OUTPUT_RAW.servo*_raw", _NUMBERS, unit="pwm")],
+    },
+    "stonefish": {
+        **_ros("odometry", "NED", "FRD"),
+        "commands": [
+            _of(f"{topic}.*", _INDICES)
+            for topic in (
+                "thruster_state.setpoint",
+                "thruster_setpoints.data",
+                "thrusters.data",
+                "setpoint.data",
+            )
+        ],
+    },
+    "px4": {
+        "position": [_of("vehicle_local_position.*", "xyz"), _of("vehicle_odometry.position.*", "012")],
+        "attitude": [_of("vehicle_attitude.q.*", "0123"), _of("vehicle_odometry.q.*", "0123")],
+        "velocity": [
+            _of("vehicle_local_position.v*", "xyz", frame="NED"),
+            _of("vehicle_odometry.velocity.*", "012", frame="NED"),
+        ],
+        "rates": [
+            _of("vehicle_angular_velocity.xyz.*", "012"),
+            _of("vehicle_odometry.angular_velocity.*", "012"),
+        ],
+        "commands": [
+            _of("actuator_motors.control.*", _INDICES),
+            _of("actuator_outputs.output.*", _INDICES, unit="pwm"),
+        ],
+    },
+}
+"""What each kind of logger calls its columns, by quantity, the preferred source first."""
+
+
+def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str | None, dict[str, Block]]:
+    """The preset of a log's names, and the blocks of a map that it makes.
+
+    Args:
+        names: The log's columns.
+        preset: One that is known; by default that with the most blocks, if it has two at least.
+
+    Raises:
+        DataError: no column is called as the given preset has it.
+    """
+    found = {key: _blocks(names, PRESETS[key]) for key in ([preset] if preset is not None else PRESETS)}
+    best = max(found, key=lambda key: len(found[key]))
+    if preset is not None and not found[best]:
+        raise DataError(
+            f"no column is called as a log of {preset} calls them; leave --preset out, or try "
+            f"{', '.join(key for key in PRESETS if key != preset)}"
+        )
+    if preset is None and len(found[best]) < LEAST_BLOCKS:
+        return None, {}
+    return best, found[best]
+
+
+def _blocks(names: Sequence[str], quantities: Mapping[str, Sequence[Source]]) -> dict[str, Block]:
+    found = {}
+    for quantity, sources in quantities.items():
+        block = next((one for one in (_block(names, quantity, each) for each in sources) if one), None)
+        if block is not None:
+            found[quantity] = block
+    return found
+
+
+def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
+    """The block of one source; of thrusters those in a row that are there."""
+    columns = [_column(names, source.stem, part) for part in source.parts]
+    if quantity == "commands":
+        columns = columns[: columns.index(None)] if None in columns else columns
+    if not columns or None in columns:
+        return None
+    key = "quaternion" if quantity == "attitude" and len(columns) == 4 else "columns"
+    return {key: columns, **source.settings}
+
+
+def _column(names: Sequence[str], stem: str, part: str) -> str | None:
+    """The first column whose end is the stem with a part in the place of its star.
+
+    The number of an instance, the first of several, and a level `message` may stand within.
+    """
+    wanted = stem.replace("*", part)
+    for name in names:
+        plain = re.sub(r"\.message\.", ".", re.sub(r"\[(\d+)\]", r".\1", name))
+        for one in (plain, re.sub(r"\.0\.", ".", plain)):
+            if one == wanted or one.endswith((f"/{wanted}", f".{wanted}")):
+                return name
+    return None

@@ -1,0 +1,267 @@
+"""The samples of a log as its sensors took them: valid, new, at their own time, and at the body origin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import msgspec
+import numpy as np
+
+from hydro.core.columns import Array, Mask
+from hydro.core.errors import DataError
+from hydro.core.logs.clocks import bunched, evened
+from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.logmap import (
+    Block,
+    Commands,
+    LogMap,
+    Rates,
+    Valid,
+    blocks_of,
+    command,
+    conditions,
+    measured,
+    named,
+)
+from hydro.core.logs.mounting import DERIVED, derived_rates, mounted_rates, mounted_velocity
+
+REPEATS = 0.1
+"""Share of a velocity's readings that repeat the last one from which repeats are no readings."""
+SAME = 1e-9  # relative
+Sensor = Block | Commands
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Sessions whose columns hold samples alone, and what was done to them.
+
+    Attributes:
+        logs: The sessions.
+        meaning: The map that reads them: that of the log, with the columns of derived rates.
+        notes: What was done, a line each.
+        gated: Of each session, times at which readings came of blocks that lost some to `valid` or as
+            repeats [s], by the block's name: silence of its own is not silence of the log.
+    """
+
+    logs: tuple[SessionLog, ...]
+    meaning: LogMap
+    notes: tuple[str, ...]
+    gated: tuple[Mapping[str, Array], ...]
+
+
+@dataclass
+class _Work:
+    """One session under way."""
+
+    log: SessionLog
+    columns: dict[str, Array]
+    clocks: dict[str, Array] = field(default_factory=dict)
+    gated: dict[str, Array] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+    repeats: dict[str, int] = field(default_factory=dict)
+    even: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def now(self) -> SessionLog:
+        return replace(self.log, columns=self.columns, clocks=self.clocks)
+
+
+def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
+    """Do what the map says of validity, divisors, repeats, stamps and mounts.
+
+    Args:
+        logs: The sessions, as logged.
+        meaning: What their columns mean.
+
+    Raises:
+        DataError: a column has two clocks, a topic is not periodic that the map calls even, or a lever arm
+            has no rates.
+    """
+    _check_shared(meaning)
+    works = [_Work(log, dict(log.columns)) for log in logs]
+    sensors: dict[str, Sensor] = {**blocks_of(meaning), "commands": meaning.commands}
+    for name, block in sensors.items():
+        names = _names(block)
+        if not names:
+            continue
+        for work in works:
+            _gate(work, name, block, names)
+        if getattr(block, "held", False) is not False:
+            _unheld(works, name, names, demanded=block.held is True)  # type: ignore[union-attr]
+        for work in works:
+            _stamp(work, name, block, names)
+    given = _mounted(works, meaning)
+    return Prepared(
+        logs=tuple(work.now() for work in works),
+        meaning=given,
+        notes=tuple(_notes(works, meaning)),
+        gated=tuple(work.gated for work in works),
+    )
+
+
+def _names(block: Sensor) -> list[str]:
+    """Columns of a sensor's values."""
+    if isinstance(block, Commands):
+        return [command(source).column for source in block.columns]
+    return [source.column for source in measured(block)]
+
+
+def _check_shared(meaning: LogMap) -> None:
+    """Refuse a column of two sensors that say different things of its samples."""
+    said: dict[str, tuple[str, tuple[object, ...]]] = {}
+    for where, block in {**blocks_of(meaning), "commands": meaning.commands}.items():
+        own = (block.valid, block.per, block.lag, block.even, getattr(block, "mount", None))
+        for name in _names(block):
+            other, theirs = said.setdefault(name, (where, own))
+            if theirs != own:
+                raise DataError(
+                    f"column {name} is of {other} and of {where}, which say different things of its samples "
+                    "(valid, per, lag, even, mount): say the same in both"
+                )
+
+
+def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
+    """Empty the cells of samples that are not valid, and divide by another column."""
+    if block.valid != ():
+        there = np.isfinite(np.stack([work.columns[each] for each in names])).any(axis=0)
+        good = np.ones(len(work.log.t), bool)
+        for one in conditions(block.valid):
+            good &= _holds(work.log, one, names)
+        if (there & ~good).any():
+            work.lost[name] = int((there & ~good).sum())
+            work.gated[name] = np.flatnonzero(there).astype(float)
+        for each in names:
+            work.columns[each] = np.where(good, work.columns[each], np.nan)
+    if block.per is not None:
+        divisor = named(block.per)
+        by = divisor.scale * work.log.columns[divisor.column] + divisor.offset
+        by = _latest(by)
+        for each in dict.fromkeys(names):
+            quotient = np.divide(work.columns[each], by, out=np.full(len(by), np.nan), where=by != 0.0)
+            work.columns[each] = quotient
+
+
+def _holds(log: SessionLog, one: Valid, names: Sequence[str]) -> Mask:
+    """In which rows a condition holds, (n,)."""
+    if one.column is not None:
+        return _meets(_latest(log.columns[one.column]), one)
+    held = [_meets(log.columns[each], one) | ~np.isfinite(log.columns[each]) for each in names]
+    return np.asarray(np.logical_and.reduce(held))
+
+
+def _meets(values: Array, one: Valid) -> Mask:
+    with np.errstate(invalid="ignore"):
+        good: Mask = np.isfinite(values)
+        if one == Valid(one.column):
+            good &= values != 0.0
+        if one.equals is not None:
+            good &= np.isclose(values, one.equals, rtol=SAME, atol=0.0)
+        if one.differs is not None:
+            good &= ~np.isclose(values, one.differs, rtol=SAME, atol=0.0)
+        if one.above is not None:
+            good &= values > one.above
+        if one.below is not None:
+            good &= values < one.below
+    return good
+
+
+def _latest(values: Array) -> Array:
+    """The last number at or before each row; NaN before the first."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
+
+
+def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded: bool) -> None:
+    """Empty the cells of readings that repeat the last one, where many do or the map says so."""
+    found, readings, moving = [], 0, 0
+    for work in works:
+        values = np.stack([work.columns[each] for each in names], axis=1)
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        same = np.r_[False, (np.diff(values[rows], axis=0) == 0.0).all(axis=1)][: len(rows)]
+        same &= (values[rows] != 0.0).any(axis=1)
+        found.append((rows, same))
+        readings, moving = readings + len(rows), moving + int(same.sum())
+    if not moving or not (demanded or moving > REPEATS * readings):
+        return
+    for work, (rows, same) in zip(works, found, strict=True):
+        if same.any():
+            work.repeats[name] = int(same.sum())
+            work.gated.setdefault(name, rows.astype(float))
+        for each in names:
+            column = work.columns[each].copy()
+            column[rows[same]] = np.nan
+            work.columns[each] = column
+
+
+def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
+    """Give the samples their own times: even where the stamps are receive times, earlier by the lag."""
+    t = work.log.t
+    rows = np.flatnonzero(np.isfinite(np.stack([work.log.columns[each] for each in names])).any(axis=0))
+    if block.even or (block.even is None and bunched(t[rows])):
+        sent = evened(t[rows])
+        if sent is not None:
+            t = t.copy()
+            t[rows] = sent.t
+            work.even[name] = (sent.period, sent.latest)
+        elif block.even:
+            raise DataError(
+                f"{name}.even: the stamps of session {work.log.name} are no receive times of a topic at even "
+                "steps (messages lost, or not periodic); leave it out"
+            )
+    if block.lag or t is not work.log.t:
+        for each in names:
+            work.clocks[each] = t - block.lag
+    if name in work.gated:
+        work.gated[name] = (t - block.lag)[work.gated[name].astype(int)]
+
+
+def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
+    """Put gyroscope and velocity log into the body origin, and derive rates where they are to be."""
+    rates, given = meaning.rates, meaning
+    if rates is not None and rates.source == "attitude":
+        given = msgspec.structs.replace(meaning, rates=Rates(DERIVED, lag=rates.lag))
+        for work in works:
+            _derive(work, meaning, rates)
+    elif rates is not None and rates.mount is not None:
+        for work in works:
+            work.columns.update(mounted_rates(work.now(), rates))
+    if meaning.velocity is not None and meaning.velocity.mount is not None:
+        for work in works:
+            work.columns.update(mounted_velocity(work.now(), meaning.velocity, given.rates, meaning.attitude))
+    return given
+
+
+def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
+    """Rates from the attitude as columns with a clock of their own."""
+    assert meaning.attitude is not None
+    t, values = derived_rates(work.now(), meaning.attitude, rates.window)
+    rows = len(work.log.t)
+    clock = np.r_[t, np.full(rows - len(t), t[-1] if len(t) else 0.0)]
+    for name, part in zip(DERIVED, values.T, strict=True):
+        work.columns[name] = np.r_[part, np.full(rows - len(t), np.nan)]
+        work.clocks[name] = clock
+
+
+def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
+    """What was done, in words."""
+    lines = []
+    sensors: dict[str, Sensor] = {**blocks_of(meaning), "commands": meaning.commands}
+    for name, block in sensors.items():
+        if lost := sum(work.lost.get(name, 0) for work in works):
+            lines.append(f"{name}: {lost:,} samples are not valid by the map and left out")
+        if held := sum(work.repeats.get(name, 0) for work in works):
+            why = "" if getattr(block, "held", None) else f" ({name}.held = false keeps them)"
+            lines.append(f"{name}: {held:,} readings only repeat the last one and are left out{why}")
+        if even := [work.even[name] for work in works if name in work.even]:
+            period = float(np.median([each for each, _ in even]))
+            latest = max(each for _, each in even)
+            keep = "" if block.even else f"; {name}.even = false keeps the stamps"
+            lines.append(
+                f"{name}: received in bursts; put on an even clock of {1.0 / period:.4g} Hz below the times "
+                f"of receipt, which are up to {latest:.2g} s later{keep}"
+            )
+    if meaning.rates is not None and meaning.rates.source == "attitude":
+        lines.append(
+            "rates: derived from the attitude's samples, not measured: they say nothing of their own"
+        )
+    return lines

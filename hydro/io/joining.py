@@ -1,0 +1,100 @@
+"""Several files of one recording, each with its own clock, as one log: rows of all in the order of time."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from pathlib import PurePath
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.core.logs.logmap import LogMap, Session, Table, Time
+from hydro.io.files import shown
+from hydro.io.log import Log
+from hydro.io.sessions import clock, named_columns
+
+TIME, SESSION = "time of the row", "session of the file"
+"""Columns of the joined log: nanoseconds since any epoch, and what `{session}` stands for."""
+
+
+def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
+    """The rows of several logs in one, with the columns that the map names, and the map that reads it.
+
+    A row has the columns of its own file; those of the others are empty.
+
+    Args:
+        logs: The logs, in any order.
+        meaning: The map; its `[[table]]`s say which file has which clock.
+
+    Raises:
+        DataError: a file fits no table or several, a table has no file, or a column is in none or in several.
+    """
+    wanted = {name for _, name in named_columns(meaning)}
+    where: dict[str, Table] = {}
+    parts = []
+    for log in logs:
+        table, session = _place(log, meaning)
+        columns = _columns(log, table, wanted)
+        for name in columns:
+            if where.setdefault(name, table) is not table:
+                raise DataError(
+                    f"column {shown(name)} is in {where[name].files} and in {table.files}: give these tables "
+                    "a name, and call it NAME.COLUMN"
+                )
+        ticks, rows, per_second = clock(log, Time(table.time, table.unit))
+        if np.issubdtype(ticks.dtype, np.integer):
+            ticks = ticks * round(1e9 / per_second)
+        else:
+            ticks = np.round(ticks * (1e9 / per_second)).astype(np.int64)
+        frame = log.frame.select(pl.col(own).alias(name) for name, own in columns.items())
+        head = pl.DataFrame({SESSION: pl.repeat(session, len(rows), eager=True), TIME: ticks})
+        parts.append(pl.concat([head, frame[rows.tolist()]], how="horizontal"))
+    _require_all(meaning, logs, wanted, where)
+    frame = pl.concat(parts, how="diagonal_relaxed").sort(TIME, maintain_order=True)
+    names = [log.name for log in logs]
+    digest = hashlib.sha256("".join(log.digest for log in logs).encode()).hexdigest()
+    time = Time(TIME, "ns", meaning.time.longest_step)
+    read = msgspec.structs.replace(meaning, time=time, session=Session(SESSION, gap=meaning.session.gap))
+    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    return Log(title, frame, f"sha256:{digest}", files=tuple(log.digest for log in logs)), read
+
+
+def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:
+    """The table that a file is of, and its session."""
+    found = []
+    name = PurePath(log.name).name
+    for table in meaning.table:
+        pieces = re.split(r"(\{session\}|\*)", table.files)
+        groups = {"{session}": "(?P<session>.+)", "*": ".*"}
+        if match := re.fullmatch("".join(groups.get(each, re.escape(each)) for each in pieces), name):
+            found.append((table, match.groupdict().get("session") or meaning.session.name or "log"))
+    if len(found) == 1:
+        return found[0]
+    patterns = ", ".join(table.files for table in meaning.table)
+    many = "several" if found else "none"
+    raise DataError(
+        f"{log.name}: fits {many} of the map's tables ({patterns}): correct table.files, or leave it out"
+    )
+
+
+def _columns(log: Log, table: Table, wanted: set[str]) -> dict[str, str]:
+    """Columns of a file that the map names, by what it calls them."""
+    prefix = f"{table.name}." if table.name is not None else ""
+    return {prefix + own: own for own in log.frame.columns if prefix + own in wanted}
+
+
+def _require_all(meaning: LogMap, logs: Sequence[Log], wanted: set[str], where: dict[str, Table]) -> None:
+    """Refuse tables without a file, and columns that no file has."""
+    there = {_place(log, meaning)[0] for log in logs}
+    for table in meaning.table:
+        if table not in there:
+            raise DataError(f"no file is called like {table.files}, a [[table]] of the map: give it too")
+    if missing := sorted(wanted - where.keys()):
+        raise DataError(
+            f"no file has a column that the map calls {', '.join(map(shown, missing))}; columns of a table "
+            "with a name are called NAME.COLUMN"
+        )
