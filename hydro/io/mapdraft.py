@@ -72,7 +72,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
         "Guessed from the columns' names: check every line; empty names stand for what could not be guessed.",
         f"The log has: {listed(columns)}",
         'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',
-        'Any of them may have valid = "COLUMN", per = "COLUMN", lag = 0.1 [s]; see docs/import.md.',
+        'Any of them may have valid = "COLUMN", per = "COLUMN", lag = 0.1 [s]; see docs/map.md.',
         "Leave out position, attitude, velocity or rates where there is no such sensor: they are null then.",
     ):
         document.add(tomlkit.comment(line))
