@@ -14,7 +14,9 @@ from hydro.core.effects import CATALOGUE, examples
 
 PACKAGE = Path(__file__).resolve().parents[1] / "hydro"
 HOME = PACKAGE / "core" / "effects"
-MODULES = sorted(path for path in PACKAGE.rglob("*.py") if HOME not in path.parents)
+WRITTEN = PACKAGE / "core" / "vehicle" / "estimate.py"
+"""Writes a vehicle file's tables, as a user would, and lies below the catalogue."""
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if HOME not in path.parents and path != WRITTEN)
 NAME = re.compile(rf"\b(?:{'|'.join(CATALOGUE)})\b")
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Assign | ast.AnnAssign
 
