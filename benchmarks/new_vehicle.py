@@ -19,8 +19,8 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects.catalogue import added_mass_matrix
+from hydro.core.geometry.estimate import Estimate, Known, estimate
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.estimate import Estimate, Known, estimate
 from hydro.io import vehicle
 from hydro.io.files import bundled
 

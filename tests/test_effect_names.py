@@ -14,9 +14,7 @@ from hydro.core.effects import CATALOGUE, examples
 
 PACKAGE = Path(__file__).resolve().parents[1] / "hydro"
 HOME = PACKAGE / "core" / "effects"
-WRITTEN = PACKAGE / "core" / "vehicle" / "estimate.py"
-"""Writes a vehicle file's tables, as a user would, and lies below the catalogue."""
-MODULES = sorted(path for path in PACKAGE.rglob("*.py") if HOME not in path.parents and path != WRITTEN)
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if HOME not in path.parents)
 NAME = re.compile(rf"\b(?:{'|'.join(CATALOGUE)})\b")
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.Assign | ast.AnnAssign
 

@@ -39,7 +39,7 @@ LEVELS = {
         ("distillation",),
         ("simulation",),
         ("logs",),
-        ("recording",),
+        ("recording", "geometry"),
         ("effects",),
         ("vehicle",),
         ("columns",),

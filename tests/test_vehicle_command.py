@@ -14,10 +14,10 @@ import polars as pl
 import pytest
 
 from hydro import cli
+from hydro.core.geometry import solid
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import stated
 from hydro.core.simulation.simulate import simulate
-from hydro.core.vehicle import solid
 from hydro.io import vehicle
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -16,9 +16,9 @@ from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from hydro.core.columns import Array
+    from hydro.core.geometry.estimate import Estimate, Known
+    from hydro.core.geometry.solid import Solid
     from hydro.core.vehicle.description import Thruster, Vector3
-    from hydro.core.vehicle.estimate import Estimate, Known
-    from hydro.core.vehicle.solid import Solid
 
 NAME = "vehicle"
 HELP = "Make a vehicle file from mass, dimensions and thrusters."
@@ -144,7 +144,7 @@ def new(
     asked = Asked(
         *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust)
     )
-    from hydro.core.vehicle.layouts import driven
+    from hydro.core.geometry.layouts import driven
 
     if asked.thrusters and asked.layout is not None:
         raise UsageError("--thruster and --layout: give one of them")
@@ -198,7 +198,7 @@ def _ask(asked: Asked, mesh: bool, place: str, force: bool, *, chosen: bool) -> 
 
 def _ask_thrusters(asked: Asked) -> None:
     """A usual layout by its name, or each thruster by its numbers."""
-    from hydro.core.vehicle.layouts import LAYOUTS, parsed
+    from hydro.core.geometry.layouts import LAYOUTS, parsed
 
     def layout(text: str) -> str:
         if text not in (*LAYOUTS, "own"):
@@ -251,7 +251,7 @@ def above_0(text: str) -> float:
 
 def _maybe(text: str) -> str:
     """A number or nothing."""
-    from hydro.core.vehicle.layouts import numbers_of
+    from hydro.core.geometry.layouts import numbers_of
 
     if text:
         numbers_of(text, "height", (1,), "a height")
@@ -281,7 +281,7 @@ def _known(
     Raises:
         DataError: A number or a thruster is not one.
     """
-    from hydro.core.vehicle.estimate import Known
+    from hydro.core.geometry.estimate import Known
 
     force = None
     if asked.buoyancy not in (None, NEUTRAL):
@@ -309,7 +309,7 @@ def _known(
 
 def _triple(option: str, text: str | None) -> Vector3 | None:
     """Three numbers of an option's text; None where it was not given."""
-    from hydro.core.vehicle.layouts import numbers_of
+    from hydro.core.geometry.layouts import numbers_of
 
     if text is None:
         return None
@@ -319,7 +319,7 @@ def _triple(option: str, text: str | None) -> Vector3 | None:
 
 def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thruster, ...]:
     """The thrusters by their numbers or layout."""
-    from hydro.core.vehicle.layouts import laid_out, parsed
+    from hydro.core.geometry.layouts import laid_out, parsed
 
     if asked.thrusters:
         return parsed(asked.thrusters)
@@ -329,7 +329,7 @@ def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thrust
 
 def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
     """A mesh's solid, and its added mass where Capytaine is installed and the mesh not too fine."""
-    from hydro.core.vehicle.solid import MOST_FACES, radiated_added_mass, solid, solvable
+    from hydro.core.geometry.solid import MOST_FACES, radiated_added_mass, solid, solvable
     from hydro.io.mesh import read_obj
 
     vertices, faces = read_obj(path)
@@ -350,7 +350,7 @@ def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
 
 def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array | None, place: str) -> None:
     """Estimate, check and write."""
-    from hydro.core.vehicle.estimate import estimate
+    from hydro.core.geometry.estimate import estimate
     from hydro.io import new_vehicle, vehicle
 
     beside = None

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hydro.core.geometry.estimate import Estimate
 from hydro.core.vehicle.description import Thruster
-from hydro.core.vehicle.estimate import Estimate
 
 DIGITS = 4
 """Significant digits of what is estimated; what is given keeps all of its own."""

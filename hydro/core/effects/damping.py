@@ -139,38 +139,40 @@ LINEAR_DAMPING = Effect(
     roles=frozenset({Role.HULL_WATER}),
 )
 
+QUADRATIC_DAMPING = Effect(
+    name="quadratic_damping",
+    family="damping",
+    kind="wrench",
+    definition="-D_Q abs(nu_r) nu_r",
+    source="Morison et al. (1950); Fossen (2011), section 6.4",
+    excitation="steady speeds from slow to full on every axis",
+    lookalikes=(
+        "linear_damping",
+        "crossflow_drag",
+        "cross_axis_drag",
+        "thruster_inflow",
+        "thruster_gain",
+    ),
+    parameters=(
+        Parameter(
+            "diagonal",
+            ("N s^2/m^2", "N m s^2"),
+            "diagonal of D_Q",
+            (6,),
+            required=True,
+            scale=(of_mass(1.0), of_moment(1.0)),
+            limits=keeps_quadratic,
+            plausible=HULL_DRAG,
+        ),
+    ),
+    kernel=quadratic,
+    advice=Advice(parted_by=(COASTING,)),
+    roles=frozenset({Role.HULL_WATER}),
+)
+
 EFFECTS = (
     LINEAR_DAMPING,
-    Effect(
-        name="quadratic_damping",
-        family="damping",
-        kind="wrench",
-        definition="-D_Q abs(nu_r) nu_r",
-        source="Morison et al. (1950); Fossen (2011), section 6.4",
-        excitation="steady speeds from slow to full on every axis",
-        lookalikes=(
-            "linear_damping",
-            "crossflow_drag",
-            "cross_axis_drag",
-            "thruster_inflow",
-            "thruster_gain",
-        ),
-        parameters=(
-            Parameter(
-                "diagonal",
-                ("N s^2/m^2", "N m s^2"),
-                "diagonal of D_Q",
-                (6,),
-                required=True,
-                scale=(of_mass(1.0), of_moment(1.0)),
-                limits=keeps_quadratic,
-                plausible=HULL_DRAG,
-            ),
-        ),
-        kernel=quadratic,
-        advice=Advice(parted_by=(COASTING,)),
-        roles=frozenset({Role.HULL_WATER}),
-    ),
+    QUADRATIC_DAMPING,
     Effect(
         name="coupled_damping",
         family="damping",

@@ -97,6 +97,29 @@ def as_a_wing(i: int, j: int) -> Plausible:
     return Plausible(at, words, "Hoerner (1965); thin-wing theory")
 
 
+BODY_LIFT = Effect(
+    name="body_lift",
+    family="hull",
+    kind="wrench",
+    definition="-|u_r| L nu_r in Y, N of v_r, r and in Z, M of w_r, q",
+    source="Prestero (2001), chapter 4 (body and fin lift); Hoerner (1965)",
+    excitation="drift and turns at speed, ahead and astern",
+    identification=Identification(absorbs=ABSORBED),
+    lookalikes=("added_mass_coriolis", "coupled_damping", "cross_axis_drag"),
+    parameters=tuple(
+        Parameter(
+            f"L{i}{j}",
+            ("kg/m" if i == j < 3 else "kg m" if i == j else "kg",),
+            f"force {'XYZKMN'[i]} per speed and {'uvwpqr'[j]}",
+            scale=(of_mass(0.5) if i == j < 3 else of_mixed(0.1) if i == j else None,),
+            plausible=as_a_wing(i, j),
+        )
+        for i, j in LIFT
+    ),
+    kernel=body_lift,
+    advice=Advice(parted_by=(DRIFT,)),
+)
+
 EFFECTS = (
     Effect(
         name="crossflow_drag",
@@ -129,26 +152,5 @@ EFFECTS = (
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER}),
     ),
-    Effect(
-        name="body_lift",
-        family="hull",
-        kind="wrench",
-        definition="-|u_r| L nu_r in Y, N of v_r, r and in Z, M of w_r, q",
-        source="Prestero (2001), chapter 4 (body and fin lift); Hoerner (1965)",
-        excitation="drift and turns at speed, ahead and astern",
-        identification=Identification(absorbs=ABSORBED),
-        lookalikes=("added_mass_coriolis", "coupled_damping", "cross_axis_drag"),
-        parameters=tuple(
-            Parameter(
-                f"L{i}{j}",
-                ("kg/m" if i == j < 3 else "kg m" if i == j else "kg",),
-                f"force {'XYZKMN'[i]} per speed and {'uvwpqr'[j]}",
-                scale=(of_mass(0.5) if i == j < 3 else of_mixed(0.1) if i == j else None,),
-                plausible=as_a_wing(i, j),
-            )
-            for i, j in LIFT
-        ),
-        kernel=body_lift,
-        advice=Advice(parted_by=(DRIFT,)),
-    ),
+    BODY_LIFT,
 )

@@ -116,30 +116,32 @@ ADDED_MASS = Effect(
     roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING}),
 )
 
+ADDED_MASS_COUPLING = Effect(
+    name="added_mass_coupling",
+    family="inertia",
+    kind="inertia",
+    definition="-M_A nu_r_dot - C_A(nu_r) nu_r with M_A[i,j] = M_A[j,i] for five pairs",
+    source="Fossen (2011), section 6.3.1; Newman (1977), section 4.14",
+    excitation="sway with yaw acceleration, heave with pitch, surge with pitch, sway with roll",
+    lookalikes=("coupled_damping", "sensor_lever_arm", "payload"),
+    parameters=tuple(
+        Parameter(
+            f"M{i}{j}",
+            ("kg" if j < 3 else "kg m",),
+            f"M_A[{i},{j}] and M_A[{j},{i}]",
+            scale=(None if j < 3 else BETWEEN,),
+            plausible=replace(ADDED_INERTIA, at=of_entry(ADDED_INERTIA.at, i, j)),
+        )
+        for i, j in COUPLED
+    ),
+    inertia=couplings,
+    advice=Advice(parted_by=(DRIFT,)),
+    roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
+)
+
 EFFECTS = (
     ADDED_MASS,
-    Effect(
-        name="added_mass_coupling",
-        family="inertia",
-        kind="inertia",
-        definition="-M_A nu_r_dot - C_A(nu_r) nu_r with M_A[i,j] = M_A[j,i] for five pairs",
-        source="Fossen (2011), section 6.3.1; Newman (1977), section 4.14",
-        excitation="sway with yaw acceleration, heave with pitch, surge with pitch, sway with roll",
-        lookalikes=("coupled_damping", "sensor_lever_arm", "payload"),
-        parameters=tuple(
-            Parameter(
-                f"M{i}{j}",
-                ("kg" if j < 3 else "kg m",),
-                f"M_A[{i},{j}] and M_A[{j},{i}]",
-                scale=(None if j < 3 else BETWEEN,),
-                plausible=replace(ADDED_INERTIA, at=of_entry(ADDED_INERTIA.at, i, j)),
-            )
-            for i, j in COUPLED
-        ),
-        inertia=couplings,
-        advice=Advice(parted_by=(DRIFT,)),
-        roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
-    ),
+    ADDED_MASS_COUPLING,
     Effect(
         name="added_mass_coriolis",
         family="inertia",

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from benchmarks.new_vehicle import PAGE, comparisons, markdown
 from hydro.core.effects.catalogue import added_mass_matrix, implausible
 from hydro.core.errors import DataError
+from hydro.core.geometry.estimate import Known, estimate
+from hydro.core.geometry.hull_drag import linear_drag, quadratic_drag
+from hydro.core.geometry.hull_form import SHAPES, form_of, uniform_inertia
+from hydro.core.geometry.hull_inertia import added_mass
+from hydro.core.geometry.layouts import LAYOUTS, laid_out, parsed
+from hydro.core.geometry.solid import radiated_added_mass, solid
 from hydro.core.vehicle.ellipsoid import added_mass_matrix as of_ellipsoid
-from hydro.core.vehicle.estimate import Known, estimate
-from hydro.core.vehicle.hull_drag import linear_drag, quadratic_drag
-from hydro.core.vehicle.hull_form import SHAPES, form_of, uniform_inertia
-from hydro.core.vehicle.hull_inertia import added_mass
-from hydro.core.vehicle.layouts import LAYOUTS, laid_out, parsed
 from hydro.core.vehicle.panels import superellipsoid
-from hydro.core.vehicle.solid import radiated_added_mass, solid
 from hydro.core.vehicle.thrusters import configuration_matrix
 from hydro.io import vehicle as files
 

@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
+from hydro.core.effects.damping import LINEAR_DAMPING, QUADRATIC_DAMPING
+from hydro.core.effects.hull import BODY_LIFT
+from hydro.core.effects.inertia import ADDED_MASS, ADDED_MASS_COUPLING
+from hydro.core.effects.record import Effect
 from hydro.core.errors import DataError
-from hydro.core.vehicle import ellipsoid, hull_drag, hull_inertia
+from hydro.core.geometry import hull_drag, hull_inertia
+from hydro.core.geometry.hull_form import Form, Shape, form_of, uniform_inertia
+from hydro.core.geometry.solid import Solid
+from hydro.core.vehicle import ellipsoid
 from hydro.core.vehicle.description import (
     Buoyancy,
     Environment,
@@ -25,8 +32,6 @@ from hydro.core.vehicle.description import (
     Vector3,
     Vehicle,
 )
-from hydro.core.vehicle.hull_form import Form, Shape, form_of, uniform_inertia
-from hydro.core.vehicle.solid import Solid
 
 HEIGHT = 0.05
 """Of the hull's height: the centre of gravity below that of buoyancy where nothing is known of it."""
@@ -112,7 +117,7 @@ def estimate(
     middle = np.zeros(3) if hull is None else hull.middle
     buoyancy_center, gravity_center, origins = _centers(known, form, hull)
     inertia, inertia_errors, origins["inertia"] = _inertia(known, form, hull)
-    added, origins["added_mass"] = _added_mass(form, hull, radiated, inertia_errors)
+    added, origins[ADDED_MASS.name] = _added_mass(form, hull, radiated, inertia_errors)
     tables = [added, *_fin_tables(form, origins), *_drag(form, origins)]
     length, width, height = (float(side) for side in form.sides)
     vehicle = Vehicle(
@@ -197,7 +202,7 @@ def _added_mass(
             "ellipsoid": "Lamb's k-factors (1932, art. 114-115) times displaced mass and inertia",
             "box": f"solid box (DNV-RP-C205, tables D-1 and D-2) times the fullness {form.fullness:.2g}",
         }[form.shape]
-        return _table("added_mass", diagonal=(diagonal, errors)), said
+        return _table(ADDED_MASS, diagonal=(diagonal, errors)), said
     if radiated is not None:
         matrix, relative = radiated, RADIATED
         said = "boundary elements on the mesh, unbounded water (Capytaine)"
@@ -210,7 +215,7 @@ def _added_mass(
     errors = hull_inertia.added_mass_errors(form, np.diag(matrix), body, relative)
     between = COUPLED * np.sqrt(np.outer(errors, errors))
     np.fill_diagonal(between, errors)
-    return _table("added_mass", matrix=(matrix, between)), said
+    return _table(ADDED_MASS, matrix=(matrix, between)), said
 
 
 def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
@@ -219,8 +224,10 @@ def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
         return []
     fins = "four tail fins of usual size (tips one diameter off the axis, chord half a diameter)"
     coupling, lift, x = hull_inertia.fin_mass(form) * form.tail, hull_drag.fin_lift(form), form.tail
-    origins["added_mass_coupling"] = f"{fins}: their added mass times their station"
-    origins["body_lift"] = f"{fins}: 1/2 rho c_L A, c_L by aspect ratio (Hoerner; Prestero 2001, chapter 4)"
+    origins[ADDED_MASS_COUPLING.name] = f"{fins}: their added mass times their station"
+    origins[BODY_LIFT.name] = (
+        f"{fins}: 1/2 rho c_L A, c_L by aspect ratio (Hoerner; Prestero 2001, chapter 4)"
+    )
     # Fins lift alike in both planes; the sign of x turns between them.
     lifts = {
         **{"L11": lift, "L15": x * lift, "L51": x * lift, "L55": x * x * lift},
@@ -228,8 +235,8 @@ def _fin_tables(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
     }
     couplings = {"M15": coupling, "M24": -coupling}
     return [
-        _table(name, **{key: (value, FIN_ERROR * abs(value)) for key, value in values.items()})
-        for name, values in (("added_mass_coupling", couplings), ("body_lift", lifts))
+        _table(effect, **{key: (value, FIN_ERROR * abs(value)) for key, value in values.items()})
+        for effect, values in ((ADDED_MASS_COUPLING, couplings), (BODY_LIFT, lifts))
     ]
 
 
@@ -238,10 +245,10 @@ def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
     quadratic = hull_drag.quadratic_drag(form)
     linear = hull_drag.linear_drag(form, quadratic)
     errors, linear_errors = hull_drag.drag_errors(form, quadratic, linear)
-    origins["linear_damping"] = (
+    origins[LINEAR_DAMPING.name] = (
         f"equal to the quadratic where the hull moves at {hull_drag.SLOW:g} m/s; uncertain by its own size"
     )
-    origins["quadratic_damping"] = (
+    origins[QUADRATIC_DAMPING.name] = (
         "1/2 rho C_d A, C_d of blocks and plates (DNV-RP-C205, appendix E); about the axes integrated over "
         "the faces"
         if form.shape == "box"
@@ -249,16 +256,16 @@ def _drag(form: Form, origins: dict[str, str]) -> list[dict[str, Any]]:
         "appendix E), about the axes integrated over the length"
     )
     return [
-        _table("linear_damping", diagonal=(linear, linear_errors)),
-        _table("quadratic_damping", diagonal=(quadratic, errors)),
+        _table(LINEAR_DAMPING, diagonal=(linear, linear_errors)),
+        _table(QUADRATIC_DAMPING, diagonal=(quadratic, errors)),
     ]
 
 
-def _table(name: str, **values: tuple[Any, Any]) -> dict[str, Any]:
+def _table(effect: Effect, **values: tuple[Any, Any]) -> dict[str, Any]:
     """An effect's table as a vehicle file has it, of values with their standard errors."""
     plain = {key: np.asarray(value, float).tolist() for key, (value, _) in values.items()}
     errors = {key: np.asarray(error, float).tolist() for key, (_, error) in values.items()}
-    return {"name": name, **plain, "standard_error": errors}
+    return {"name": effect.name, **plain, "standard_error": errors}
 
 
 def _vector3(values: Array) -> Vector3:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle.box import box_added_mass
+from hydro.core.geometry.box import box_added_mass
 
 RHO = 1000.0
 SIDE = st.floats(0.05, 3.0)

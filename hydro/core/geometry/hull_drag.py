@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.vehicle.hull_form import FIN_CHORD, FIN_TIP, Form
+from hydro.core.geometry.hull_form import FIN_CHORD, FIN_TIP, Form
 
 SLOW = 0.1
 """Speed [m/s] of a part of the hull at which linear and quadratic drag are equal: identified vehicles have

@@ -15,7 +15,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
-from hydro.core.vehicle.box import checked_sides
+from hydro.core.geometry.box import checked_sides
 
 Shape = Literal["torpedo", "ellipsoid", "box"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.vehicle.box import box_added_mass
+from hydro.core.geometry.box import box_added_mass
+from hydro.core.geometry.hull_form import FIN_CHORD, FIN_TIP, Form, second_moment
 from hydro.core.vehicle.ellipsoid import lamb_factors
-from hydro.core.vehicle.hull_form import FIN_CHORD, FIN_TIP, Form, second_moment
 
 ERRORS = {
     "torpedo": (0.5, 0.25, 0.25, 1.0, 0.4, 0.4),
