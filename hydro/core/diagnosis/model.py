@@ -122,12 +122,7 @@ def fit_model(
     else:
         unknown = free(vehicle, effects, reach=reach)
         prior = known(unknown) if known is not None else None
-        begin = unknown.starts[0]
-        try:
-            values, normal, problem = descend(unknown, begin, problem, iterations, COARSE, share, prior)
-        except np.linalg.LinAlgError as error:
-            raise Diverges(f"no step leads on from the values of {', '.join(map(str, effects))}") from error
-        model = Model(unknown, values, problem, normal)
+        model = _descended(unknown, problem, iterations, share, prior)
         if iterations >= ITERATIONS and any(entry.resolution for entry in unknown.entries):
             model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
@@ -150,12 +145,25 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
     Raises:
         Diverges: The predicted motion does.
     """
-    unknown = model.unknown.holding(values, held)
+    return _descended(model.unknown.holding(values, held), model.problem, iterations, SLOW)
+
+
+def _descended(
+    unknown: Free, problem: Problem, iterations: int, share: float, prior: Prior | None = None
+) -> Model:
+    """The model at the foot of the descent from its first starting values.
+
+    Raises:
+        Diverges: No step leads on from them.
+    """
     try:
-        found, normal, problem = descend(unknown, unknown.starts[0], model.problem, iterations, COARSE, SLOW)
+        values, normal, problem = descend(
+            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior
+        )
     except np.linalg.LinAlgError as error:
-        raise Diverges("no step leads on from the values of what is not held") from error
-    return Model(unknown, found, problem, normal)
+        effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
+        raise Diverges(f"no step leads on from the values of {effects}") from error
+    return Model(unknown, values, problem, normal)
 
 
 def as_it_is(vehicle: Vehicle, problem: Problem) -> Model:
