@@ -39,12 +39,7 @@ def read(path: str | Path) -> LogMap:
     Raises:
         DataError: the file cannot be read, or is not a map; the line names the path in the file.
     """
-    name = os.fspath(path)
-    try:
-        text = read_bytes(path).decode()
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: not UTF-8 text: save the file as UTF-8") from error
-    return parse(text, name)
+    return parse(toml.read(path), os.fspath(path))
 
 
 def parse(text: str, name: str = "map") -> LogMap:
@@ -57,12 +52,7 @@ def parse(text: str, name: str = "map") -> LogMap:
     Raises:
         DataError: the text is not TOML or not a map; the line names the path in the file.
     """
-    found = toml.parse(text, LogMap, name)
-    try:
-        check(found)
-    except DataError as error:
-        raise DataError(f"{name}: {error}") from error
-    return found
+    return toml.parse(text, LogMap, name, check)
 
 
 def check(found: LogMap) -> None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import tomllib
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
 
 from hydro.core.errors import DataError
+from hydro.io.files import read_bytes
 
 if TYPE_CHECKING:
     from tomlkit.items import Table
@@ -20,26 +23,44 @@ if TYPE_CHECKING:
 Struct = TypeVar("Struct", bound=msgspec.Struct)
 
 
-def parse(text: str, kind: type[Struct], name: str) -> Struct:
-    """The struct that a text describes.
+def read(path: str | Path) -> str:
+    """The text of a TOML file; a mark of the byte order at its beginning is not part of it.
+
+    Raises:
+        DataError: the file cannot be read, or is not text.
+    """
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(f"{os.fspath(path)}: not UTF-8 text: save the file as UTF-8") from error
+
+
+def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], None]) -> Struct:
+    """The struct that a text describes, checked and never changed.
 
     Args:
         text: TOML.
         kind: The struct at the root of the file.
         name: What error lines call the file.
+        check: Raises `DataError` for what types alone do not say, with the path in the file.
 
     Raises:
-        DataError: the text is not TOML, or a key is missing, unknown or of the wrong type; the line names its
-            path in the file.
+        DataError: the text is not TOML, a key is missing, unknown or of the wrong type, or `check` says so;
+            the line names its path in the file.
     """
     try:
         content = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DataError(f"{name}: not valid TOML: {error}") from error
     try:
-        return msgspec.convert(content, kind)
+        found = msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
         raise DataError(f"{name}: {_told(str(error), content, kind)}") from error
+    try:
+        check(found)
+    except DataError as error:
+        raise DataError(f"{name}: {error}") from error
+    return found
 
 
 def joined(path: str, key: str) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
-from hydro.io.files import read_bytes, write_bytes
+from hydro.io.files import write_bytes
 
 RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
@@ -33,12 +33,8 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
     Raises:
         DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
     """
-    name = os.fspath(path)
-    try:
-        text = read_bytes(path).decode()
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: not UTF-8 text: save the file as UTF-8") from error
-    return parse(text, name), text
+    text = toml.read(path)
+    return parse(text, os.fspath(path)), text
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
@@ -51,12 +47,7 @@ def parse(text: str, name: str = "vehicle") -> Vehicle:
     Raises:
         DataError: the text is not TOML or not a vehicle; the line names the path in the file.
     """
-    vehicle = toml.parse(text, Vehicle, name)
-    try:
-        check(vehicle)
-    except DataError as error:
-        raise DataError(f"{name}: {error}") from error
-    return vehicle
+    return toml.parse(text, Vehicle, name, check)
 
 
 def check(vehicle: Vehicle) -> None:

@@ -176,6 +176,12 @@ def test_files_that_are_no_vehicles(tmp_path: Path) -> None:
     assert "rigid_body: missing: add it" in refused("name = 'x'")
 
 
+def test_a_mark_of_the_byte_order_is_no_part_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "vehicle.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
+    assert vehicle.read(path) == (vehicle.parse(TEXT), TEXT)
+
+
 @given(
     st.recursive(
         st.none() | st.booleans() | st.floats() | st.text(max_size=3) | st.integers(),
