@@ -27,7 +27,12 @@ LARGE = 50_000_000
 """Bytes of a file whose reading takes long enough to show progress."""
 
 
-def header(files: Sequence[LogFile], progress: Progress = lambda file: nullcontext()) -> Log:
+def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
+    """No progress."""
+    return nullcontext()
+
+
+def header(files: Sequence[LogFile], progress: Progress = silent) -> Log:
     """All columns of the files, of tables with their rows.
 
     Raises:
@@ -53,7 +58,7 @@ def _beside(logs: Sequence[Log]) -> Log:
 def gather(
     files: Sequence[LogFile],
     map_: str | Path | LogMap | None,
-    progress: Progress = lambda file: nullcontext(),
+    progress: Progress = silent,
     preset: str | None = None,
 ) -> tuple[Log, LogMap]:
     """The log that some files are, with the columns that a map names, and that map.
