@@ -91,7 +91,8 @@ def replay(
     adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose
     labels had all effects subtracted is replayed with them, as effects+MJ4, beside the effects alone. On a
     terminal without -o the errors are printed; with -o, or into a pipe, the time series of all variants and
-    of the measured motion are written. --piece 10 also measures replay90 by its nine segments.
+    of the measured motion are written. --piece 10 also measures replay90 by its nine segments. A log that
+    --map reads gets values in every row, as from hydro import --fill.
 
     A network's wrench is held from one control step to the next. The network is evaluated at the state
     predicted for the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
