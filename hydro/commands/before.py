@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hydro.commands.recordings import Logs, called
 from hydro.commands.shell import about, dataset_name, read, report
 from hydro.core.errors import DataError, UsageError
 
@@ -16,12 +17,13 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
 
 Before = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--before",
         metavar="RAW",
         show_default=False,
-        help="A recording of the vehicle before a change: tells what has changed since.",
+        help="A recording of the vehicle before a change: tells what has changed since. Repeat for the logs "
+        "of one dive.",
     ),
 ]
 Network = Annotated[
@@ -52,7 +54,9 @@ class Earlier:
     parameters: dict[str, Any]
 
 
-def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Artefact) -> Earlier | None:
+def learnt(
+    before: list[str] | None, model: str | None, vehicle: Vehicle, source: Artefact, logs: Logs
+) -> Earlier | None:
     """Learn a hull from --before, or ask --model for it; None without a recording before.
 
     Args:
@@ -60,6 +64,7 @@ def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Arte
         model: Where the network is.
         vehicle: The file that the hull's model stands beside.
         source: The recording after.
+        logs: How the recording is read.
 
     Raises:
         DataError: It is the recording after itself, does not fit the vehicle or is too short; or the network
@@ -70,14 +75,14 @@ def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Arte
     from hydro.core.residual.learnt import Learnt
     from hydro.io.model import from_artefact
 
-    if before is None:
+    if not before:
         if model is not None:
             raise UsageError("--model needs --before, which says how much the network leaves unexplained")
         return None
-    earlier = read(before, "raw")
+    earlier, name = logs.read(before), called(before)
     if earlier.provenance.content == source.provenance.content:
-        raise DataError(f"{before}: the same rows as the measured recording; a change needs two")
-    told: dict[str, Any] = {"recording": dataset_name(before)}
+        raise DataError(f"{name}: the same rows as the measured recording; a change needs two")
+    told: dict[str, Any] = {"recording": dataset_name(name)}
     inputs, law = [earlier], None
     if model is not None:
         network = read(model, "model")
@@ -85,9 +90,9 @@ def learnt(before: str | None, model: str | None, vehicle: Vehicle, source: Arte
             law = Learnt.of(from_artefact(network), vehicle)
         told |= {"network": dataset_name(model), "learnt": _learnt_from(network, earlier)}
         if told["learnt"]:
-            report(model, f"has learnt from {before}, and leaves less of it than of other motion; {ASIDE}")
+            report(model, f"has learnt from {name}, and leaves less of it than of other motion; {ASIDE}")
         inputs.append(network)
-    with about(before):
+    with about(name):
         hull = hull_of(vehicle, earlier.frame, law)
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
     return Earlier(hull, tuple(inputs), {"before": told | figures})

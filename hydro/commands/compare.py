@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
-    Measured,
     ModelFile,
     Output,
     about,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 def compare(
     vehicle: ModelFile,
-    measured: Measured = STREAM,
+    measured: Measured = None,
     against: Annotated[
         str | None,
         typer.Option(
@@ -43,6 +43,8 @@ def compare(
     ] = None,
     before: Before = None,
     model: Network = None,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
     """Compare a vehicle file with a recording: how large are its errors, and where do they lie?
@@ -70,12 +72,13 @@ def compare(
     known, text = vehicles.read(vehicle)
     with about(str(vehicle)):
         effects.validate(known)
-    source = read(measured, "raw")
+    logs, name = Logs(map_, msg, vehicle), called(measured)
+    source = logs.read(measured)
     former = None if against is None else _former(against, source)
-    with about(measured):
+    with about(name):
         tell_not_shown(known, source.frame)
-    earlier = learnt(before, model, known, source)
-    with about(measured), progress("compare") as update:
+    earlier = learnt(before, model, known, source, logs)
+    with about(name), progress("compare") as update:
         frame = compute(
             known,
             source.frame,

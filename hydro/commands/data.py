@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     NoiseSpec,
@@ -22,9 +23,6 @@ from hydro.commands.shell import (
     write,
 )
 
-Raw = Annotated[
-    str, typer.Argument(metavar="RAW", show_default=False, help="Raw table; nothing or - is stdin.")
-]
 Labels = Annotated[
     str, typer.Argument(metavar="LABELS", show_default=False, help="Labels table; nothing or - is stdin.")
 ]
@@ -47,7 +45,7 @@ MaxAcceleration = Annotated[
 
 
 def labels(
-    raw: Raw = STREAM,
+    raw: Measured = None,
     acceleration: Annotated[
         Literal["rts", "kalman", "kalman-difference"],
         typer.Option(help="Two-sided smoother, filter, or the paper's differences of filtered velocity."),
@@ -62,6 +60,8 @@ def labels(
     max_sd_velocity: MaxVelocity = 0.05,
     max_sd_acceleration: MaxAcceleration = 0.25,
     vehicle: VehicleFile = None,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
     """Compute the force on the vehicle that its known physics does not explain.
@@ -86,17 +86,17 @@ def labels(
     if noise is not None:
         given = noise_for(noise)
         deviations = parameters["noise"] = [given.velocity] * 3 + [given.rate] * 3
-    source = read(raw, "raw")
+    name, source = called(raw), Logs(map_, msg, vehicle).read(raw)
     known, text = vehicle_for(source, vehicle)
-    with about(raw):
+    with about(name):
         parameters["subtracted"] = subtracted(known, subtract)
         limits = Bounds(max_sd_velocity, max_sd_acceleration)
         how: dict[str, Any] = {"acceleration": acceleration, "noise": deviations, "subtract": subtract}
         frame = compute(known, source.frame, limits=limits, **how)
-        report_gaps(raw, frame)
+        report_gaps(name, frame)
         if has_nulls(source.frame):
             parameters |= {"max_sd_velocity": limits.velocity, "max_sd_acceleration": limits.acceleration}
-            report(raw, unlabelled(frame, limits))
+            report(name, unlabelled(frame, limits))
     made = table.make(
         "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
     )

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     Known,
-    Measured,
     ModelFile,
     Output,
     about,
@@ -42,10 +42,12 @@ if TYPE_CHECKING:
 
 def diagnose(
     vehicle: ModelFile,
-    measured: Measured = STREAM,
+    measured: Measured = None,
     known: Known = None,
     before: Before = None,
     model: Network = None,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
     fly: Annotated[
         Path | None,
@@ -115,12 +117,13 @@ def diagnose(
 
     vehicles.read(vehicle)
     limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
-    source = read(measured, "raw")
+    logs, name = Logs(map_, msg, vehicle), called(measured)
+    source = logs.read(measured)
     start, text = vehicle_to_fit(vehicle, known, source)
-    with about(measured):
+    with about(name):
         tell_not_shown(start, source.frame)
-    earlier = learnt(before, model, start, source)
-    with about(measured), progress("diagnose") as update:
+    earlier = learnt(before, model, start, source, logs)
+    with about(name), progress("diagnose") as update:
         found = diagnose_log(
             start,
             preprocess(start, source.frame),
@@ -145,7 +148,7 @@ def diagnose(
     if fly is not None and found.question is None:
         typer.echo("hydro: no flight written: no rivals are left that one could part", err=True)
     if fly is not None and found.question is not None:
-        with about(measured):
+        with about(name):
             flight = advise(found.question, limits)
         _print_flight(flight, fly)
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
-    STREAM,
     Known,
-    Measured,
     ModelFile,
     about,
     person,
     print_table,
     progress,
-    read,
     tell_not_shown,
     vehicle_to_fit,
 )
@@ -38,18 +36,21 @@ def explain(
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; created if needed."),
     ],
-    measured: Measured = STREAM,
+    measured: Measured = None,
     holdout: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="RAW",
             show_default=False,
-            help="Another recording, to which nothing is fitted: it shows whether a step generalises.",
+            help="Another recording, to which nothing is fitted: it shows whether a step generalises. "
+            "Repeat for the logs of one dive.",
         ),
     ] = None,
     known: Known = None,
     before: Before = None,
     model: Network = None,
+    map_: MapFile = None,
+    msg: Definitions = None,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
@@ -79,12 +80,13 @@ def explain(
     from hydro.core.diagnosis.explain import explain as compute
     from hydro.io.study import Study
 
-    source = read(measured, "raw")
+    logs, name = Logs(map_, msg, vehicle), called(measured)
+    source = logs.read(measured)
     start, text = vehicle_to_fit(vehicle, known, source)
-    other = None if holdout is None else _held_out(holdout, source, start, beside=before is not None)
-    with about(measured):
+    other = _held_out(holdout, logs, source, start, beside=bool(before)) if holdout else None
+    with about(name):
         tell_not_shown(start, source.frame)
-    earlier = learnt(before, model, start, source)
+    earlier = learnt(before, model, start, source, logs)
     told = (earlier.inputs, earlier.parameters) if earlier else ()
     study = Study(folder, text, source, other, *told)
     study.open()
@@ -93,7 +95,7 @@ def explain(
         typer.echo(f"hydro: {folder}: the files of another study there are replaced", err=True)
     for step in steps:
         _tell(step, "already done")
-    with about(measured), progress("explain") as update:
+    with about(name), progress("explain") as update:
 
         def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
@@ -149,7 +151,7 @@ def _save_bands(study: Study, step: Step) -> None:
     study.save("bands", frame, draws=FEW_DRAWS, step=step.number)
 
 
-def _held_out(name: str, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
+def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, *, beside: bool) -> Artefact:
     """The held-out recording.
 
     Raises:
@@ -157,7 +159,7 @@ def _held_out(name: str, source: Artefact, known: Vehicle, *, beside: bool) -> A
     """
     from hydro.core.diagnosis.explain import long_enough
 
-    other = read(name, "raw")
+    other, name = logs.read(holdout), called(holdout)
     if other.provenance.content == source.provenance.content:
         raise DataError(f"{name}: the same rows as the measured recording; hold other sessions out")
     with about(name):

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     Known,
-    Measured,
     Output,
     about,
     noise_for,
     progress,
-    read,
     vehicle_to_fit,
 )
 from hydro.core.effects import examples
@@ -53,7 +52,7 @@ Shots = Annotated[
 
 def fit(
     vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", help="Vehicle file to start from.")],
-    measured: Measured = STREAM,
+    measured: Measured = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(
@@ -66,6 +65,8 @@ def fit(
     method: Method = "output",
     noise: Noise = None,
     shots: Shots = 1000,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
     """Estimate parameters of effects from a recording and write the vehicle file with them.
@@ -91,9 +92,9 @@ def fit(
     wanted = [_wanted(text) for text in effect]
     sigma = None if noise is None else np.maximum(noise_for(noise).deviations, LEAST_NOISE)
     _, text = vehicles.read(vehicle)
-    source = read(measured, "raw")
+    name, source = called(measured), Logs(map_, msg, vehicle).read(measured)
     start, _ = vehicle_to_fit(vehicle, known, source)
-    with about(measured), progress("fit") as update:
+    with about(name), progress("fit") as update:
         found = compute(
             start,
             source.frame,

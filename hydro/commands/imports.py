@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, progress, refuse_terminal, write
+from hydro.commands.recordings import Definitions, opened, reading
+from hydro.commands.shell import STREAM, Output, message, refuse_terminal, write
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
-    from hydro.core.vehicle.description import Vehicle
-    from hydro.io.log import Log, LogFile
-    from hydro.io.log_import import ImportReport
-    from hydro.io.table import Artefact
+    from hydro.io.log import Log
 
 Preset = Literal["mavros", "ardusub", "blueos", "stonefish", "px4"]
 
@@ -69,14 +64,7 @@ def import_(
         bool,
         typer.Option("--topics", help="Only list what is in the log: topics, rates, numeric fields, spans."),
     ] = False,
-    msg: Annotated[
-        Path | None,
-        typer.Option(
-            "--msg",
-            metavar="DIR",
-            help="Folder with the .msg files of ROS messages that the log does not describe.",
-        ),
-    ] = None,
+    msg: Definitions = None,
     preset: Annotated[
         Preset | None,
         typer.Option(
@@ -110,57 +98,31 @@ def import_(
 
     hydro import nav.bag commands.csv --map map.toml -o raw.parquet
     """
-    from hydro.core.logs.mixer import thrusters
-    from hydro.io import log_files, log_import, log_topics
+    from hydro.io import log_files, log_topics, recordings
 
     if write_map is None and not topics:
         refuse_terminal(output)
-    with _opened(logs, msg) as files:
+    with opened(logs, msg) as files:
         if topics:
             for file in files:
-                with _reading(file) as update:
+                with reading(file) as update:
                     print(*log_topics.lines(file, update), sep="\n")
             return
         if write_map is not None:
-            _write_draft(log_files.header(files, _reading), logs[0], write_map, preset, force=force)
+            _write_draft(log_files.header(files, reading), logs[0], write_map, preset, force=force)
             return
-        source, meaning = log_files.gather(files, map_, _reading, preset)
-        for note in source.notes:
-            typer.echo(f"note: {note}", err=True)
-        if map_ is None:
-            typer.echo(
-                f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}", err=True
-            )
-        known, text = _known(vehicle, thrusters(meaning.mixer, len(meaning.commands.columns)))
-        report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
-    for line in report.lines():
-        typer.echo(line, err=True)
-    if known is not None:
-        for line in log_import.wiring(report.imported, known):
-            typer.echo(line, err=True)
-    write(_artefact(source, report, text), output)
-
-
-@contextmanager
-def _opened(log: Sequence[str], definitions: Path | None) -> Iterator[list[LogFile]]:
-    """The files, ready to be read."""
-    from hydro.io.log import opened
-
-    with ExitStack() as stack:
-        sources = [sys.stdin.buffer if name == STREAM else name for name in log]
-        yield [stack.enter_context(opened(source, definitions)) for source in sources]
-
-
-@contextmanager
-def _reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
-    """What shows how far a large file is read; nothing for a small one."""
-    from hydro.io.log_files import LARGE
-
-    if file.size < LARGE:
-        yield None
-        return
-    with progress(f"reading {file.stem}") as update:
-        yield lambda share: update(share, 1.0)
+        made = recordings.imported(
+            files,
+            map_,
+            message,
+            vehicle_file=vehicle,
+            preset=preset,
+            rate=rate,
+            strict=strict,
+            fill=fill,
+            progress=reading,
+        )
+    write(made, output)
 
 
 def _write_draft(source: Log, log: str, path: str, preset: Preset | None, *, force: bool) -> None:
@@ -180,39 +142,6 @@ def _write_draft(source: Log, log: str, path: str, preset: Preset | None, *, for
                 f"{path} is there already and is not this draft: give --force to replace it, or another name"
             )
         write_bytes(text.encode(), path)
-
-
-def _artefact(source: Log, report: ImportReport, text: str | None) -> Artefact:
-    """The raw table with the log and the map in its footer."""
-    import msgspec
-
-    from hydro.io import table
-    from hydro.io.provenance import Provenance
-
-    files = source.files or (source.digest,)
-    return table.make(
-        "raw",
-        report.imported.frame,
-        stage="import",
-        parameters={"rate": round(1.0 / report.imported.dt, 9), "map": msgspec.to_builtins(report.map)},
-        inputs=[table.Artefact("log", source.frame, Provenance("log", "", each)) for each in files],
-        vehicle_text=text,
-    )
-
-
-def _known(file: Path | None, thrusters: int) -> tuple[Vehicle | None, str | None]:
-    """The vehicle and its text, once it is known to have as many thrusters as the log has commands for."""
-    from hydro.io import vehicle
-
-    if file is None:
-        return None, None
-    known, text = vehicle.read(file)
-    if len(known.thruster) != thrusters:
-        raise DataError(
-            f"the map names {thrusters} commands, but {file} has {len(known.thruster)} thrusters: name one "
-            "column per thruster in commands.columns, in the file's order, or say in [mixer] what they demand"
-        )
-    return known, text
 
 
 import_.__name__ = "import"  # a keyword of Python's, and the name of the command

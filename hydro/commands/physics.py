@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, print_table, progress, read, refuse_terminal, write
+from hydro.commands.recordings import Definitions, Logs, MapFile, called
+from hydro.commands.shell import STREAM, Output, about, print_table, progress, refuse_terminal, write
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -20,17 +21,22 @@ if TYPE_CHECKING:
 def simulate(
     vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")],
     commands: Annotated[
-        str,
+        list[str] | None,
         typer.Argument(
-            metavar="COMMANDS", show_default=False, help="Commands or raw table; nothing or - is stdin."
+            metavar="COMMANDS...",
+            show_default=False,
+            help="Commands or raw table, or with --map a log, or the files of one dive; nothing or - is "
+            "stdin.",
         ),
-    ] = STREAM,
+    ] = None,
     bands: Annotated[
         bool,
         typer.Option("--bands", help="Write 95 % prediction bands, from the covariance beside VEHICLE."),
     ] = False,
     draws: Annotated[int, typer.Option(min=40, help="Vehicles drawn for the bands.")] = 100,
     seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
     """Simulate a vehicle under commands, with every effect of its file, and record what it would log.
@@ -50,16 +56,17 @@ def simulate(
 
     refuse_terminal(output)
     known, text = vehicles.read(vehicle)
-    source = read(commands, "commands", "raw")
+    name = called(commands)
+    source = Logs(map_, msg, vehicle).read(commands, "commands", "raw")
     if bands:
-        write(_bands(vehicle, source, commands, draws, seed), output)
+        write(_bands(vehicle, source, name, draws, seed), output)
         return
-    with about(commands):
+    with about(name):
         frame = move(known, source.frame)
     write(table.make("raw", frame, stage="simulate", inputs=[source], vehicle_text=text), output)
 
 
-def _bands(vehicle: Path, source: Artefact, commands: str, draws: int, seed: int) -> Artefact:
+def _bands(vehicle: Path, source: Artefact, name: str, draws: int, seed: int) -> Artefact:
     """Prediction bands of a vehicle file under commands.
 
     Raises:
@@ -75,7 +82,7 @@ def _bands(vehicle: Path, source: Artefact, commands: str, draws: int, seed: int
         place = covariance.beside(vehicle)
         why = warning or f"{place}: no such file"
         raise DataError(f"{why}; bands need the covariance that `hydro fit -o`, add or explain write")
-    with about(commands), progress("bands") as update:
+    with about(name), progress("bands") as update:
         frame = bands(
             known,
             estimates,

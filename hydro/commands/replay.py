@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     CONDITIONING_TITLE,
     PIECE_TITLE,
@@ -32,11 +33,6 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
     from hydro.io.table import Artefact
-
-Raw = Annotated[
-    str, typer.Argument(metavar="RAW", help="Raw table; nothing or - is stdin.", show_default=False)
-]
-
 
 Models = Annotated[
     list[str] | None, typer.Option(metavar="MODEL", help="A trained model; repeat for several.")
@@ -74,7 +70,7 @@ Metrics = Annotated[str | None, typer.Option(metavar="FILE", help="Also write th
 
 
 def replay(
-    raw: Raw = STREAM,
+    raw: Measured = None,
     model: Models = None,
     variant: Variants = None,
     conditioning: Conditioning = "off",
@@ -85,6 +81,8 @@ def replay(
     figures: Figures = None,
     metrics: Metrics = None,
     vehicle: VehicleFile = None,
+    map_: MapFile = None,
+    msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
     """Replay a recording's commands in MuJoCo, open loop, and measure the error of each variant.
@@ -93,7 +91,8 @@ def replay(
     adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose
     labels had all effects subtracted is replayed with them, as effects+MJ4, beside the effects alone. On a
     terminal without -o the errors are printed; with -o, or into a pipe, the time series of all variants and
-    of the measured motion are written. --piece 10 also measures replay90 by its nine segments.
+    of the measured motion are written. --piece 10 also measures replay90 by its nine segments. A log that
+    --map reads gets values in every row, as from hydro import --fill.
 
     A network's wrench is held from one control step to the next. The network is evaluated at the state
     predicted for the middle of this time; with --lead 0, as in the paper, at the state at its beginning.
@@ -107,9 +106,10 @@ def replay(
     metrics give how often clipping and dead band acted, as shares of the control steps.
     """
     given = _Given(
-        raw, tuple(model or ()), tuple(variant or ()), conditioning, lead, integrator, timestep, piece
+        called(raw), tuple(model or ()), tuple(variant or ()), conditioning, lead, integrator, timestep, piece
     )
-    flown = _flown(given, vehicle)
+    source = Logs(map_, msg, vehicle, fill=True).read(raw)
+    flown = _flown(given, source, vehicle)
     if figures is not None:
         _draw(flown.series, flown.errors, figures)
     if metrics is not None:
@@ -164,14 +164,13 @@ class _Flown:
         )
 
 
-def _flown(given: _Given, file: Path | None) -> _Flown:
-    """Read recording, vehicle and models, and fly them."""
+def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
+    """Read vehicle and models, and fly them as recorded."""
     from hydro.io import model as models
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
     from hydro.sim.student import Physics
 
-    source = read(given.raw, "raw")
     known, text = vehicle_for(source, file)
     trained = [read(name, "model") for name in given.models]
     networks = [models.from_artefact(artefact) for artefact in trained]

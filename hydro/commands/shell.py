@@ -37,10 +37,6 @@ CONDITIONING_TITLE = (
 ModelFile = Annotated[
     Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
 ]
-Measured = Annotated[
-    str,
-    typer.Argument(metavar="MEASURED", show_default=False, help="Raw table; nothing or - is stdin."),
-]
 Output = Annotated[
     str,
     typer.Option(

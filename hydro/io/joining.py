@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Sequence
 from pathlib import PurePath
@@ -14,7 +13,7 @@ import polars as pl
 from hydro.core.errors import DataError
 from hydro.core.logs.logmap import LogMap, Session, Table, Time
 from hydro.io.files import shown
-from hydro.io.log import Log
+from hydro.io.log import Log, together
 from hydro.io.sessions import clock, named_columns
 
 TIME, SESSION = "time of the row", "session of the file"
@@ -55,12 +54,9 @@ def joined(logs: Sequence[Log], meaning: LogMap) -> tuple[Log, LogMap]:
         parts.append(pl.concat([head, frame[rows.tolist()]], how="horizontal"))
     _require_all(meaning, logs, wanted, where)
     frame = pl.concat(parts, how="diagonal_relaxed").sort(TIME, maintain_order=True)
-    names = [log.name for log in logs]
-    digest = hashlib.sha256("".join(log.digest for log in logs).encode()).hexdigest()
     time = Time(TIME, "ns", meaning.time.longest_step)
     read = msgspec.structs.replace(meaning, time=time, session=Session(SESSION, gap=meaning.session.gap))
-    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
-    return Log(title, frame, f"sha256:{digest}", files=tuple(log.digest for log in logs)), read
+    return together(logs, frame), read
 
 
 def _place(log: Log, meaning: LogMap) -> tuple[Table, str]:

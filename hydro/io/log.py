@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -212,6 +212,26 @@ def read(source: Source, wanted: Iterable[str] | None = None, *, definitions: Pa
     """
     with opened(source, definitions) as file:
         return file.read(wanted)
+
+
+def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
+    """A log of several, under the name of the first; its digest does not depend on their order.
+
+    Args:
+        logs: What it was made of, at least one.
+        frame: The columns of all.
+    """
+    if len(logs) == 1:
+        return replace(logs[0], frame=frame)
+    digest = hashlib.sha256("".join(sorted(log.digest for log in logs)).encode()).hexdigest()
+    return Log(
+        name=f"{logs[0].name} and {len(logs) - 1} more",
+        frame=frame,
+        digest=f"sha256:{digest}",
+        more=lambda: [name for log in logs for name in log.more()],
+        notes=tuple(f"{log.name}: {note}" for log in logs for note in log.notes),
+        files=tuple(log.digest for log in logs),
+    )
 
 
 def column(log: Log, name: str, where: str) -> pl.Series:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -17,7 +16,7 @@ from hydro.core.errors import DataError
 from hydro.core.logs.logmap import LogMap, Session
 from hydro.io.files import shown
 from hydro.io.joining import joined
-from hydro.io.log import Log, LogFile, Reading
+from hydro.io.log import Log, LogFile, Reading, together
 from hydro.io.log_import import declared
 from hydro.io.readers.collect import CLOCKS
 from hydro.io.sessions import clock
@@ -28,27 +27,38 @@ LARGE = 50_000_000
 """Bytes of a file whose reading takes long enough to show progress."""
 
 
-def header(files: Sequence[LogFile], progress: Progress = lambda file: nullcontext()) -> Log:
+def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
+    """No progress."""
+    return nullcontext()
+
+
+def header(files: Sequence[LogFile], progress: Progress = silent) -> Log:
     """All columns of the files, of tables with their rows.
 
     Raises:
         DataError: a file cannot be read.
     """
+    return _beside(_headers(files, progress))
+
+
+def _headers(files: Sequence[LogFile], progress: Progress) -> list[Log]:
+    """The columns of each file."""
     each = []
     for file in files:
         with progress(file) as told:
             each.append(file.header(told))
-    return (
-        each[0]
-        if len(each) == 1
-        else _together(each, pl.concat([log.frame for log in each], how="diagonal_relaxed"))
-    )
+    return each
+
+
+def _beside(logs: Sequence[Log]) -> Log:
+    """The columns of all logs."""
+    return together(logs, pl.concat([log.frame for log in logs], how="diagonal_relaxed"))
 
 
 def gather(
     files: Sequence[LogFile],
     map_: str | Path | LogMap | None,
-    progress: Progress = lambda file: nullcontext(),
+    progress: Progress = silent,
     preset: str | None = None,
 ) -> tuple[Log, LogMap]:
     """The log that some files are, with the columns that a map names, and that map.
@@ -66,12 +76,16 @@ def gather(
         DataError: a file cannot be read, or the map is none or does not fit it.
     """
     name = files[0].stem
-    known = header(files, progress) if map_ is None else Log(files[0].name, pl.DataFrame(), "")
+    headers = _headers(files, progress) if map_ is None else []
+    known = _beside(headers) if headers else Log(files[0].name, pl.DataFrame(), "")
     meaning = declared(known, map_, name, preset)
     words = [*_texts(msgspec.to_builtins(meaning))]
     wanted = {*CLOCKS, *words, *(word.partition(".")[2] for word in words if meaning.table)}
     logs = []
-    for file in files:
+    for place, file in enumerate(files):
+        if headers and file.reader.messages is None:  # a table was read whole for its columns
+            logs.append(headers[place])
+            continue
         with progress(file) as told:
             logs.append(file.read(wanted, told))
     if meaning.table:
@@ -109,7 +123,7 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     if meaning.session.column is None:
         session = Session(column=column, gap=meaning.session.gap)
         meaning = msgspec.structs.replace(meaning, session=session)
-    return _together(logs, frame), meaning
+    return together(logs, frame), meaning
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -165,16 +179,3 @@ def _title(names: Sequence[str], groups: Sequence[Sequence[int]], group: Sequenc
     title = names[group[0]]
     alike = [other for other in groups if names[other[0]] == title]
     return title if len(alike) == 1 else f"{title}-{alike.index(group) + 1}"
-
-
-def _together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
-    """A log of several, under the name of the first."""
-    digest = hashlib.sha256("".join(sorted(log.digest for log in logs)).encode()).hexdigest()
-    return Log(
-        name=f"{logs[0].name} and {len(logs) - 1} more",
-        frame=frame,
-        digest=f"sha256:{digest}",
-        more=lambda: [name for log in logs for name in log.more()],
-        notes=tuple(f"{log.name}: {note}" for log in logs for note in log.notes),
-        files=tuple(log.digest for log in logs),
-    )

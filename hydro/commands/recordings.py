@@ -1,0 +1,119 @@
+"""A recording for a command: a raw table, or a log of any format with its map, which is imported first."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hydro.commands.shell import STREAM, message, progress
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from hydro.io.log import LogFile
+    from hydro.io.table import Artefact
+
+Measured = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="MEASURED...",
+        show_default=False,
+        help="Raw table, or with --map a log, or the files of one dive; nothing or - is stdin.",
+    ),
+]
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="FILE",
+        show_default=False,
+        help="What the columns of a log mean: recordings may then be logs, which are imported as by hydro "
+        "import. Raw tables that it wrote are read as they are.",
+    ),
+]
+Definitions = Annotated[
+    Path | None,
+    typer.Option(
+        "--msg",
+        metavar="DIR",
+        show_default=False,
+        help="Folder with the .msg files of ROS messages that the log does not describe.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Logs:
+    """How the recordings of a command are read.
+
+    Attributes:
+        map: The map of those that are logs; None where all are raw tables.
+        definitions: Folder with `.msg` files, or None.
+        vehicle: The vehicle file, to which logs are held when they are imported.
+        fill: Values in every row of a log.
+    """
+
+    map: Path | None = None
+    definitions: Path | None = None
+    vehicle: Path | None = None
+    fill: bool = False
+
+    def read(self, sources: Sequence[str] | None, *kinds: str) -> Artefact:
+        """Read a recording; of logs it is told on stderr what the import found.
+
+        Args:
+            sources: A table or a log, or the logs of one dive; nothing is stdin.
+            kinds: The kinds of table that will do; `raw` where none is named.
+
+        Raises:
+            DataError: a file is missing, broken or of another kind, breaks its schema, or is a log and there
+                is no map or one that does not fit it.
+            UsageError: there are several files that are not logs, or stdin is meant but is a terminal.
+        """
+        from hydro.io import recordings
+
+        with opened(sources or [STREAM], self.definitions) as files:
+            tables = [file for file in files if recordings.is_artefact(file)]
+            if len(files) > 1 and (tables or self.map is None):
+                told = f"{tables[0].name} is a table already" if tables else "without --map they are none"
+                raise UsageError(f"several files are the logs of one dive: {told}; give one raw table")
+            if self.map is None or tables:
+                if self.map is not None:
+                    message(f"hydro: {files[0].name}: a table already, read without --map")
+                return recordings.read(files[0], kinds or ("raw",))
+            message(f"{' '.join(file.name for file in files)} by {self.map}:")
+            return recordings.imported(
+                files, self.map, message, vehicle_file=self.vehicle, fill=self.fill, progress=reading
+            )
+
+
+def called(sources: Sequence[str] | None) -> str:
+    """What messages call a recording: its file, or the first of several."""
+    return sources[0] if sources else STREAM
+
+
+@contextmanager
+def opened(names: Sequence[str], definitions: Path | None) -> Iterator[list[LogFile]]:
+    """The files, ready to be read."""
+    from hydro.io.log import opened
+
+    with ExitStack() as stack:
+        sources = [sys.stdin.buffer if name == STREAM else name for name in names]
+        yield [stack.enter_context(opened(source, definitions)) for source in sources]
+
+
+@contextmanager
+def reading(file: LogFile) -> Iterator[Callable[[float], None] | None]:
+    """What shows how far a large file is read; nothing for a small one."""
+    from hydro.io.log_files import LARGE
+
+    if file.size < LARGE:
+        yield None
+        return
+    with progress(f"reading {file.stem}") as update:
+        yield lambda share: update(share, 1.0)
