@@ -1,7 +1,8 @@
-"""Sound tables for tests: a plain recording, and Hypothesis strategies made from the schema files."""
+"""Sound tables for tests: plain recordings, long ones cut short, strategies made from the schema files."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import polars as pl
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from hydro.io import schema
+from hydro.io import schema, table
 from hydro.io.schema_field import Field
 
 TYPES = {
@@ -20,6 +21,15 @@ TYPES = {
     "string": pl.String,
 }
 texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+
+
+def shorten(folder: Path, seconds: float) -> None:
+    """Cut every session of the recordings in a folder to its beginning."""
+    for path in folder.glob("*.parquet"):
+        whole = table.read(path, ("raw",))
+        since = pl.col("t") - pl.col("t").first().over("session")
+        short = whole.frame.filter(since < seconds)
+        table.write(table.make("raw", short, stage="import", vehicle_text=whole.provenance.vehicle), path)
 
 
 def raw(rows: int = 40, sessions: tuple[str, ...] = ("turn-1", "turn-2"), thrusters: int = 3) -> pl.DataFrame:

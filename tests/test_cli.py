@@ -18,6 +18,7 @@ from typing import Any, get_args, get_type_hints
 
 import polars as pl
 import pytest
+from tables import shorten
 
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
@@ -105,6 +106,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
     for folder in ("logs", "hidden"):
         shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
+    shorten(data.parent / "hidden", 20.0)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
     line = re.sub(r"\bhydro\b", shlex.join(HYDRO), COMMANDS[name])

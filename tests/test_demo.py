@@ -1,4 +1,4 @@
-"""The demonstration runs on bundled data alone and leaves everything that it says it wrote.
+"""The demonstration runs on bundled data alone, leaves what it says it wrote, and prints what the README has.
 
 `HYDRO_DEMO` names a folder where `make demo` has run already, with what it printed in `demo.log` beside it.
 """
@@ -14,6 +14,8 @@ from matplotlib.image import imread
 
 from hydro import cli
 from hydro.io import table
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.mark.slow
@@ -52,6 +54,16 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         rows = ladder.filter(dataset=dataset).sort("step")
         assert (rows["rmse"].diff().drop_nulls() < 0.0).all(), "every step lowers the error"
         assert rows["rmse"][-1] < 1.1 * rows["noise_floor"][-1]
+    assert Path(f"{folder.name}/study/vehicle-2.toml").exists(), "the README names it"
+    held_out, readme = told.split("held-out data", 1)[1], (ROOT / "README.md").read_text()
+    rows = re.findall(r"^(\d \w+.*?|noise alone) +((?:[\d.]+ *)+)$", readme, re.MULTILINE)
+    assert len(rows) == 4
+    for name, numbers in rows:
+        found = re.search(rf"^{name} +((?:[\d.]+ *)+)$", held_out, re.MULTILINE)
+        assert found, f"explain prints no row {name} of the README"
+        assert [*map(float, found[1].split())] == pytest.approx([*map(float, numbers.split())], rel=0.05), (
+            name
+        )
     errors = table.read(f"{folder.name}/errors.parquet", "metrics").frame.filter(metric="rmse")
     for axis in "uvwpqr":
         error = dict(errors.filter(axis=axis).select("variant", "value").rows())

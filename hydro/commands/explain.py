@@ -211,5 +211,5 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
 
 
 COMMANDS = {
-    explain: "hydro explain datasets/stonefish/vehicle.toml datasets/stonefish/replay90.parquet -o study",
+    explain: "hydro explain datasets/hidden/vehicle.toml datasets/hidden/measured.parquet -o study",
 }
