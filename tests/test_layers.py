@@ -42,6 +42,7 @@ LEVELS = {
         ("recording",),
         ("effects",),
         ("vehicle",),
+        ("thrust_curves",),
         ("columns",),
         ("errors", "compiled"),
     ),

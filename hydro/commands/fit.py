@@ -17,6 +17,7 @@ from hydro.commands.shell import (
     noise_for,
     progress,
     read,
+    tell_voltage,
     vehicle_to_fit,
 )
 from hydro.core.effects import examples
@@ -93,6 +94,7 @@ def fit(
     _, text = vehicles.read(vehicle)
     source = read(measured, "raw")
     start, _ = vehicle_to_fit(vehicle, known, source)
+    tell_voltage(start, source.frame)
     with about(measured), progress("fit") as update:
         found = compute(
             start,

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, print_table, progress, read, refuse_terminal, write
+from hydro.commands.shell import (
+    STREAM,
+    Output,
+    about,
+    print_table,
+    progress,
+    read,
+    refuse_terminal,
+    tell_voltage,
+    write,
+)
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -51,6 +61,7 @@ def simulate(
     refuse_terminal(output)
     known, text = vehicles.read(vehicle)
     source = read(commands, "commands", "raw")
+    tell_voltage(known, source.frame)
     if bands:
         write(_bands(vehicle, source, commands, draws, seed), output)
         return

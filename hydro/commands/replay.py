@@ -21,6 +21,7 @@ from hydro.commands.shell import (
     progress,
     read,
     shows_table,
+    tell_voltage,
     vehicle_for,
     write,
 )
@@ -173,6 +174,7 @@ def _flown(given: _Given, file: Path | None) -> _Flown:
 
     source = read(given.raw, "raw")
     known, text = vehicle_for(source, file)
+    tell_voltage(known, source.frame)
     trained = [read(name, "model") for name in given.models]
     networks = [models.from_artefact(artefact) for artefact in trained]
     for name, network in zip(given.models, networks, strict=True):
