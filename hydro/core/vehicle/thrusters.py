@@ -186,7 +186,7 @@ def static_thrust(row: Array, n: float) -> float:
 
 @jit
 def settled_state(row: Array, command: float) -> float:
-    """Lag state that a held command (delayed already) leads to; one of a plain curve is clipped to [-1, 1]."""
+    """Lag state that a held command (delayed already) leads to; by a plain curve it is clipped to [-1, 1]."""
     most: float = 1.0 + row[BEYOND]
     n = min(max(command, -most), most)
     return n if row[SPEED_LAG] else static_thrust(row, n)
