@@ -155,7 +155,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
         return None
     curve = "quadratic" if power > 0.0 else "linear"
     return (
-        f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] of the file, and '
+        f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] that names one, and '
         "diagnose again; `hydro add` does it as well"
     )
 
