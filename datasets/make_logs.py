@@ -28,7 +28,7 @@ DEPTH = 4.0
 
 def main() -> None:
     """Write logs/example.csv."""
-    rover, _ = vehicles.read(HERE / "vehicles" / "bluerov2_heavy.toml")
+    rover, _ = vehicles.read(HERE / "logs" / "rov.toml")
     rng = np.random.default_rng(151)
     parts = []
     for number, name in enumerate(RUNS):

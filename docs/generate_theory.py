@@ -55,7 +55,8 @@ Restoring: weight $`W`$ down at the centre of gravity, buoyancy $`B`$ up at the 
 
 Thrusters: a command $`u_i \in [-1, 1]`$ is clipped, delayed, and passes dead band, curve and first-order lag in the order that the
 vehicle file says; then gain, asymmetry and inflow act, and $`\tau_{prop} = B f`$ with one column of $`B`$ per thruster. The command of a row acts until
-the next row.
+the next row. A curve may be a [table of thrust by command and supply voltage](map.md#thrust-by-supply-voltage): then $`u_i`$ stands for the effective command, that which gives the
+table's thrust by a plain curve, and what acts on it (dead band, power of the curve) acts on shares of full thrust.
 
 ## The residual
 

@@ -18,7 +18,7 @@ from hydro.io import table
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE, MAP = (str(ROOT / "datasets" / "logs" / name) for name in ("example.csv", "map.toml"))
-VEHICLE = str(ROOT / "datasets" / "vehicles" / "bluerov2_heavy.toml")
+VEHICLE = str(ROOT / "datasets" / "logs" / "rov.toml")
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:

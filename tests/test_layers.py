@@ -42,6 +42,7 @@ LEVELS = {
         ("recording", "geometry"),
         ("effects",),
         ("vehicle",),
+        ("thrust_curves",),
         ("columns",),
         ("errors", "compiled"),
     ),

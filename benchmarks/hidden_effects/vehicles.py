@@ -13,7 +13,7 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
-VEHICLES = Path(__file__).resolve().parents[2] / "datasets" / "vehicles"
+DATASETS = Path(__file__).resolve().parents[2] / "datasets"
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
 DAMPING = ("linear_damping", "quadratic_damping", "crossflow_drag", "coupled_damping", "cross_axis_drag")
 WRONG = 0.25
@@ -27,9 +27,17 @@ SURFACES = 240.0
 """Seconds of the teacher's motion that a base model of it is fitted to."""
 
 
+def file(name: str) -> Path:
+    """The file of a preset; of the BlueROV2 the one with thrust in proportion to the command.
+
+    The benchmark's simulator knows plain thrust curves alone, and its kept figures are of that file.
+    """
+    return DATASETS / ("logs/rov.toml" if name == "bluerov2_heavy" else f"vehicles/{name}.toml")
+
+
 def preset(name: str) -> Vehicle:
     """A vehicle with its true damping."""
-    vehicle, _ = files.read(VEHICLES / f"{name}.toml")
+    vehicle, _ = files.read(file(name))
     if name == "stonefish":
         vehicle = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, *STONEFISH))
     return vehicle

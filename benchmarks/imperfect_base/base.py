@@ -100,7 +100,7 @@ def of(preset: str, seed: int, seconds: float, folder: Path) -> Base:
 
 def _written(preset: str, fitted: Sequence[dict[str, Any]]) -> str:
     """The preset's file with fitted effects in the place of its own, as `hydro fit` writes it."""
-    text = (vehicles.VEHICLES / f"{preset}.toml").read_text()
+    text = vehicles.file(preset).read_text()
     for table in fitted:
         text = files.set_effect(text, table)
     return text

@@ -19,6 +19,7 @@ from hydro.commands.shell import (
     refuse_terminal,
     report,
     report_gaps,
+    tell_voltage,
     vehicle_for,
     write,
 )
@@ -88,6 +89,7 @@ def labels(
         deviations = parameters["noise"] = [given.velocity] * 3 + [given.rate] * 3
     name, source = called(raw), Logs(map_, msg, vehicle).read(raw)
     known, text = vehicle_for(source, vehicle)
+    tell_voltage(known, source.frame)
     with about(name):
         parameters["subtracted"] = subtracted(known, subtract)
         limits = Bounds(max_sd_velocity, max_sd_acceleration)

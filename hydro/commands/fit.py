@@ -16,6 +16,7 @@ from hydro.commands.shell import (
     about,
     noise_for,
     progress,
+    tell_voltage,
     vehicle_to_fit,
 )
 from hydro.core.effects import examples
@@ -94,6 +95,7 @@ def fit(
     _, text = vehicles.read(vehicle)
     name, source = called(measured), Logs(map_, msg, vehicle).read(measured)
     start, _ = vehicle_to_fit(vehicle, known, source)
+    tell_voltage(start, source.frame)
     with about(name), progress("fit") as update:
         found = compute(
             start,

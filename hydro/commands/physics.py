@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
-from hydro.commands.shell import STREAM, Output, about, print_table, progress, refuse_terminal, write
+from hydro.commands.shell import (
+    STREAM,
+    Output,
+    about,
+    print_table,
+    progress,
+    refuse_terminal,
+    tell_voltage,
+    write,
+)
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -58,6 +67,7 @@ def simulate(
     known, text = vehicles.read(vehicle)
     name = called(commands)
     source = Logs(map_, msg, vehicle).read(commands, "commands", "raw")
+    tell_voltage(known, source.frame)
     if bands:
         write(_bands(vehicle, source, name, draws, seed), output)
         return

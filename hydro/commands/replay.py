@@ -22,6 +22,7 @@ from hydro.commands.shell import (
     progress,
     read,
     shows_table,
+    tell_voltage,
     vehicle_for,
     write,
 )
@@ -172,6 +173,7 @@ def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
     from hydro.sim.student import Physics
 
     known, text = vehicle_for(source, file)
+    tell_voltage(known, source.frame)
     trained = [read(name, "model") for name in given.models]
     networks = [models.from_artefact(artefact) for artefact in trained]
     for name, network in zip(given.models, networks, strict=True):

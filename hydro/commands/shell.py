@@ -263,8 +263,17 @@ def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
     """What a recording without some sensors cannot show, on stderr, before anything else is said."""
     from hydro.core.identification.visibility import not_shown
 
+    tell_voltage(vehicle, frame)
     for line in not_shown(vehicle, frame):
         typer.echo(f"hydro: {line}", err=True)
+
+
+def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
+    """That a recording lacks the supply voltage which a vehicle's thrust curves ask for, on stderr."""
+    from hydro.core.recording.supply import unknown_voltage
+
+    if words := unknown_voltage(vehicle, frame):
+        typer.echo(f"hydro: {words}", err=True)
 
 
 def person() -> Console:

@@ -38,6 +38,10 @@ COMMAND = "cmd_"
 """What the name of every command column begins with."""
 
 
+VOLTAGE = "voltage"
+"""Column of the supply voltage [V], which a recording may have."""
+
+
 def command_column(thruster: int) -> str:
     """Name of the column of a thruster's command; thrusters count from 0, the columns from 1."""
     return f"{COMMAND}{thruster + 1}"

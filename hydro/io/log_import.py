@@ -15,7 +15,7 @@ from hydro.core.evaluation.thruster_order import rewired
 from hydro.core.logs.aliases import guess
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
-from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured
+from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured, named
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
@@ -137,6 +137,8 @@ def described(meaning: LogMap) -> Iterator[str]:
         yield f"{name} {columns} [{_settings(block)}]"
     columns = " ".join(command(source).column for source in meaning.commands.columns)
     yield f"commands {columns} [{meaning.commands.unit}]"
+    if meaning.voltage is not None:
+        yield f"voltage {named(meaning.voltage.column).column} [{meaning.voltage.unit}]"
 
 
 def _settings(block: Block) -> str:

@@ -12,7 +12,17 @@ import msgspec
 import numpy as np
 
 from hydro.core.errors import DataError
-from hydro.core.logs.logmap import BLOCKS, Attitude, LogMap, Mount, Position, blocks_of, conditions, stretches
+from hydro.core.logs.logmap import (
+    BLOCKS,
+    Attitude,
+    LogMap,
+    Mount,
+    Position,
+    blocks_of,
+    conditions,
+    sensors_of,
+    stretches,
+)
 from hydro.core.logs.mixer import PRESETS
 from hydro.io import toml
 from hydro.io.files import read_bytes, shown
@@ -169,7 +179,7 @@ def _check_derived(found: LogMap) -> None:
 
 def _check_samples(found: LogMap) -> None:
     """Conditions that ask one thing at least where they name no column."""
-    for name, block in {**blocks_of(found), "commands": found.commands}.items():
+    for name, block in sensors_of(found).items():
         for one in conditions(block.valid):
             asked = (one.equals, one.above, one.below, one.differs)
             if one.column is None and asked == (None,) * 4:

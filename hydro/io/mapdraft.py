@@ -17,7 +17,10 @@ _EMPTY: dict[str, dict[str, Any]] = {
     "rates": {"columns": ["", "", ""]},
     "commands": {"columns": [""]},
 }
+_OPTIONAL = ("voltage",)
+"""What a draft has only where the names suggest it."""
 _NOTES = {
+    "voltage": ('Supply of the thrusters, for thrust curves by voltage. unit: "V" or "mV".',),
     "time": (
         'unit: "s", "ms", "us" or "ns" since any epoch, or "iso" for text like 2025-06-01T12:00:00.25Z.',
         "longest_step = 0.5 would interpolate over gaps up to 0.5 s; by default five median steps.",
@@ -53,6 +56,7 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
     "velocity": {"frame": "FRD", "unit": "m/s"},
     "rates": {"frame": "FRD", "unit": "rad/s"},
     "commands": {"unit": "1"},
+    "voltage": {"unit": "V"},
 }
 
 
@@ -77,7 +81,8 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
     ):
         document.add(tomlkit.comment(line))
     document.add("format", tomlkit.item("hydro-map/1"))
-    for name, empty in _EMPTY.items():
+    optional: dict[str, dict[str, Any]] = {name: {} for name in _OPTIONAL if name in blocks}
+    for name, empty in {**_EMPTY, **optional}.items():
         given = blocks.get(name, empty)
         table = tomlkit.table()
         for line in _NOTES[name]:

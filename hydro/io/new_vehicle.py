@@ -80,6 +80,9 @@ def _trim(found: Estimate) -> str:
 
 
 def _thruster(thruster: Thruster) -> Iterable[str]:
+    """A thruster with a plain curve."""
+    assert thruster.max_thrust is not None
+    assert thruster.max_reverse_thrust is not None
     return (
         "[[thruster]]",
         f'name = "{thruster.name}"',

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, Time, beside, blocks_of, command, measured
+from hydro.core.logs.logmap import LogMap, Time, beside, blocks_of, command, measured, named
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, stripped
 
@@ -42,6 +42,10 @@ def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
         yield from ((where, name) for name in beside(block))
     yield from (("commands", command(source).column) for source in meaning.commands.columns)
     yield from (("commands", name) for name in beside(meaning.commands))
+    if meaning.voltage is not None:
+        yield from (
+            ("voltage", name) for name in (named(meaning.voltage.column).column, *beside(meaning.voltage))
+        )
 
 
 def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:

@@ -13,12 +13,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Rows, checked_commands
+from hydro.core.columns import POSE, VELOCITY, WRENCH, Array, Rows
 from hydro.core.effects import sensor, velocity_log
 from hydro.core.errors import UsageError
 from hydro.core.evaluation.metrics import Subject, consecutive, measure, rows_of
 from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design
+from hydro.core.recording.supply import recorded_commands
 from hydro.core.residual.lowering import TrainedModel
 from hydro.core.residual.network import Network
 from hydro.core.vehicle.description import Vehicle
@@ -202,7 +203,7 @@ class _Recorded:
     Attributes:
         measured: Pose and velocity as logged, (N, 12).
         begun: Velocity behind what was logged, (N, 6).
-        commands: (N, n).
+        commands: (N, n), effective ones (`recording.supply`).
         clock: Times [s], (N,).
         bounds: Segments, (S, 2).
         resumed: Which of them follow a gap, (S,).
@@ -221,7 +222,7 @@ class _Recorded:
     def of(cls, raw: pl.DataFrame, vehicle: Vehicle) -> _Recorded:
         """The recording in a raw table."""
         require_samples(raw, (*POSE, *VELOCITY))
-        commands, bounds = _commands(vehicle, raw), segments(raw)
+        commands, bounds = recorded_commands(vehicle, raw), segments(raw)
         measured = raw.select(pl.col(*POSE, *VELOCITY).cast(pl.Float64)).to_numpy()
         log, clock = velocity_log(vehicle), raw["t"].cast(pl.Float64).to_numpy()
         begun = _along(sensor.corrected, log, clock, measured[:, 6:], bounds)
@@ -270,12 +271,6 @@ def _water(variant: Variant, vehicle: Vehicle, controlled: Callable[[Network], C
     if variant.water == "effects":
         return wet(vehicle)
     return dry(vehicle, added_mass=variant.water == "inertia", ellipsoid=variant.water == "ellipsoid")
-
-
-def _commands(vehicle: Vehicle, raw: pl.DataFrame) -> Array:
-    """Commands (N, n) of the vehicle's thrusters."""
-    names = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
-    return np.ascontiguousarray(raw.select(pl.col(names).cast(pl.Float64)).to_numpy())
 
 
 def _fly(

@@ -56,7 +56,8 @@ class Student:
     """Several vehicles of one vehicle file in MuJoCo, sharing one clock.
 
     Attributes:
-        model: The compiled MuJoCo model; its controls are the thrusters' commands in [-1, 1].
+        model: The compiled MuJoCo model; its controls are the thrusters' effective commands
+            (`recording.supply`): the commands themselves, but where a thrust curve is a table.
         batch: The simulations, for whoever needs more of MuJoCo than this class shows.
     """
 

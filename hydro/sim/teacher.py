@@ -31,6 +31,7 @@ from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
+from hydro.core.recording.supply import given_commands
 from hydro.core.simulation.dynamics import BODY, afloat, settle
 from hydro.core.simulation.excitation import LOG_RATE, Session, demands, holds_heading, plan
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
@@ -201,7 +202,7 @@ def fly(
         nu: Velocity of the start over ground (6,), body axes; rest by default [m/s, rad/s].
 
     Returns:
-        Motion (N, 12) x … psi, u … r, and commands (N, n).
+        Motion (N, 12) x … psi, u … r, and effective commands (N, n), see `recording.supply`.
 
     Raises:
         DataError: The motion diverges.
@@ -236,7 +237,7 @@ def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: 
     motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])
     motion = disturb(motion, noise, noise_rng)
     names = [*MOTION_COLUMNS, *command_columns(commands.shape[1])]
-    columns = np.hstack([motion, commands]).astype(np.float32)
+    columns = np.hstack([motion, given_commands(subject.vehicle, commands)]).astype(np.float32)
     return pl.DataFrame(
         {"session": [session.name] * session.rows, "t": t}
         | {name: np.ascontiguousarray(columns[:, i]) for i, name in enumerate(names)}

@@ -44,6 +44,7 @@ from hydro.core.recording.arrays import noise as channel_noise
 from hydro.core.recording.filling import filled
 from hydro.core.recording.kinematic_smoother import Smoothed, smooth
 from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.supply import recorded_commands
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
@@ -107,7 +108,8 @@ def labels_of_samples(
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
     nu_r = through_water(motion, pose[:, 3:], current(vehicle)) if inflow else None
     after_gap = resumes(raw, bounds)
-    thrust = thrusts(table, columns(raw, commands), raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
+    driven = recorded_commands(vehicle, raw)
+    thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
     forces, placed = np.empty((0, 6)), False
     if subtract == "effects":
         forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, dt)

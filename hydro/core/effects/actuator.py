@@ -25,7 +25,16 @@ from hydro.core.effects.sayings import a_sample_late
 from hydro.core.effects.shapes import Room, of_sizes
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
-from hydro.core.vehicle.thrusters import ASYMMETRY, DEADBAND, DELAY, GAIN, INFLOW, POWER, TIME_CONSTANT
+from hydro.core.vehicle.thrusters import (
+    ASYMMETRY,
+    DEADBAND,
+    DELAY,
+    GAIN,
+    INFLOW,
+    POWER,
+    TIME_CONSTANT,
+    curve_power,
+)
 
 LEAST_POWER, MOST_POWER = 0.5, 4.0
 """Bounds of the power of a thrust curve."""
@@ -58,7 +67,7 @@ def command_delay(p: Array, table: Array) -> None:
 
 
 def thruster_deadband(p: Array, table: Array) -> None:
-    """Dead band wider by d, in units of command or normalised speed."""
+    """Dead band wider by d, in units of command or normalised speed; with a table of full thrust."""
     table[:, DEADBAND] += p[0]
 
 
@@ -99,7 +108,7 @@ def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
 
 def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
     """Powers of the curve from the root to the fourth."""
-    powers = [2.0 if t.curve == "quadratic" else 1.0 for t in vehicle.thruster] or [1.0]
+    powers = [curve_power(thruster) for thruster in vehicle.thruster] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
@@ -111,11 +120,6 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
         return low - min(given), high - max(given)
 
     return Plausible(at, words, source)
-
-
-def power_of(thruster: Thruster) -> float:
-    """Power of the thrust curve that a file names."""
-    return 2.0 if thruster.curve == "quadratic" else 1.0
 
 
 def within(room: Room) -> Limits:
@@ -151,7 +155,7 @@ def another_curve(parameters: Mapping[str, Any], dt: float) -> str | None:
         return None
     curve = "quadratic" if power > 0.0 else "linear"
     return (
-        f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] of the file, and '
+        f'the thrust curve is {curve}: set `curve = "{curve}"` in every [[thruster]] that names one, and '
         "diagnose again; `hydro add` does it as well"
     )
 
@@ -317,7 +321,7 @@ EFFECTS = (
             plausible=in_sum(
                 0.5,
                 3.0,
-                power_of,
+                curve_power,
                 "power in sum 0.5 to 3",
                 "commands of power (2/3), thrust (1), speed (2); Fossen (2011), section 12.3",
             ),

@@ -20,7 +20,7 @@ from hydro.core.evaluation.metrics import consecutive
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
-from hydro.core.vehicle.thrusters import configuration_matrix
+from hydro.core.vehicle.thrusters import MAX_THRUST, configuration_matrix, thruster_table
 
 PIECE_SECONDS = 0.2
 """Length of a piece [s]."""
@@ -234,7 +234,7 @@ def _commands(command: Array, vehicle: Vehicle) -> Iterator[Family]:
         [IDLE, 0.35, 0.7],
         ("coasting", "under light thrust", "under medium thrust", "under full thrust"),
     )
-    strength = np.array([t.max_thrust for t in vehicle.thruster])
+    strength = thruster_table(vehicle)[:, MAX_THRUST]
     wrench = command * strength @ configuration_matrix(vehicle).T
     for axis, by, words in (
         (0, "surge command", ("powered astern", "using no surge thrust", "powered ahead")),

@@ -55,7 +55,7 @@ def restarted(vehicles: Mapping[str, Vehicle], raw: pl.DataFrame) -> pl.DataFram
     motions |= {name: _predicted(vehicle, recording(vehicle, shown)) for name, vehicle in vehicles.items()}
     kept = _thinned(record)
     commands = [command_column(i) for i in range(record.commands.shape[1])]
-    told = pl.DataFrame(record.commands[kept].astype(np.float32), schema=commands)
+    told = shown.select(pl.col(commands).cast(pl.Float32).gather(kept))
     table = pl.concat(
         pl.DataFrame(motion[kept].astype(np.float32), schema=[*POSE, *VELOCITY]).select(
             shown["session"].gather(kept),

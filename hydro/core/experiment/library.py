@@ -15,6 +15,7 @@ import polars as pl
 from hydro.core.columns import DOF, Array, command_columns
 from hydro.core.effects import Program, assemble, inertia_matrix
 from hydro.core.errors import DataError
+from hydro.core.recording.supply import given_commands
 from hydro.core.simulation.dynamics import NO_HULL
 from hydro.core.simulation.excitation import HEAVE, LOG_RATE, PITCH, ROLL, SURGE, SWAY, YAW
 from hydro.core.simulation.steady_motion import fluid_wrench, wrench_limits
@@ -43,12 +44,15 @@ class Manoeuvre:
     Attributes:
         name: In one or two words.
         words: What to fly, for a pilot.
-        commands: (N, n) in [-1, 1]; row k is held on [t_k, t_k+1), t_k = k / `excitation.RATE`.
+        commands: (N, n) effective ones (`recording.supply`) in [-1, 1]; row k is held on [t_k, t_k+1),
+            t_k = k / `excitation.RATE`.
+        vehicle: Whose thrust curves turn them into the commands to give; None where they are these.
     """
 
     name: str
     words: str
     commands: Array
+    vehicle: Vehicle | None = None
 
     @property
     def t(self) -> Array:
@@ -67,8 +71,9 @@ class Manoeuvre:
         return replace(self, commands=commands.astype(np.float32).astype(np.float64))
 
     def table(self) -> pl.DataFrame:
-        """The commands as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
-        given = dict(zip(command_columns(self.commands.shape[1]), self.commands.T, strict=True))
+        """The commands to give, as `hydro simulate` reads them: session, t, cmd_1 ... cmd_n."""
+        commands = self.commands if self.vehicle is None else given_commands(self.vehicle, self.commands)
+        given = dict(zip(command_columns(self.commands.shape[1]), commands.T, strict=True))
         session = [self.name.replace(" ", "_")] * len(self.commands)
         return pl.DataFrame({"session": session, "t": self.t} | given)
 
@@ -100,7 +105,7 @@ def library(vehicle: Vehicle, seconds: float = FLIGHT_LENGTH) -> tuple[Manoeuvre
         flown.append(Manoeuvre("single thrusters", words, _single(len(vehicle.thruster), rows)))
     if not flown:
         raise DataError(f"vehicle {vehicle.name} has no thrusters, so that there is nothing to fly")
-    return tuple(flown)
+    return tuple(replace(one, vehicle=vehicle) for one in flown)
 
 
 def _demands(

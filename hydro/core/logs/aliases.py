@@ -86,6 +86,10 @@ _LONG_COMMAND = re.compile(
     r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
 )
 """The same behind the name of a message, where a short stem would be anything."""
+_VOLTAGE = re.compile(
+    r"(?:(?:.+_)?(?:battery|batt|bat|supply|bus)_?(?:voltage|volt|volts|v)|voltage|v_?bat|v_?batt|vbus)(?:_(v|mv))?"
+)
+"""The supply's voltage; that of a single cell, or of a payload, is another."""
 _STICKS = re.compile(
     r"(^|_)(rc_?in|rc_channels(_raw|_scaled|_override)?|rc_override|manual_control|joy|joystick)(_|$)"
 )
@@ -129,6 +133,7 @@ def guess(
         "velocity": _vector(measured, _VELOCITY, _SPEEDS),
         "rates": _vector(measured, _RATES, _SPINS),
         "commands": _commands(plain),
+        "voltage": _voltage(measured),
     }
     _, known = preset_blocks(names, preset)
     found.update(known)
@@ -139,6 +144,14 @@ def _is_wanted(name: str) -> bool:
     """Whether a name is of something commanded, or told of a quantity, and not of a measurement."""
     words = name.split("_")
     return bool(_WANTED.intersection(words)) or any(_DESIRED.match(word) for word in words)
+
+
+def _voltage(plain: dict[str, str]) -> Block | None:
+    """The first column that is called like the supply's voltage."""
+    for name, column in reversed(plain.items()):
+        if match := _VOLTAGE.fullmatch(name):
+            return {"column": column, "unit": "mV"} if match[1] == "mv" else {"column": column}
+    return None
 
 
 def _time(plain: dict[str, str], texts: frozenset[str]) -> Block | None:

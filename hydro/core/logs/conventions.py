@@ -22,11 +22,21 @@ from hydro.core.logs.logmap import (
     Position,
     Rates,
     Velocity,
+    Voltage,
     command,
     named,
 )
 from hydro.core.logs.mixer import mixed
-from hydro.core.logs.resample import Channel, averaged, channel, interpolated, same_sign, unwrapped
+from hydro.core.logs.resample import (
+    HELD_EARLY,
+    Channel,
+    averaged,
+    channel,
+    held,
+    interpolated,
+    same_sign,
+    unwrapped,
+)
 from hydro.core.vehicle.frames import HALF_TURN
 
 AXES: dict[str, Array] = {
@@ -54,6 +64,9 @@ UNITS = {
 }
 """SI units in each unit of a map."""
 
+VOLTS = {"V": 1.0, "mV": 1e-3}
+LEAST_VOLTS, MOST_VOLTS = 1.0, 1000.0
+"""Supply of any vehicle's thrusters [V]; the middle of a log's readings lies above the least."""
 FAR_OUT = 2.0
 """A command this far beyond -1 to 1 is of another unit, not a little too high."""
 
@@ -147,6 +160,27 @@ def commands(
         values = mixed(mixer, np.clip(values, -1.0, 1.0))
     beyond = np.abs(values) > 1.0 + 1e-9
     return np.clip(values, -1.0, 1.0), beyond
+
+
+def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:
+    """Supply voltage [V], the last reading at or before each time (N,); NaN before the first.
+
+    Raises:
+        DataError: a reading is one of no vehicle, so that its unit must be another.
+    """
+    given = log.channel(named(block.column))
+    if not len(given.t):
+        return np.full(len(at), np.nan)
+    volts = VOLTS[block.unit] * given.values
+    if volts.min() < 0.0 or volts.max() > MOST_VOLTS or not np.median(volts) > LEAST_VOLTS:
+        other = "mV" if block.unit == "V" else "V"
+        raise DataError(
+            f"column {named(block.column).column}, the supply voltage, reads {volts.min():g} to "
+            f"{volts.max():g} V if voltage.unit is {block.unit!r}; set it to {other!r}, or say in "
+            "voltage.valid which readings count"
+        )
+    read = held(Channel(given.t, volts), at, dt)
+    return np.where(at + HELD_EARLY * dt < given.t[0], np.nan, read)
 
 
 def _normalised(values: Array, block: Commands) -> Array:

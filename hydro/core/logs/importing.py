@@ -9,12 +9,22 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import MOTION, Array, Mask, command_column, command_columns
+from hydro.core.columns import MOTION, VOLTAGE, Array, Mask, command_column, command_columns
 from hydro.core.errors import DataError
 from hydro.core.logs import conventions
 from hydro.core.logs.clocks import require_plausible
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import BLOCKS, Block, LogMap, Velocity, blocks_of, command, measured, stretches
+from hydro.core.logs.logmap import (
+    BLOCKS,
+    Block,
+    LogMap,
+    Velocity,
+    blocks_of,
+    command,
+    measured,
+    named,
+    stretches,
+)
 from hydro.core.logs.resample import Channel, channel, common, rows, sample_time, spans
 from hydro.core.logs.samples import prepared
 from hydro.core.recording.segments import GAP
@@ -87,6 +97,7 @@ def raw_table(
     logs, meaning = samples.logs, samples.meaning
     channels = [_channels(log, meaning) for log in logs]
     _check_filled(channels, meaning)
+    _check_voltage(logs, meaning)
     every = [each for given in channels for each in given]
     fastest = min(every, key=lambda each: each.step)
     require_plausible(fastest.step, meaning.time)
@@ -130,6 +141,17 @@ def _check_filled(channels: Sequence[Sequence[Channel]], meaning: LogMap) -> Non
     for number, name in enumerate(sources):
         if not any(len(given[number].t) for given in channels):
             raise DataError(f"column {name} has no number in any row; name another column in the map")
+
+
+def _check_voltage(logs: Sequence[SessionLog], meaning: LogMap) -> None:
+    """Refuse a column of the supply voltage that has no numbers at all."""
+    if meaning.voltage is not None:
+        source = named(meaning.voltage.column)
+        if not any(len(log.channel(source).t) for log in logs):
+            raise DataError(
+                f"column {source.column}, the supply voltage, has no number in any row; "
+                "name another column in the map, or leave [voltage] out"
+            )
 
 
 def _shared(log: SessionLog, meaning: LogMap, gated: Mapping[str, Array]) -> Array:
@@ -177,6 +199,9 @@ def _part(
             pl.when(pl.Series(there)).then(name).alias(name) for name, there in seen if not there.all()
         )
     wide = [table, drives]
+    if meaning.voltage is not None:
+        volts = conventions.voltage(log, meaning.voltage, t, dt)
+        wide.append(pl.DataFrame({VOLTAGE: volts}).fill_nan(None))
     return pl.concat([head, *wide], how="horizontal"), beyond.sum(axis=0)
 
 

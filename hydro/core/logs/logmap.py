@@ -181,6 +181,13 @@ class Commands(_Sensor, frozen=True):
     pwm: PulseWidths = PulseWidths()
 
 
+class Voltage(_Sensor, frozen=True):
+    """Supply voltage of the thrusters; each row has the last reading at or before it."""
+
+    column: Number
+    unit: Literal["V", "mV"] = "V"
+
+
 Demand = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 
 
@@ -230,6 +237,7 @@ class LogMap(_Part, frozen=True, kw_only=True):
     velocity: Velocity | None = None
     rates: Rates | None = None
     commands: Commands
+    voltage: Voltage | None = None
     session: Session = Session()
     mixer: Mixer | None = None
     use: Use | tuple[Use, ...] = ()
@@ -238,6 +246,7 @@ class LogMap(_Part, frozen=True, kw_only=True):
 
 
 Block = Position | Attitude | Velocity | Rates
+Sensor = Block | Commands | Voltage
 BLOCKS = ("position", "attitude", "velocity", "rates")
 
 
@@ -262,7 +271,7 @@ def stretches(given: LogMap) -> tuple[Use, ...]:
     return given.use if isinstance(given.use, tuple) else (given.use,)
 
 
-def beside(block: Block | Commands) -> tuple[str, ...]:
+def beside(block: Sensor) -> tuple[str, ...]:
     """Columns that a sensor takes beside its values: those that say which are valid, and divisors."""
     found = [one.column for one in conditions(block.valid) if one.column is not None]
     return (*found, *([named(block.per).column] if block.per is not None else []))
@@ -272,6 +281,12 @@ def blocks_of(given: LogMap) -> dict[str, Block]:
     """The blocks of pose and velocity that a map has, by name."""
     every: dict[str, Block | None] = {name: getattr(given, name) for name in BLOCKS}
     return {name: block for name, block in every.items() if block is not None}
+
+
+def sensors_of(given: LogMap) -> dict[str, Sensor]:
+    """The blocks of pose and velocity that a map has, the commands, and the voltage if any, by name."""
+    found: dict[str, Sensor] = {**blocks_of(given), "commands": given.commands}
+    return found if given.voltage is None else {**found, "voltage": given.voltage}
 
 
 def measured(block: Block) -> tuple[Column, ...]:

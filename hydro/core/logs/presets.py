@@ -52,6 +52,9 @@ _ODOMETRY = _ros(f"{_LOCAL}/odom", "ENU", "FLU")
 _ANGLES = ("roll", "pitch", "yaw")
 _SPINS = ("rollspeed", "pitchspeed", "yawspeed")
 _CORE = "XKF1"
+_ONE = ("",)
+_MAVLINK_KNOWS = {"not": 65535.0}
+"""MAVLink's 16 bits of a voltage that is not known."""
 
 PRESETS: dict[str, dict[str, list[Source]]] = {
     "mavros": {
@@ -68,6 +71,7 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         ],
         "rates": [*_ODOMETRY["rates"], _of("mavros/imu/data.angular_velocity.*", "xyz", frame="FLU")],
         "commands": [_of("mavros/rc/out.channels.*", _INDICES, unit="pwm")],
+        "voltage": [_of("mavros/battery.voltage", _ONE)],
     },
     "ardusub": {
         "position": [_of(f"{_CORE}.P*", "NED"), _of("NKF1.P*", "NED")],
@@ -78,6 +82,7 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         "velocity": [_of(f"{_CORE}.V*", "NED", frame="NED"), _of("NKF1.V*", "NED", frame="NED")],
         "rates": [_of("IMU.Gyr*", "XYZ")],
         "commands": [_of("RCOU.C*", _NUMBERS, unit="pwm")],
+        "voltage": [_of("BAT.Volt", _ONE), _of("CURR.Volt", _ONE)],
     },
     "blueos": {
         "position": [_of("LOCAL_POSITION_NED.*", "xyz")],
@@ -85,6 +90,7 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         "velocity": [_of("LOCAL_POSITION_NED.v*", "xyz", frame="NED")],
         "rates": [_of("ATTITUDE.*", _SPINS)],
         "commands": [_of("SERVO_OUTPUT_RAW.servo*_raw", _NUMBERS, unit="pwm")],
+        "voltage": [_of("SYS_STATUS.voltage_battery", _ONE, unit="mV", valid=_MAVLINK_KNOWS)],
     },
     "stonefish": {
         **_ros("odometry", "NED", "FRD"),
@@ -113,6 +119,7 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
             _of("actuator_motors.control.*", _INDICES),
             _of("actuator_outputs.output.*", _INDICES, unit="pwm"),
         ],
+        "voltage": [_of("battery_status.voltage_v", _ONE)],
     },
 }
 """What each kind of logger calls its columns, by quantity, the preferred source first."""
@@ -135,7 +142,7 @@ def preset_blocks(names: Sequence[str], preset: str | None = None) -> tuple[str 
             f"no column is called as a log of {preset} calls them; leave --preset out, or try "
             f"{', '.join(key for key in PRESETS if key != preset)}"
         )
-    if preset is None and len(found[best]) < LEAST_BLOCKS:
+    if preset is None and len(found[best].keys() - {"voltage"}) < LEAST_BLOCKS:
         return None, {}
     return best, found[best]
 
@@ -156,6 +163,8 @@ def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
         columns = columns[: columns.index(None)] if None in columns else columns
     if not columns or None in columns:
         return None
+    if quantity == "voltage":
+        return {"column": columns[0], **source.settings}
     key = "quaternion" if quantity == "attitude" and len(columns) == 4 else "columns"
     return {key: columns, **source.settings}
 

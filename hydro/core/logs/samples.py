@@ -13,23 +13,23 @@ from hydro.core.errors import DataError
 from hydro.core.logs.clocks import bunched, evened
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import (
-    Block,
     Commands,
     LogMap,
     Rates,
+    Sensor,
     Valid,
-    blocks_of,
+    Voltage,
     command,
     conditions,
     measured,
     named,
+    sensors_of,
 )
 from hydro.core.logs.mounting import DERIVED, derived_rates, mounted_rates, mounted_velocity
 
 REPEATS = 0.1
 """Share of a velocity's readings that repeat the last one from which repeats are no readings."""
 SAME = 1e-9  # relative
-Sensor = Block | Commands
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,7 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
     """
     _check_shared(meaning)
     works = [_Work(log, dict(log.columns)) for log in logs]
-    sensors: dict[str, Sensor] = {**blocks_of(meaning), "commands": meaning.commands}
-    for name, block in sensors.items():
+    for name, block in sensors_of(meaning).items():
         names = _names(block)
         if not names:
             continue
@@ -103,13 +102,15 @@ def _names(block: Sensor) -> list[str]:
     """Columns of a sensor's values."""
     if isinstance(block, Commands):
         return [command(source).column for source in block.columns]
+    if isinstance(block, Voltage):
+        return [named(block.column).column]
     return [source.column for source in measured(block)]
 
 
 def _check_shared(meaning: LogMap) -> None:
     """Refuse a column of two sensors that say different things of its samples."""
     said: dict[str, tuple[str, tuple[object, ...]]] = {}
-    for where, block in {**blocks_of(meaning), "commands": meaning.commands}.items():
+    for where, block in sensors_of(meaning).items():
         own = (block.valid, block.per, block.lag, block.even, getattr(block, "mount", None))
         for name in _names(block):
             other, theirs = said.setdefault(name, (where, own))
@@ -245,8 +246,7 @@ def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
 def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
     """What was done, in words."""
     lines = []
-    sensors: dict[str, Sensor] = {**blocks_of(meaning), "commands": meaning.commands}
-    for name, block in sensors.items():
+    for name, block in sensors_of(meaning).items():
         if lost := sum(work.lost.get(name, 0) for work in works):
             lines.append(f"{name}: {lost:,} samples are not valid by the map and left out")
         if held := sum(work.repeats.get(name, 0) for work in works):

@@ -14,6 +14,7 @@ from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows, checked_comman
 from hydro.core.errors import DataError
 from hydro.core.recording.filling import filled, steady
 from hydro.core.recording.segments import resumes, sample_time, segments
+from hydro.core.recording.supply import effective_commands, supply_voltage
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 
@@ -44,7 +45,7 @@ class Recording:
         t: Times as logged [s], (N,); they rise within a segment only.
         eta: Pose x y z phi theta psi, NED, (N, 6); angles as logged, they may jump by a turn.
         nu: Velocity as the log gives it, body frame, (N, 6).
-        commands: (N, n); row k is held on [t_k, t_k+1).
+        commands: (N, n), effective ones (`recording.supply`); row k is held on [t_k, t_k+1).
         segments: Unbroken runs of rows [start, stop), (S, 2).
         after_gap: Which segments go on with a session after a gap, (S,).
         session: Number of each segment's session, (S,).
@@ -81,6 +82,7 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
             rise at one rate.
     """
     commands = checked_commands(raw.columns, len(vehicle.thruster), vehicle.name)
+    supply = supply_voltage(vehicle, raw)
     needed = ("session", "t", *POSE, *VELOCITY, *commands)
     missing = [name for name in needed if name not in raw.columns]
     if missing:
@@ -101,7 +103,7 @@ def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
         t=np.ascontiguousarray(numbers[:, 0]),
         eta=np.ascontiguousarray(numbers[:, 1:7]),
         nu=np.ascontiguousarray(numbers[:, 7:13]),
-        commands=np.ascontiguousarray(numbers[:, 13:]),
+        commands=effective_commands(vehicle, np.ascontiguousarray(numbers[:, 13:]), supply),
         segments=bounds,
         after_gap=after_gap,
         session=np.cumsum(~after_gap, dtype=np.int64) - 1,

@@ -13,11 +13,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import ArrayLike
 
-from hydro.core.columns import POSE, VELOCITY, Array, checked_commands
+from hydro.core.columns import POSE, VELOCITY, VOLTAGE, Array, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
+from hydro.core.recording.supply import recorded_commands
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat, settle
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.vehicle.description import Vehicle
@@ -32,7 +33,8 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
 
     Args:
         vehicle: The vehicle with all its effects; those of its sensors act on the velocity that is returned.
-        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`; the command of a row is held until the next.
+        commands: Columns `session`, `t` and `cmd_1 ... cmd_n`, and `voltage` [V] where it is known; the
+            command of a row is held until the next.
             Where all columns of pose and velocity are there too (a raw table), the first row of every
             session, and the first after a gap, gives the initial state; else every session starts at rest
             at the origin.
@@ -64,7 +66,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
         )
     program, log, steps = assemble(vehicle), velocity_log(vehicle), steps_of_row(dt)
     t = commands["t"].to_numpy().astype(np.float64)
-    demand = np.ascontiguousarray(commands.select(names).to_numpy().astype(np.float64))
+    demand = recorded_commands(vehicle, commands)
     given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
     motion = np.empty((len(t), 12))
     for (begin, end), resumed in zip(bounds, after_gap, strict=True):
@@ -78,7 +80,8 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
         )
         motion[rows, 6:] = sensor.measured(log, t[rows], motion[rows, 6:])
     logged = pl.DataFrame(motion, schema=[*POSE, *VELOCITY])
-    return pl.concat([commands.select("session", "t"), logged, commands.select(names)], how="horizontal")
+    kept = commands.select(*names, *(name for name in (VOLTAGE,) if name in commands.columns))
+    return pl.concat([commands.select("session", "t"), logged, kept], how="horizontal")
 
 
 def steps_of_row(dt: float, rate: float = INTEGRATION_RATE) -> int:

@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from hydro.core.thrust_curves.curve import Curve
+
 Vector3 = tuple[float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
 Matrix3 = tuple[Vector3, Vector3, Vector3]
@@ -57,6 +59,12 @@ class Hull(_Part, frozen=True):
     mesh: str | None = None
 
 
+class Battery(_Part, frozen=True):
+    """Nominal supply `voltage` [V] of the thrusters: where a recording has none of its own."""
+
+    voltage: Positive
+
+
 class Thruster(_Part, frozen=True):
     """One thruster: a point and direction, or a constant body wrench per newton (axis demand).
 
@@ -64,15 +72,19 @@ class Thruster(_Part, frozen=True):
     `lag = "thrust"`: dead band -> curve -> first-order lag on the thrust.  `lag = "speed"`: first-order lag
     on the normalised rotor speed -> dead band -> curve.  `lag_step` [s], when given, says that the source of
     the data integrates the lag by explicit Euler at that step.
+
+    A `curve` by name goes with the command or its square up to `max_thrust` and `max_reverse_thrust` [N].  A
+    table, or `"t200"` for the published one of that thruster, says these and its dead band itself, and they
+    are left out.  Where the rotor speed lags behind a table, it is the root of the share of full thrust.
     """
 
     name: str
-    max_thrust: Positive
-    max_reverse_thrust: Positive
+    max_thrust: Positive | None = None
+    max_reverse_thrust: Positive | None = None
     position: Vector3 | None = None
     direction: Vector3 | None = None
     wrench: Vector6 | None = None
-    curve: Literal["linear", "quadratic"] = "linear"
+    curve: Literal["linear", "quadratic", "t200"] | Curve = "linear"
     lag: Literal["thrust", "speed"] = "thrust"
     time_constant: NonNegative = 0.0
     lag_step: Positive | None = None
@@ -90,6 +102,7 @@ class Vehicle(_Part, frozen=True):
     hull: Hull
     format: Literal["hydro-vehicle/1"] = "hydro-vehicle/1"
     environment: Environment = Environment()
+    battery: Battery | None = None
     thruster: tuple[Thruster, ...] = ()
     effect: tuple[dict[str, Any], ...] = ()
 

@@ -5,6 +5,10 @@ thruster as one row of `thruster_table`.  Each thruster has one lag state: its t
 (`lag = "thrust"`) or its normalised rotor speed (`lag = "speed"`).  The state depends on the commands alone,
 never on the motion; what depends on the motion (inflow) comes after it, in `state_to_thrust`.
 
+A thruster whose file gives its curve as a table takes *effective* commands here: those that would give the
+same thrust by the row's own plain curve.  `recording.supply` makes them of the commands and the supply
+voltage of a recording, once, before anything is integrated; for other thrusters they are the commands.
+
 A command logged in row k acts on [t_k, t_k+1).  A value at t_k is the limit from the left: the state at the
 first row is the initial one, and the first command is first felt at the second row.
 """
@@ -19,6 +23,8 @@ from numpy.typing import ArrayLike
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
+from hydro.core.thrust_curves.curve import curve_table
+from hydro.core.thrust_curves.table import ThrustTable
 from hydro.core.vehicle.description import Thruster, Vehicle
 
 # Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
@@ -35,7 +41,8 @@ DELAY = 14  # s
 GAIN = 15  # relative gain, thrust times 1 + g
 ASYMMETRY = 16  # a, reverse thrust times 1 - a
 INFLOW = 17  # c, thrust lost to the water's speed along the axis [s/m]
-COLUMNS = 18
+BEYOND = 18  # effective commands reach 1 + this: a table has more thrust at more than the nominal voltage
+COLUMNS = 19
 
 
 def same_states(table: Array, other: Array) -> bool:
@@ -72,7 +79,8 @@ def thruster_table(vehicle: Vehicle) -> Array:
     Gain, asymmetry and inflow are 0 here; effects of kind `actuator` change these and other columns.
 
     Raises:
-        DataError: A thruster's placement is missing or doubled, or its `lag_step` exceeds its time constant.
+        DataError: A thruster's placement is missing or doubled, its `lag_step` exceeds its time constant, or
+            its curve is no curve.
     """
     table = np.zeros((len(vehicle.thruster), COLUMNS))
     for row, thruster in zip(table, vehicle.thruster, strict=True):
@@ -83,9 +91,8 @@ def thruster_table(vehicle: Vehicle) -> Array:
                 f"{thruster.time_constant:g} s, where Euler steps overshoot; give the source's step"
             )
         row[UNIT_WRENCH] = _unit_wrench(thruster)
-        row[MAX_THRUST] = thruster.max_thrust
-        row[MAX_REVERSE] = thruster.max_reverse_thrust
-        row[POWER] = 2.0 if thruster.curve == "quadratic" else 1.0
+        row[MAX_THRUST], row[MAX_REVERSE], row[BEYOND] = _limits(vehicle, thruster)
+        row[POWER] = curve_power(thruster)
         row[SPEED_LAG] = thruster.lag == "speed"
         row[TIME_CONSTANT] = thruster.time_constant
         row[LAG_STEP] = step
@@ -93,6 +100,67 @@ def thruster_table(vehicle: Vehicle) -> Array:
         row[SHIFT] = thruster.deadband_style == "shift"
         row[DELAY] = thruster.delay
     return table
+
+
+def table_of(thruster: Thruster) -> ThrustTable | None:
+    """The table of a thruster's curve; None where its curve is a plain one.
+
+    Raises:
+        DataError: The file's numbers are no table.
+    """
+    try:
+        return curve_table(thruster.curve)
+    except DataError as error:
+        raise DataError(f"thruster {thruster.name}: {error}") from error
+
+
+def curve_power(thruster: Thruster) -> float:
+    """Power of its effective command that a thruster's thrust goes with."""
+    if thruster.curve in ("linear", "quadratic"):
+        return 2.0 if thruster.curve == "quadratic" else 1.0
+    return 2.0 if thruster.lag == "speed" else 1.0
+
+
+def voltage_matters(vehicle: Vehicle) -> bool:
+    """Whether the thrust of any thruster depends on the supply voltage."""
+    tables = map(table_of, vehicle.thruster)
+    return any(table is not None and table.several for table in tables)
+
+
+def nominal_voltage(vehicle: Vehicle) -> float:
+    """The vehicle file's supply voltage [V]; 0 where no thrust depends on it.
+
+    Raises:
+        DataError: A curve has several voltages, and the file says not which is nominal.
+    """
+    if vehicle.battery is not None:
+        return vehicle.battery.voltage
+    if voltage_matters(vehicle):
+        raise DataError(
+            "battery: thrust curves by supply voltage need the nominal one: add [battery] with voltage [V]"
+        )
+    return 0.0
+
+
+def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
+    """Thrust at full command ahead and astern [N], and how far effective commands reach beyond 1."""
+    table, given = table_of(thruster), (thruster.max_thrust, thruster.max_reverse_thrust)
+    if table is None:
+        if given[0] is None or given[1] is None:
+            raise DataError(
+                f"thruster {thruster.name}: give max_thrust and max_reverse_thrust [N], or a table as curve"
+            )
+        return given[0], given[1], 0.0
+    if given != (None, None) or thruster.deadband:
+        raise DataError(
+            f"thruster {thruster.name}: its curve is a table, which says the greatest thrusts and the dead "
+            "band: leave out max_thrust, max_reverse_thrust and deadband"
+        )
+    nominal = nominal_voltage(vehicle)
+    ahead, astern = table.limits(nominal)
+    if ahead <= 0.0:
+        raise DataError(f"thruster {thruster.name}: no thrust at the nominal voltage of {nominal:g} V")
+    return ahead, astern, table.most(nominal) ** (1.0 / curve_power(thruster)) - 1.0
 
 
 @jit
@@ -118,8 +186,9 @@ def static_thrust(row: Array, n: float) -> float:
 
 @jit
 def settled_state(row: Array, command: float) -> float:
-    """Lag state that a held command (delayed already) leads to; the command is clipped to [-1, 1]."""
-    n = min(max(command, -1.0), 1.0)
+    """Lag state that a held command (delayed already) leads to; by a plain curve it is clipped to [-1, 1]."""
+    most: float = 1.0 + row[BEYOND]
+    n = min(max(command, -most), most)
     return n if row[SPEED_LAG] else static_thrust(row, n)
 
 

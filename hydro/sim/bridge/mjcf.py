@@ -19,7 +19,16 @@ from hydro.core.effects.program import thrusters_of
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Hull, Thruster, Vehicle
 from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
-from hydro.core.vehicle.thrusters import ASYMMETRY, DELAY, GAIN, INFLOW, LAG_STEP, SPEED_LAG, TIME_CONSTANT
+from hydro.core.vehicle.thrusters import (
+    ASYMMETRY,
+    BEYOND,
+    DELAY,
+    GAIN,
+    INFLOW,
+    LAG_STEP,
+    SPEED_LAG,
+    TIME_CONSTANT,
+)
 from hydro.sim.bridge.water import PREFIX, Water, wet
 
 Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
@@ -222,7 +231,7 @@ def _add_thruster(
         target=site.name,
         gear=wrench * FRD_FLU,
         ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        ctrlrange=[-1.0, 1.0],
+        ctrlrange=[-1.0 - row[BEYOND], 1.0 + row[BEYOND]],
     )
     delayed, lags = bool(row[DELAY] > 0.0), bool(row[TIME_CONSTANT] > row[LAG_STEP])
     proportional = lags and not row[[SPEED_LAG, ASYMMETRY, INFLOW]].any()

@@ -22,7 +22,7 @@ from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.thrusters import configuration_matrix
+from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, configuration_matrix, thruster_table
 
 BETA = 0.9  # paper III-B
 WIDTH = 0.02  # m/s and rad/s, of the dead band
@@ -130,7 +130,7 @@ def preset(name: str, vehicle: Vehicle) -> Conditioning:
 
 def _limits(vehicle: Vehicle) -> tuple[float, ...]:
     """Clipping limits [N, N m] from what the thrusters can make on each axis."""
-    strongest = [max(thruster.max_thrust, thruster.max_reverse_thrust) for thruster in vehicle.thruster]
+    strongest = thruster_table(vehicle)[:, [MAX_THRUST, MAX_REVERSE]].max(axis=1)
     authority = HEADROOM * np.abs(configuration_matrix(vehicle)) @ strongest
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
 

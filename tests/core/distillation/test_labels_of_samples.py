@@ -199,7 +199,7 @@ def test_the_command_says_how_many_rows_have_no_label_and_why(tmp_path, capsys):
     """From a log with Doppler velocity and position at 5 Hz in rows of 20 Hz, through to features."""
     folder = Path(__file__).resolve().parents[3] / "datasets"
     raw, made, parts, inputs = (str(tmp_path / f"{name}.parquet") for name in ("raw", "labels", "split", "x"))
-    vehicle = str(folder / "vehicles" / "bluerov2_heavy.toml")
+    vehicle = str(folder / "logs" / "rov.toml")
     log = [str(folder / "logs" / name) for name in ("example.csv", "map.toml")]
     assert cli.main(["import", log[0], "--map", log[1], "--vehicle", vehicle, "-o", raw]) == 0
     assert cli.main(["labels", raw, "--max-sd-acceleration", "0.04", "-o", made]) == 0

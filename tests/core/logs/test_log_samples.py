@@ -213,7 +213,7 @@ def test_one_column_with_two_clocks_is_refused():
 
 def test_ardusub_mixes_demands_into_the_wrench_they_are_called():
     """By the bundled heavy BlueROV2, whose propellers all count the other way round."""
-    known = vehicle.read(bundled("vehicles/bluerov2_heavy.toml"))[0]
+    known = vehicle.read(bundled("logs/rov.toml"))[0]
     demands = ("surge", "sway", "heave", "roll", "pitch", "yaw")
     mixer = Mixer(demands, preset="ardusub_vectored_6dof", directions=(-1,) * 8)
     wrench = configuration_matrix(known) @ matrix(mixer)

@@ -1,0 +1,45 @@
+"""What a vehicle file says of a thrust curve that is a table, and the table that it makes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated
+
+import msgspec
+
+from hydro.core.errors import DataError
+from hydro.core.thrust_curves.t200 import t200
+from hydro.core.thrust_curves.table import ThrustTable, commands_of_pulses, thrust_table
+
+Volts = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A thrust curve as a table: `thrust` [N] at pulse widths `pwm` [us], or at `command` in [-1, 1].
+
+    1100, 1500 and 1900 us are the commands -1, 0 and 1.  With `voltage` [V], `thrust` has a row for each
+    supply voltage.  Thrust is linear between the points, and the ends hold beyond them.
+    """
+
+    thrust: tuple[float | tuple[float, ...], ...]
+    pwm: tuple[float, ...] = ()
+    command: tuple[float, ...] = ()
+    voltage: tuple[Volts, ...] = ()
+
+
+@lru_cache(maxsize=64)
+def curve_table(curve: str | Curve) -> ThrustTable | None:
+    """The table of a curve; None of a plain one.
+
+    Args:
+        curve: As in the vehicle file: numbers, or a name.
+
+    Raises:
+        DataError: The numbers are no table.
+    """
+    if isinstance(curve, str):
+        return t200() if curve == "t200" else None
+    if bool(curve.pwm) == bool(curve.command):
+        raise DataError("curve: give either pwm or command")
+    commands = commands_of_pulses(curve.pwm) if curve.pwm else curve.command
+    return thrust_table(commands, curve.thrust, curve.voltage)
