@@ -89,6 +89,7 @@ MISTAKES: dict[str, Mistake] = {
         lambda log, spec: declared("commands", columns=_commands(spec)[::-1])(log, spec),
         ("drives thruster",),
     ),
+    "thruster 2 reversed": Mistake(written(-pl.col("cmd_2")), ("minus cmd_2 drives thruster 2",)),
 }
 
 

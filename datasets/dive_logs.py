@@ -155,14 +155,10 @@ def autopilot(dive: Dive) -> Iterator[Message]:
         us = boot(t, 1e6)
         if k % 2 == 0:
             phi, theta, psi = _degrees(values[:3])
-            attitude.append(
-                Message("ATT", "", epoch(t), (us, 0.0, phi, 0.0, theta, psi, psi, 0.0, 0.0, 3))
-            )
+            attitude.append(Message("ATT", "", epoch(t), (us, 0.0, phi, 0.0, theta, psi, psi, 0.0, 0.0, 3)))
         accelerations = (0.0, 0.0, -9.82)
         imu.append(
-            Message(
-                "IMU", "", epoch(t), (us, 0, *values[3:], *accelerations, 0, 0, 31.5, 1, 1, 1000, 1000)
-            )
+            Message("IMU", "", epoch(t), (us, 0, *values[3:], *accelerations, 0, 0, 31.5, 1, 1, 1000, 1000))
         )
     for t, pulses, _ in dive.pulses:
         values = (boot(t, 1e6), *pulses.astype(int).tolist(), *LIGHTS)

@@ -133,7 +133,9 @@ def test_a_guess_reads_the_same_pose_and_commands(name: str) -> None:
     assert len(report.map.commands.columns) == 8
     for column in ("x", "psi", "cmd_8"):
         one, other = (frame.select("t", column).drop_nulls() for frame in (guessed, known))
-        apart = np.interp(known["t"], one["t"], one[column]) - np.interp(known["t"], other["t"], other[column])
+        apart = np.interp(known["t"], one["t"], one[column]) - np.interp(
+            known["t"], other["t"], other[column]
+        )
         assert np.median(np.abs(apart)) < 0.03, column
 
 
