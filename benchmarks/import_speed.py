@@ -150,7 +150,8 @@ def measured(case: str, path: Path, results: Any) -> None:
         wanted = [f"/odom.{name}" for name in ODOMETRY] + [f"/imu.{name}" for name in IMU] + COMMANDS
         with log.opened(path) as file:
             count = file.read(wanted, shares.append).frame.height
-        assert len(shares) > 1 and shares == sorted(shares), "progress is told"
+        assert len(shares) > 1, "progress is told"
+        assert shares == sorted(shares)
     else:
         count = hydro.import_log(path, meaning)[0].height
     seconds = time.process_time() - begun

@@ -1,8 +1,8 @@
-"""The dive as a vehicle's computers log it: MAVROS, the autopilot's own log, its telemetry, BlueOS, a notebook.
+"""The dive as a vehicle's computers log it: MAVROS, the autopilot, its telemetry, BlueOS, a notebook.
 
 Each has the frames, units and clocks of its kind.  ROS turns to ENU and FLU; its stamps are the autopilot's
-times, receipt is late and jitters, and the driver of the Doppler log stamps what it receives, twice each.  The
-autopilot counts from its start, a telemetry link delivers in bursts.
+times, receipt is late and jitters, and the driver of the Doppler log stamps what it receives, twice each.
+The autopilot counts from its start, a telemetry link delivers in bursts.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def _world_velocity(dive: Dive, t: float) -> np.ndarray:
 
 
 def telemetry(dive: Dive) -> Iterator[Message]:
-    """What a ground station keeps: packets of the link every fifth of a second, at most ten of a kind a second."""
+    """What a ground station keeps: packets of the link every fifth of a second."""
     messages = []
     for name, t, content in _mavlink(dive):
         burst = np.ceil((t + RECEIPT) / BURST) * BURST

@@ -1,9 +1,10 @@
 """Make the example logs: python datasets/make_logs.py.
 
 `dive/` has one dive in every format that `hydro import` reads: see `dive.py` and `dive_logs.py`.
-`logs/example.csv` is a plainer log.  A small ROV, simulated from its vehicle file, as its computer might log it: attitude, gyroscope and pulse
-widths at 20 Hz, position and Doppler velocity at 5 Hz with empty cells between, a clock in milliseconds that
-jitters, and a second run in which the log stopped for three seconds.  All maps are written by hand.
+`logs/example.csv` is a plainer log.  A small ROV, simulated from its vehicle file, as its computer might log
+it: attitude, gyroscope and pulse widths at 20 Hz, position and Doppler velocity at 5 Hz with empty cells
+between, a clock in milliseconds that jitters, and a second run in which the log stopped for three seconds.
+All maps are written by hand.
 """
 
 from __future__ import annotations

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import polars as pl
 import pytest
 
 from benchmarks import planted_mistakes as planted
+from hydro.core.columns import MOTION
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 
 ROWS = 4500
@@ -17,6 +21,7 @@ QUICK = (
     "clock in milliseconds",
     "velocity stamped late",
     "thrusters from the other end",
+    "thruster 2 reversed",
 )
 
 
@@ -37,6 +42,15 @@ def test_a_mistake_is_named(name: str, flown: tuple[Vehicle, pl.DataFrame]) -> N
     assert named, lines
 
 
-def test_there_are_twelve_that_must_be_named_and_one_more() -> None:
+def test_a_dead_thruster_is_none_in_reverse(flown: tuple[Vehicle, pl.DataFrame]) -> None:
+    vehicle, raw = flown
+    still = raw.cast({pl.Float32: pl.Float64}).with_columns(pl.col("cmd_2") * 0.0)
+    moved = simulate(vehicle, still).select(MOTION).to_numpy()
+    noisy = disturb(moved, PROFILES["ordinary"], np.random.default_rng(1))
+    logged = raw.with_columns(**dict(zip(MOTION, noisy.T, strict=True)))
+    assert not [line for line in planted.said(vehicle, *planted.log_of(logged)) if "drives" in line]
+
+
+def test_there_are_thirteen() -> None:
     assert len(planted.MISTAKES) == 13
     assert set(QUICK) < set(planted.MISTAKES)

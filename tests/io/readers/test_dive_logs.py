@@ -1,4 +1,4 @@
-"""The bundled dive in every format: read by its map, it is the motion that was simulated, and its clocks agree."""
+"""The bundled dive in every format: by its map, the motion that was simulated, on clocks that agree."""
 
 from __future__ import annotations
 
@@ -133,10 +133,8 @@ def test_a_guess_reads_the_same_pose_and_commands(name: str) -> None:
     assert len(report.map.commands.columns) == 8
     for column in ("x", "psi", "cmd_8"):
         one, other = (frame.select("t", column).drop_nulls() for frame in (guessed, known))
-        apart = np.interp(known["t"], one["t"], one[column]) - np.interp(
-            known["t"], other["t"], other[column]
-        )
-        assert np.median(np.abs(apart)) < 0.03, column
+        a, b = (np.interp(known["t"], each["t"], each[column]) for each in (one, other))
+        assert np.median(np.abs(a - b)) < 0.03, column
 
 
 def test_the_files_are_what_the_script_writes(tmp_path: Path) -> None:
