@@ -9,16 +9,21 @@ order:
     read       `hydro.io.log.read` with the columns of the map
     import     `hydro.import_log`: read, resample, check the conventions
 
-    python benchmarks/import_speed.py --megabytes 200 -o import.parquet
+    python -m benchmarks.import_speed --megabytes 1000 --rounds 1
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
+import gc
 import multiprocessing
-import resource
+import shutil
+import struct
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -26,6 +31,14 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from benchmarks import kept_tables
+
+KINDS = {
+    "/odom": "nav_msgs/msg/Odometry",
+    "/imu": "sensor_msgs/msg/Imu",
+    "/cmd": "std_msgs/msg/Float64MultiArray",
+}
+BEGUN, TURN = 1_700_000_000, 0.5  # s since 1970; rad/s
 MOST = 1000
 """Megabytes of the largest bag."""
 RATE, EVERY = 100.0, 2  # Hz of odometry and IMU; a command at each second of them
@@ -45,53 +58,58 @@ commands.columns = {COMMANDS}
 
 
 def make(path: Path, megabytes: float) -> int:
-    """Write a bag of that size of a vehicle that circles; how many messages it has."""
+    """Write a bag of that size of a vehicle that circles; how many messages it has.
+
+    One circle is serialised, and repeated with other stamps, so that a gigabyte takes little time and memory.
+    """
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     types = get_typestore(Stores.ROS1_NOETIC)
-    new = types.types
-    kinds = {
-        "/odom": "nav_msgs/msg/Odometry",
-        "/imu": "sensor_msgs/msg/Imu",
-        "/cmd": "std_msgs/msg/Float64MultiArray",
-    }
-    empty, still = np.zeros(36), new["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    layout = new["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    circle = _circle(types)
     row = messages = written = 0
     with Writer(path) as writer:
-        links = {topic: writer.add_connection(topic, kind, typestore=types) for topic, kind in kinds.items()}
+        links = {topic: writer.add_connection(topic, kind, typestore=types) for topic, kind in KINDS.items()}
         while written < megabytes * 1e6:
-            t = row / RATE
-            ns = 1_700_000_000 * 10**9 + round(t * 1e9)
-            stamp = new["builtin_interfaces/msg/Time"](*divmod(ns, 10**9))
-            head = new["std_msgs/msg/Header"](seq=row, stamp=stamp, frame_id="odom")
-            turn, w = 0.5 * t, 0.5
-            place = new["geometry_msgs/msg/Point"](2.0 * np.sin(turn), 2.0 - 2.0 * np.cos(turn), 3.0)
-            quaternion = new["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(0.5 * turn), np.cos(0.5 * turn))
-            pose = new["geometry_msgs/msg/PoseWithCovariance"](
-                new["geometry_msgs/msg/Pose"](place, quaternion), empty
-            )
-            spin, ahead = (
-                new["geometry_msgs/msg/Vector3"](0.0, 0.0, w),
-                new["geometry_msgs/msg/Vector3"](1.0, 0.0, 0.0),
-            )
-            twist = new["geometry_msgs/msg/TwistWithCovariance"](
-                new["geometry_msgs/msg/Twist"](ahead, spin), empty
-            )
-            batch: list[tuple[str, Any]] = [
-                ("/odom", new[kinds["/odom"]](head, "base", pose, twist)),
-                ("/imu", new[kinds["/imu"]](head, quaternion, empty[:9], spin, empty[:9], still, empty[:9])),
-            ]
-            if row % EVERY == 0:
-                batch.append(("/cmd", new[kinds["/cmd"]](layout, np.full(8, 0.1 * np.sin(t)))))
-            for topic, message in batch:
-                data = types.serialize_ros1(message, kinds[topic])
+            ns = BEGUN * 10**9 + round(row / RATE * 1e9)
+            stamp = struct.pack("<III", row, *divmod(ns, 10**9))
+            for topic, data in circle[row % len(circle)]:
+                if topic != "/cmd":
+                    data = stamp + data[len(stamp) :]
                 writer.write(links[topic], ns, data)
                 written += len(data)
                 messages += 1
             row += 1
     return messages
+
+
+def _circle(types: Any) -> list[list[tuple[str, bytes]]]:
+    """Topics and messages of every row of one circle; a header begins with its number and its stamp."""
+    new = types.types
+    empty, still = np.zeros(36), new["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    layout = new["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    head = new["std_msgs/msg/Header"](seq=0, stamp=new["builtin_interfaces/msg/Time"](0, 0), frame_id="odom")
+    spin, ahead = (new["geometry_msgs/msg/Vector3"](*each) for each in ((0.0, 0.0, TURN), (1.0, 0.0, 0.0)))
+    twist = new["geometry_msgs/msg/TwistWithCovariance"](new["geometry_msgs/msg/Twist"](ahead, spin), empty)
+    rows = 2 * round(np.pi / TURN * RATE)
+    out = []
+    for row in range(rows):
+        turn = 2.0 * np.pi * row / rows
+        place = new["geometry_msgs/msg/Point"](np.sin(turn) / TURN, (1.0 - np.cos(turn)) / TURN, 3.0)
+        quaternion = new["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(0.5 * turn), np.cos(0.5 * turn))
+        pose = new["geometry_msgs/msg/PoseWithCovariance"](
+            new["geometry_msgs/msg/Pose"](place, quaternion), empty
+        )
+        batch: dict[str, Any] = {
+            "/odom": new[KINDS["/odom"]](head, "base", pose, twist),
+            "/imu": new[KINDS["/imu"]](head, quaternion, empty[:9], spin, empty[:9], still, empty[:9]),
+        }
+        if row % EVERY == 0:
+            batch["/cmd"] = new[KINDS["/cmd"]](layout, np.full(8, 0.1 * np.sin(row / RATE)))
+        out.append(
+            [(topic, bytes(types.serialize_ros1(each, KINDS[topic]))) for topic, each in batch.items()]
+        )
+    return out
 
 
 def library(path: Path, keep: bool) -> int:
@@ -117,22 +135,34 @@ def library(path: Path, keep: bool) -> int:
 
 
 def measured(case: str, path: Path, results: Any) -> None:
-    """Run a case in this process: seconds, growth of memory [MB] and messages or rows."""
+    """Run a case in this process: processor time [s], peak and growth of memory [MB], messages or rows."""
     import hydro
     from hydro.io import log, logmap
 
     meaning = logmap.parse(MAP)
     _warm(path.with_name("warm.bag"), meaning)
-    before, begun = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
+    gc.collect()
+    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+    before, shares, begun = _memory("VmRSS"), [], time.process_time()
     if case in ("library", "kept"):
         count = library(path, case == "kept")
     elif case == "read":
         wanted = [f"/odom.{name}" for name in ODOMETRY] + [f"/imu.{name}" for name in IMU] + COMMANDS
-        count = log.read(path, wanted).frame.height
+        with log.opened(path) as file:
+            count = file.read(wanted, shares.append).frame.height
+        assert len(shares) > 1, "progress is told"
+        assert shares == sorted(shares)
     else:
         count = hydro.import_log(path, meaning)[0].height
-    seconds = time.perf_counter() - begun
-    results.put((seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1e3, count))
+    seconds = time.process_time() - begun
+    peak = _memory("VmHWM")
+    results.put((seconds, peak, peak - before, count))
+
+
+def _memory(name: str) -> float:
+    """A figure of this process's memory by the kernel [MB]."""
+    (line,) = [each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(name)]
+    return float(line.split()[1]) / 1e3
 
 
 def _warm(path: Path, meaning: Any) -> None:
@@ -143,23 +173,26 @@ def _warm(path: Path, meaning: Any) -> None:
     hydro.import_log(path, meaning)
 
 
-def run(megabytes: float, rounds: int) -> pl.DataFrame:
-    """Seconds and memory of each case in each round."""
+def run(megabytes: float, rounds: int, cases: Sequence[str] = CASES) -> pl.DataFrame:
+    """Processor time and memory of each case in each round."""
     context, rows = multiprocessing.get_context("spawn"), []
     with tempfile.TemporaryDirectory() as folder:
+        if shutil.disk_usage(folder).free < 2e6 * megabytes:
+            raise SystemExit(f"{folder}: less than twice the bag's {megabytes:.0f} MB are free")
         path = Path(folder) / "dive.bag"
         make(Path(folder) / "warm.bag", 1.0)
         messages = make(path, megabytes)
         size = path.stat().st_size / 1e6
         for number in range(rounds):
-            for case in CASES[number % 2 :: 1] + CASES[: number % 2]:
+            for case in cases[:: 1 - 2 * (number % 2)]:
                 results = context.Queue()
                 process = context.Process(target=measured, args=(case, path, results))
                 process.start()
-                seconds, memory, _ = results.get()
+                seconds, peak, growth, _ = results.get()
                 process.join()
-                rows.append((case, number, size, messages, seconds, memory))
-    names = ["case", "round", "megabytes", "messages", "seconds", "memory_mb"]
+                rows.append((case, number, size, messages, seconds, peak, growth))
+                print(f"{case}: {seconds:.1f} s, {growth:.0f} MB", file=sys.stderr, flush=True)
+    names = ["case", "round", "megabytes", "messages", "seconds", "peak_mb", "growth_mb"]
     return pl.DataFrame(rows, schema=names, orient="row")
 
 
@@ -168,7 +201,7 @@ def summary(rows: pl.DataFrame) -> pl.DataFrame:
     floor = rows.filter(case="library").select("round", pl.col("seconds").alias("floor"))
     beside = rows.join(floor, on="round").with_columns(ratio=pl.col("seconds") / pl.col("floor"))
     return beside.group_by("case", maintain_order=True).agg(
-        pl.col("messages").first(), pl.col("seconds", "ratio", "memory_mb").median()
+        pl.col("messages").first(), pl.col("seconds", "ratio", "peak_mb", "growth_mb").median()
     )
 
 
@@ -179,16 +212,49 @@ def main() -> None:
     parser.add_argument("--megabytes", type=float, default=20.0, help=f"size of the bag, at most {MOST}")
     parser.add_argument("--rounds", type=int, default=3, help="how often every case is timed")
     parser.add_argument("-o", "--output", type=Path, help="table of every case and round")
+    parser.add_argument("--cases", nargs="*", choices=CASES, default=CASES, help="the library's among them")
+    parser.add_argument("--keep", metavar="COMMIT", help="write benchmarks/results, with the code's commit")
     given = parser.parse_args()
     if not 0.0 < given.megabytes <= MOST:
         parser.error(f"--megabytes must be above 0 and at most {MOST}")
-    rows = run(given.megabytes, given.rounds)
+    if "library" not in given.cases:
+        parser.error("--cases must have library among them: all are held against it")
+    rows = run(given.megabytes, given.rounds, given.cases)
     if given.output is not None:
         rows.write_parquet(given.output)
     print(f"bag of {rows['megabytes'][0]:.0f} MB")
-    print("| case | messages | seconds | beside the library | memory [MB] |\n|---|---:|---:|---:|---:|")
-    for case, messages, seconds, ratio, memory in summary(rows).iter_rows():
-        print(f"| {case} | {messages:,} | {seconds:.2f} | {ratio:.2f} | {memory:.0f} |")
+    cells = kept(rows)
+    print(kept_tables.markdown(cells))
+    if given.keep is not None:
+        command = f"python -m benchmarks.import_speed --megabytes {given.megabytes:g} --rounds {given.rounds}"
+        command += f" --cases {' '.join(given.cases)}" if tuple(given.cases) != CASES else ""
+        origin = {"commit": given.keep, "recorded": "", "date": datetime.date.today().isoformat()}
+        origin |= {"command": command, "seeds": "not used"}
+        kept_tables.keep("import_speed", [{**each, **origin} for each in cells])
+
+
+WORDS = {
+    "library": "`rosbags` deserialises every message and keeps none",
+    "kept": "the same, and a script appends the numbers to lists",
+    "read": "`hydro.io.log.read`, the columns of the map",
+    "import": "`hydro.import_log`: read, one clock, conventions and clocks checked",
+}
+
+
+def kept(rows: pl.DataFrame) -> list[dict[str, str]]:
+    """The summary as it is to be read."""
+    size = f"{rows['megabytes'][0]:,.0f} MB"
+    return [
+        {
+            "reading": WORDS[case],
+            "bag": f"{size}; {messages:,} messages",
+            "processor time": f"{seconds:.1f} s",
+            "beside the library": f"{ratio:.2f}",
+            "peak memory": f"{peak:,.0f} MB",
+            "of it for the log": f"{growth:,.0f} MB",
+        }
+        for case, messages, seconds, ratio, peak, growth in summary(rows).iter_rows()
+    ]
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     python -m benchmarks.planted_mistakes
 
-Twelve mistakes, each alone, in logs of three bundled vehicles flown by the teacher with the noise of an
+Thirteen mistakes, each alone, in logs of three bundled vehicles flown by the teacher with the noise of an
 ordinary navigation suite. A mistake is named where a line of the import, or its error, says what to write;
 `clean` counts the warnings where there is no mistake.
 """
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from benchmarks import kept_tables
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
 from hydro.core.simulation.sensor_noise import PROFILES
@@ -30,6 +31,7 @@ ROWS, SEED = 15_000, 5
 """Rows at 50 Hz, and the seed of demands and noise."""
 LATE = 0.4
 """Seconds by which a stamp is late."""
+CLEAN = "none"
 Spec = dict[str, dict[str, object]]
 Change = Callable[[pl.DataFrame, Spec], tuple[pl.DataFrame, Spec]]
 
@@ -89,6 +91,7 @@ MISTAKES: dict[str, Mistake] = {
         lambda log, spec: declared("commands", columns=_commands(spec)[::-1])(log, spec),
         ("drives thruster",),
     ),
+    "thruster 2 reversed": Mistake(written(-pl.col("cmd_2")), ("minus cmd_2 drives thruster 2",)),
 }
 
 
@@ -146,18 +149,26 @@ def main() -> None:
     parser.add_argument("--vehicles", nargs="*", default=VEHICLES)
     parser.add_argument("--rows", type=int, default=ROWS)
     parser.add_argument("--lines", action="store_true", help="print what is said")
+    parser.add_argument("--keep", metavar="COMMIT", help="write benchmarks/results, with the code's commit")
     given = parser.parse_args()
-    total, count = 0, 0
+    cells: dict[str, dict[str, str]] = {name: {} for name in (*MISTAKES, CLEAN)}
     for name in given.vehicles:
         vehicle, raw = flown(name, given.rows)
         clean = said(vehicle, *log_of(raw))
+        cells[CLEAN][name] = f"{len(clean)} warnings"
         print(f"{name}: {raw.height:,} rows; clean: {len(clean)} warnings", *clean, sep="\n  ")
         for mistake, named, lines in outcomes(vehicle, raw, tuple(MISTAKES)):
-            total, count = total + named, count + 1
+            cells[mistake][name] = "named" if named else "missed"
             print(f"  {'named ' if named else 'MISSED'} {mistake} ({len(lines)} lines)", flush=True)
             if given.lines or not named:
                 print(*lines, sep="\n      ")
-    print(f"{total} of {count} named")
+    total = [cell == "named" for mistake in MISTAKES for cell in cells[mistake].values()]
+    print(f"{sum(total)} of {len(total)} named")
+    if given.keep is not None:
+        command = f"python -m benchmarks.planted_mistakes --rows {given.rows}"
+        origin = kept_tables.origin(pl.DataFrame({"seed": [SEED]}), command, given.keep)
+        origin["seeds"] = str(SEED)
+        kept_tables.keep("planted_mistakes", [{"mistake": name, **cells[name], **origin} for name in cells])
 
 
 if __name__ == "__main__":

@@ -1,17 +1,23 @@
-"""Make the example log: python datasets/make_logs.py.
+"""Make the example logs: python datasets/make_logs.py.
 
-A small ROV, simulated from its vehicle file, as its computer might log it: attitude, gyroscope and pulse
-widths at 20 Hz, position and Doppler velocity at 5 Hz with empty cells between, a clock in milliseconds that
-jitters, and a second run in which the log stopped for three seconds.  Its map, `logs/map.toml`, is written by
-hand.
+`dive/` has one dive in every format that `hydro import` reads: see `dive.py` and `dive_logs.py`.
+`logs/example.csv` is a plainer log.  A small ROV, simulated from its vehicle file, as its computer might log
+it: attitude, gyroscope and pulse widths at 20 Hz, position and Doppler velocity at 5 Hz with empty cells
+between, a clock in milliseconds that jitters, and a second run in which the log stopped for three seconds.
+All maps are written by hand.
 """
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 
+import dive_logs
+import log_writers
 import numpy as np
 import polars as pl
+from dive import dive
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -24,9 +30,35 @@ RATE, SLOW, SECONDS = 20.0, 4, 34.0
 RUNS = ("run-1", "run-2")
 DEMAND = np.array([26.0, 20.0, 16.0, 0.0, 0.0, 1.0])  # N, N m
 DEPTH = 4.0
+CUT, SHORTEST = 30.0, 12.0
+"""Seconds of the dive that other formats have, and the one that is not compressed."""
 
 
 def main() -> None:
+    """Write logs/example.csv and the logs of dive/."""
+    make_example()
+    make_dive(HERE / "dive")
+
+
+def make_dive(folder: Path) -> None:
+    """Write the dive in every format."""
+    whole = dive()
+    short = whole.first(CUT)
+    types = dive_logs.DEFINITIONS
+    log_writers.ros1(folder / "dive.bag", dive_logs.mavros(whole), types, "BZ2")
+    log_writers.dataflash(folder / "dive.bin", dive_logs.autopilot(whole), dive_logs.DATAFLASH)
+    log_writers.telemetry(folder / "cut.tlog", dive_logs.telemetry(short))
+    log_writers.json_mcap(folder / "blueos.mcap", dive_logs.blueos(short))
+    for storage, suffix, seconds in (("MCAP", "mcap", CUT), ("SQLITE3", "db3", SHORTEST)):
+        with tempfile.TemporaryDirectory() as made:
+            messages = dive_logs.mavros(whole.first(seconds))
+            log_writers.ros2(Path(made) / "ros2", messages, types, storage)
+            shutil.move(Path(made) / "ros2" / f"ros2.{suffix}", folder / f"ros2.{suffix}")
+    dive_logs.write_npz(folder / "cut.npz", dive_logs.arrays(short))
+    dive_logs.write_mat(folder / "cut.mat", dive_logs.arrays(short))
+
+
+def make_example() -> None:
     """Write logs/example.csv."""
     rover, _ = vehicles.read(HERE / "logs" / "rov.toml")
     rng = np.random.default_rng(151)

@@ -1,4 +1,4 @@
-"""Write docs/benchmarks.md and docs/imperfect.md from templates and the kept results, for `make docs`.
+"""Write the pages that show kept results, docs/PAGES.md, from their templates, for `make docs`.
 
 A result table is benchmarks/results/NAME.csv: first what was measured, as it is to be read, then its
 origin. A line `{{table:NAME}}` of docs/*.template.md becomes the table with its origin above it. What stands
@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 DOCS = Path(__file__).parent
-PAGES = ("benchmarks", "imperfect")
+PAGES = ("benchmarks", "imperfect", "import-figures")
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 ORIGIN = ("commit", "recorded", "date", "command", "seeds")

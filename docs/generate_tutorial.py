@@ -1,6 +1,6 @@
-"""Run the commands of docs/tutorial.md and put what they print into the page; a test compares.
+"""Run the commands of docs/tutorial.md and docs/dive.md and put what they print there; a test compares.
 
-An indented block of the page is a shell command line, run in one temporary folder beside `datasets`. A
+An indented block of a page is a shell command line, run in one temporary folder beside `datasets`. A
 ```text block after it is what it prints: messages first, then what a terminal of 170 columns shows. In such a
 block a line `…` stands for lines left out: as many as stand before the first one are kept from the beginning,
 as many as follow the last one from the end; what stands between two is found by its
@@ -21,7 +21,7 @@ import termios
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = Path(__file__).with_name("tutorial.md")
+PAGES = tuple(Path(__file__).with_name(f"{name}.md") for name in ("tutorial", "dive"))
 
 COMMANDS_AND_OUTPUT = re.compile(r"((?:^ {4}\S.*\n)+)(?:\n```text\n((?:.*\n)*?)```\n)?", re.MULTILINE)
 ELISION = "…\n"
@@ -111,4 +111,6 @@ def _read(terminal: int) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text()))
+    for each in PAGES:
+        if not sys.argv[1:] or each.stem in sys.argv[1:]:
+            each.write_text(page(each.read_text()))

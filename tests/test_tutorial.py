@@ -1,4 +1,4 @@
-"""docs/tutorial.md shows what its commands print."""
+"""docs/tutorial.md and docs/dive.md show what their commands print."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ TEXT = (DOCS / "tutorial.md").read_text()
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?")
 ROUNDING = 0.05
 """How far numbers may be apart: computers differ in the last figures, and networks more than that."""
+NOTHING = 1e-4
+"""What is as good as 0."""
 
 
 def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
@@ -23,10 +25,25 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
 
 
 @pytest.mark.slow
-def test_the_tutorial_shows_what_its_commands_print() -> None:
-    shown, printed = (words_and_numbers(text) for text in (TEXT, GENERATOR["page"](TEXT)))
+@pytest.mark.parametrize("path", GENERATOR["PAGES"], ids=lambda path: path.stem)
+def test_a_page_shows_what_its_commands_print(path: Path) -> None:
+    text = path.read_text()
+    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text)))
     assert printed[0] == shown[0], "run `make docs`"
-    assert printed[1] == pytest.approx(shown[1], rel=ROUNDING), "run `make docs`"
+    assert printed[1] == pytest.approx(shown[1], rel=ROUNDING, abs=NOTHING), "run `make docs`"
+
+
+def test_the_dive_ends_with_what_hides_in_it() -> None:
+    """The page says what `datasets/dive.py` hid: the numbers come from its commands, the truth from there."""
+    from dive import HIDDEN
+
+    gain, current = HIDDEN
+    shown = " ".join((DOCS / "dive.md").read_text().split())
+    for effect, name, values in ((gain, "g", gain["g"]), (current, "v_N", [current["v_N"]])):
+        found = re.search(rf"missing: {effect['name']}, [^{{]*{{ {name} = \[?([^\]}}]*)", shown)
+        assert found is not None, effect
+        told = [float(number) for number in NUMBER.findall(found[1])]
+        assert told[: len(values)] == pytest.approx(values, abs=0.02)
 
 
 def test_a_stale_figure_is_seen() -> None:

@@ -29,10 +29,13 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
-    return [
-        SessionLog(name, t, {key: values[taken] for key, values in columns.items()})
-        for name, t, taken in _parted(log, meaning, ticks, rows, per_second)
-    ]
+    parts = list(_parted(log, meaning, ticks, rows, per_second))
+    owned: list[dict[str, Array]] = [{} for _ in parts]
+    for key in list(columns):
+        values = columns.pop(key)  # of a long log no column is held twice for longer than this
+        for own, (_, _, taken) in zip(owned, parts, strict=True):
+            own[key] = values[taken]
+    return [SessionLog(name, t, own) for own, (name, t, _) in zip(owned, parts, strict=True)]
 
 
 def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:

@@ -41,6 +41,10 @@ BESIDE = with_role(Role.OFTEN_LACKING)
 """Effects that a file often lacks, so that they do not hide an exchange."""
 REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""
+REVERSED = 0.85
+"""The same for one thruster in reverse, which is a plainer thing: a dead thruster leaves it where it is."""
+NEAR = 0.5
+"""Relative deviation that the thrust of a thruster in reverse may have of the file's."""
 GAINS = (-1.0, 0.5)
 """Relative deviations of a thrust that are no matter of its column: from dead to half as much again."""
 BOOTSTRAP_STRETCHES, RESAMPLES = 20, 1000
@@ -119,12 +123,14 @@ class Rewired:
     confidence: float
 
 
-def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
+def rewired(vehicle: Vehicle, record: Recording, *, one_reversed: bool = False) -> Rewired | None:
     """The order of the command columns that the accelerations ask for.
 
     Args:
         vehicle: The vehicle.
         record: The recording.
+        one_reversed: Also where it is one thruster that turns in reverse and less speaks for it: more than
+            for a dead one, though, and with about the thrust of the file.
 
     Returns:
         None where the file's is as good, or the recording too short to tell or blind on an axis.
@@ -138,14 +144,28 @@ def rewired(vehicle: Vehicle, record: Recording) -> Rewired | None:
     problem = _Problem.of(vehicle, windows)
     plain = Wiring.plain(count)
     found = min((_improved(problem, begun) for begun in plain.guesses()), key=problem.unexplained)
-    if found == plain:
+    other = None if found == plain else _told(problem, found, GROSS, GROSS)
+    return other if other is not None or not one_reversed else _one_reversed(problem)
+
+
+def _one_reversed(problem: _Problem) -> Rewired | None:
+    """The reversal of one thruster that leaves the least, if it leaves enough less."""
+    plain = Wiring.plain(len(problem.answers))
+    single = [plain._with({i: (i, -1)}) for i in range(len(problem.answers))]
+    best = min(range(len(single)), key=lambda i: problem.costs(single[i]).sum())
+    if abs(problem.gains(single[best])[best]) > NEAR:  # of a dead one it is -1
         return None
+    return _told(problem, single[best], REVERSED, 1.0)
+
+
+def _told(problem: _Problem, found: Wiring, part: float, each_part: float) -> Rewired | None:
+    """Another order, where it leaves less than a part of what the file's leaves, in most stretches, too."""
     before, after = (
-        np.array([part.sum() for part in np.array_split(problem.costs(one), BOOTSTRAP_STRETCHES)])
-        for one in (plain, found)
+        np.array([each.sum() for each in np.array_split(problem.costs(one), BOOTSTRAP_STRETCHES)])
+        for one in (Wiring.plain(len(problem.answers)), found)
     )
-    gained = GROSS * before - after
-    if gained.sum() <= 0.0 or (gained > 0.0).mean() < MOSTLY:
+    gained = part * before - after
+    if gained.sum() <= 0.0 or (each_part * before > after).mean() < MOSTLY:
         return None
     confidence = float((weights(BOOTSTRAP_STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
     return Rewired(found, float(after.sum() / before.sum()), confidence)
@@ -195,10 +215,16 @@ class _Problem:
     def costs(self, wiring: Wiring) -> Array:
         """The same of each window, (W,), with the best gains of the thrusters that GAINS allows."""
         driven = np.stack(list(self._driven(wiring)))
-        flat, residual = driven.reshape(len(driven), -1), self._residual(wiring)
-        fitted = lsq_linear(flat.T, residual.ravel(), GAINS)
-        costs: Array = ((residual - np.tensordot(fitted.x, driven, 1)) ** 2).sum(axis=1)
+        left = self._residual(wiring) - np.tensordot(self.gains(wiring), driven, 1)
+        costs: Array = (left**2).sum(axis=1)
         return costs
+
+    def gains(self, wiring: Wiring) -> Array:
+        """Relative deviations of the thrusts that explain most, (n,)."""
+        driven = np.stack(list(self._driven(wiring)))
+        residual = self._residual(wiring).ravel()
+        fitted: Array = lsq_linear(driven.reshape(len(driven), -1).T, residual, GAINS).x
+        return fitted
 
     def _driven(self, wiring: Wiring) -> Iterator[Array]:
         for i, (column, sign) in enumerate(zip(wiring.column, wiring.sign, strict=True)):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from hydro.core.columns import Array, Mask
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.clocks import bunched, evened
 from hydro.core.logs.conventions import SessionLog
@@ -197,8 +197,9 @@ def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded
 def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
     """Give the samples their own times: even where the stamps are receive times, earlier by the lag."""
     t = work.log.t
-    rows = np.flatnonzero(np.isfinite(np.stack([work.log.columns[each] for each in names])).any(axis=0))
-    if block.even or (block.even is None and bunched(t[rows])):
+    for rows in _together([np.isfinite(work.log.columns[each]) for each in names]):
+        if not (block.even or (block.even is None and bunched(t[rows]))):
+            continue
         sent = evened(t[rows])
         if sent is not None:
             t = t.copy()
@@ -214,6 +215,16 @@ def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
             work.clocks[each] = t - block.lag
     if name in work.gated:
         work.gated[name] = (t - block.lag)[work.gated[name].astype(int)]
+
+
+def _together(there: Sequence[Mask]) -> list[Rows]:
+    """Rows of the messages that columns come in: columns that share a row are of one topic."""
+    topics: list[Mask] = []
+    for one in there:
+        shared = [each for each in topics if (each & one).any()]
+        topics = [each for each in topics if not (each & one).any()]
+        topics.append(np.logical_or.reduce([one, *shared]))
+    return [np.flatnonzero(each) for each in topics]
 
 
 def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:

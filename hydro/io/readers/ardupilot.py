@@ -22,7 +22,8 @@ _INSTANCES = ("C", "I", "Instance")
 _WHOLE = frozenset("bBhHiIM")
 _NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
 """Messages about the log itself, and parts of files."""
-_WRAP = 2**32 / _MICRO
+WRAP = 2**32 / _MICRO
+"""When microseconds of 32 bits begin again [s]."""
 CUT_SHORT = "the last message is cut short, as when power is lost: the log is read up to it"
 _DAYS = 3 * 86400.0
 _YEARS = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100 [s]
@@ -169,7 +170,7 @@ def _mavlink_topic(message: Any, key: tuple[str, Any, int, int], first: tuple[in
     if "time_boot_ms" in types:
         return Topic(name, kind, _same, lambda each: float(each.time_boot_ms) / _MILLI)
     if "time_usec" in types:
-        wraps = _WRAP if types["time_usec"] == "uint32_t" else 0.0
+        wraps = WRAP if types["time_usec"] == "uint32_t" else 0.0
         return Topic(name, kind, _same, lambda each: float(each.time_usec) / _MICRO, wraps)
     return Topic(name, kind, _same)
 

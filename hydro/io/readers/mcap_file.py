@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from hydro.core.errors import DataError
+from hydro.io.readers.ardupilot import WRAP
 from hydro.io.readers.damage import Bounded
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros import Definitions
@@ -18,6 +19,9 @@ _NANO = 1e9
 _EVERY = 4096
 _FORMS = {"ros1msg": "msg", "ros2msg": "msg", "ros2idl": "idl"}
 _ENCODINGS = {"cdr": 2, "ros1": 1}
+_MAVLINK = (("time_boot_ms", 1e3), ("time_usec", 1e6))
+_SHORT = "/SERVO_OUTPUT_RAW"
+"""The message whose microseconds have 32 bits."""
 
 
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
@@ -71,7 +75,8 @@ class _Topics:
         schema = self.schemas.get(channel.schema_id)
         kind = schema.name if schema is not None else ""
         if channel.message_encoding == "json":
-            return Topic(channel.topic, kind or "json", msgspec.json.Decoder().decode, json_stamp)
+            wraps = WRAP if channel.topic.endswith(_SHORT) else 0.0
+            return Topic(channel.topic, kind or "json", msgspec.json.Decoder().decode, json_stamp, wraps)
         if channel.message_encoding not in _ENCODINGS:
             why = f"{channel.message_encoding or 'unnamed'} encoding: only CDR, ROS 1 and JSON are read"
             return Topic(channel.topic, kind, None, unread=why)
@@ -86,7 +91,7 @@ class _Topics:
 
 
 def json_stamp(message: Any) -> float | None:
-    """When a JSON message was measured [s]: stamp of its header, `timestamp`, or MAVLink's `time_boot_ms`."""
+    """When a JSON message was measured [s]: stamp of its header, `timestamp`, or MAVLink's own time."""
     if not isinstance(message, Mapping):
         return None
     for place in (_at(message, "header", "stamp"), message.get("timestamp"), message.get("stamp")):
@@ -95,8 +100,10 @@ def json_stamp(message: Any) -> float | None:
             rest = next((place[name] for name in ("nanosec", "nsec", "nsecs") if name in place), 0)
             if isinstance(seconds, int | float) and isinstance(rest, int | float):
                 return (seconds * _NANO + rest) / _NANO
-    boot = number(_at(message, "message", "time_boot_ms"))
-    return boot * 1e-3 if boot is not None else None
+    for name, per_second in _MAVLINK:
+        if (own := number(_at(message, "message", name))) is not None:
+            return own / per_second
+    return None
 
 
 def _at(message: Mapping[str, Any], *names: str) -> Any:
