@@ -22,8 +22,9 @@ $(STAMP): pyproject.toml
 demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo-out
 	@$(BIN)/hydro demo $(DEMO)
 
+# Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
 test: $(STAMP)        ## the whole test suite on two workers
-	$(BIN)/python -m pytest -n $(WORKERS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
 
 browser:              ## Chromium for the tests of the report, where apt can install it; else they skip
 	@command -v chromium chromium-browser >/dev/null || \
