@@ -63,7 +63,7 @@ def _section(command: Callable[..., Any], example: str) -> str:
 
 def _row(name: str, annotation: Any, default: Any) -> str:
     """One argument or option, its choices or the name of its value, its meaning and its default."""
-    value, info = get_args(annotation)
+    value, info, *_ = get_args(annotation)
     if isinstance(info, ArgumentInfo):
         return f"| `{info.metavar}` | {info.help} |"
     flags = [info.default, *info.param_decls] if isinstance(info.default, str) else list(info.param_decls)

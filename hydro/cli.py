@@ -25,6 +25,7 @@ from hydro.commands import (
     imports,
     models,
     physics,
+    places,
     replay,
     report,
     rl,
@@ -97,7 +98,7 @@ def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str]) ->
     for command, example in commands.items():
         summary = (command.__doc__ or "").partition("\n")[0]
         name = command.__name__.removesuffix("_")
-        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}")(command)
+        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}")(places.checked(command))
 
 
 for group in GROUPS:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.shell import STREAM, Output, about, noise_for, progress, refuse_terminal, write
+from hydro.commands.places import FILE, Output
+from hydro.commands.shell import STREAM, about, noise_for, progress, refuse_terminal, write
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -46,7 +47,7 @@ Noise = Annotated[
     ),
 ]
 Truth = Annotated[
-    str | None, typer.Option(metavar="FILE", help="Where to write the hidden effects, as TOML.")
+    str | None, typer.Option(metavar="FILE", help="Where to write the hidden effects, as TOML."), FILE
 ]
 Depth = Annotated[
     float, typer.Option(min=0.0, help="Depth of the start and of the hold [m]; walks drift some 20 m.")

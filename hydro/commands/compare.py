@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     ModelFile,
-    Output,
     about,
     person,
     print_table,

@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     NoiseSpec,
-    Output,
     VehicleFile,
     about,
     left_out,
@@ -111,7 +111,9 @@ def split(
     test: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of blocks that are test data.")] = 0.2,
     salt: Annotated[str, typer.Option(help="Text mixed into the hashes: another salt, another split.")] = "",
     blocks: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Also write the small table of blocks and their parts.")
+        str | None,
+        typer.Option(metavar="FILE", help="Also write the small table of blocks and their parts."),
+        FILE,
     ] = None,
     from_: Annotated[
         str | None,

@@ -9,12 +9,15 @@ from typing import Annotated, Any
 
 import typer
 
+from hydro.commands.places import FOLDER
 from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
 from hydro.io.files import bundled
 
 EPOCHS = 20
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; created if needed.")]
+Folder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder to write into; created if needed."), FOLDER
+]
 
 
 def demo(

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     STREAM,
     Known,
     ModelFile,
-    Output,
     about,
     estimates_beside,
     person,
@@ -56,6 +56,7 @@ def diagnose(
             show_default=False,
             help="Write the flight that would tell what is left open, as a commands table.",
         ),
+        FILE,
     ] = None,
     depth: Annotated[
         tuple[float, float],

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.before import Before, Network, learnt
+from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     Known,
@@ -35,6 +36,7 @@ def explain(
     folder: Annotated[
         Path,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for the study; created if needed."),
+        FOLDER,
     ],
     measured: Measured = None,
     holdout: Annotated[

@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import (
-    STREAM,
-    Known,
-    Output,
-    about,
-    noise_for,
-    progress,
-    tell_voltage,
-    vehicle_to_fit,
-)
+from hydro.commands.shell import STREAM, Known, about, noise_for, progress, tell_voltage, vehicle_to_fit
 from hydro.core.effects import examples
 from hydro.core.errors import UsageError
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, opened, reading
-from hydro.commands.shell import STREAM, Output, message, refuse_terminal, write
+from hydro.commands.shell import STREAM, message, refuse_terminal, write
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def import_(
     write_map: Annotated[
         str | None,
         typer.Option("--write-map", metavar="FILE", help="Only write a commented map to begin with."),
+        FILE,
     ] = None,
     topics: Annotated[
         bool,

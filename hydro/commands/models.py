@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import FOLDER, Output
 from hydro.commands.shell import (
     PREDICTION_TITLE,
     REGIME_TITLE,
     STREAM,
     Device,
-    Output,
     about,
     dataset_name,
     left_out,
@@ -162,6 +162,7 @@ def evaluate(
         typer.Option(
             metavar="DIR", help="Also draw errors by axis and regime, and predictions against labels."
         ),
+        FOLDER,
     ] = None,
     output: Output = STREAM,
 ) -> None:

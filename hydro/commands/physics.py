@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
-from hydro.commands.shell import (
-    STREAM,
-    Output,
-    about,
-    print_table,
-    progress,
-    refuse_terminal,
-    tell_voltage,
-    write,
-)
+from hydro.commands.shell import STREAM, about, print_table, progress, refuse_terminal, tell_voltage, write
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 

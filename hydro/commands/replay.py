@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import FILE, FOLDER, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
     CONDITIONING_TITLE,
     PIECE_TITLE,
     REPLAY_TITLE,
     STREAM,
-    Output,
     VehicleFile,
     about,
     dataset_name,
@@ -65,9 +65,11 @@ Piece = Annotated[
     ),
 ]
 Figures = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants.")
+    Path | None, typer.Option(metavar="DIR", help="Also draw velocities and errors of all variants."), FOLDER
 ]
-Metrics = Annotated[str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table.")]
+Metrics = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Also write the errors, a metrics table."), FILE
+]
 
 
 def replay(

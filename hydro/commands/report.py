@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from hydro.commands.shell import STREAM, Output
+from hydro.commands.places import FOLDER, Output
+from hydro.commands.shell import STREAM
 from hydro.core.errors import UsageError
 
 
@@ -25,6 +26,7 @@ def report(
     pictures: Annotated[
         Path | None,
         typer.Option(metavar="DIR", show_default=False, help="Also draw the figures there, as PNG."),
+        FOLDER,
     ] = None,
     output: Output = STREAM,
 ) -> None:

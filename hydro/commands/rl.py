@@ -11,16 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import FILE, FOLDER, Output
 from hydro.commands.rl_study import study
-from hydro.commands.shell import (
-    STREAM,
-    ModelFile,
-    Output,
-    print_table,
-    progress,
-    shows_table,
-    write,
-)
+from hydro.commands.shell import STREAM, ModelFile, print_table, progress, shows_table, write
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,7 +37,7 @@ Pillars = Annotated[int | None, typer.Option(min=0, help="Pillars of stage 2 and
 
 
 TrainingFolder = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training.")
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), FOLDER
 ]
 ConditionName = Annotated[
     str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
@@ -269,7 +262,7 @@ def eval_(
     stage: Stage = None,
     pillars: Pillars = None,
     details: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the episodes one by one.")
+        Path | None, typer.Option(metavar="FILE", help="Also write the episodes one by one."), FILE
     ] = None,
     output: Output = STREAM,
 ) -> None:
@@ -321,7 +314,7 @@ def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
 
 def watch(
     run: RunFolder,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
     simulator: In = "student",
     task: Annotated[int, typer.Option(min=0, help="Seed of the task to fly.")] = 0,
     stage: Stage = None,
@@ -359,7 +352,7 @@ def watch(
 
 def curves(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of trainings.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png."), FILE],
 ) -> None:
     """Draw how trainings went: mean and one standard deviation over seeds, condition by condition.
 

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+from hydro.commands.places import FOLDER
 from hydro.commands.shell import ModelFile, message, print_table, runner
 
-Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
 Models = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE", help="Residual model of a condition; repeat for several."),

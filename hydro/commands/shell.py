@@ -37,12 +37,6 @@ CONDITIONING_TITLE = (
 ModelFile = Annotated[
     Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
 ]
-Output = Annotated[
-    str,
-    typer.Option(
-        "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
-    ),
-]
 NoiseSpec = Annotated[
     str | None,
     typer.Option(

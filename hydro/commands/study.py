@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hydro.commands.places import FOLDER
 from hydro.commands.shell import (
     PREDICTION_TITLE,
     REPLAY_TITLE,
@@ -34,7 +35,7 @@ Raw = Annotated[Path, typer.Argument(metavar="RAW", show_default=False, help="Re
 Replayed = Annotated[
     Path, typer.Option(metavar="RAW", help="Recording of a sequence to replay, such as replay90.")
 ]
-Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study.")]
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
 Tested = Annotated[
     Path | None,
     typer.Option(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.places import FILE
 from hydro.commands.shell import STREAM
 from hydro.core.errors import DataError, UsageError
 
@@ -128,6 +129,7 @@ def new(
             metavar="FILE",
             help="The vehicle file; - or, off a terminal, nothing is stdout.",
         ),
+        FILE,
     ] = None,
 ) -> None:
     """Write a vehicle file from mass, dimensions and thrusters, with what geometry says of the rest.

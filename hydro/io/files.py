@@ -74,6 +74,43 @@ def read_bytes(source: Source) -> bytes:
     return content
 
 
+def check_file(destination: str | Path) -> None:
+    """Refuse a place that `whole_file` could not write to; nothing is written.
+
+    Raises:
+        DataError: it is a folder, or its folder is missing or cannot be written to.
+    """
+    name = os.fspath(destination)
+    target = Path(os.path.realpath(name))
+    if target.is_dir():
+        raise explained(name, IsADirectoryError(errno.EISDIR, "is a folder"))
+    if not target.exists() or target.is_file():
+        _check_writable(name, target.parent)
+
+
+def check_folder(destination: str | Path) -> None:
+    """Refuse a place that no folder of results can be made at; nothing is made.
+
+    Raises:
+        DataError: it or a part of its path is a file, or the last folder that exists cannot be written to.
+    """
+    name = os.fspath(destination)
+    target = Path(os.path.realpath(name))
+    if target.exists() and not target.is_dir():
+        raise DataError(f"{shown(name)}: this is a file: name a folder")
+    _check_writable(name, next(one for one in (target, *target.parents) if one.exists()))
+
+
+def _check_writable(name: str, folder: Path) -> None:
+    """Refuse a folder in which no file can be made."""
+    if not folder.exists():
+        raise explained(name, FileNotFoundError(errno.ENOENT, "no such folder"))
+    if not folder.is_dir():
+        raise explained(name, NotADirectoryError(errno.ENOTDIR, "not a folder"))
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise explained(name, PermissionError(errno.EACCES, "permission denied"))
+
+
 @contextlib.contextmanager
 def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
     """Open a temporary file beside `destination` and rename it when the block ends well.

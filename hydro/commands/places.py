@@ -1,0 +1,97 @@
+"""Where a command writes: looked at before it reads or computes anything.
+
+A place that cannot be written to is worth knowing of before an hour's work and not after it, and a command
+that is refused leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+
+from hydro.commands.shell import STREAM
+from hydro.core.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Writes:
+    """Says of an option, in its `Annotated`, that the command writes there.
+
+    Attributes:
+        folder: Into a folder, which is made where it is missing; else one file, in a folder that is there.
+    """
+
+    folder: bool = False
+
+
+FILE, FOLDER = Writes(), Writes(folder=True)
+Output = Annotated[
+    str,
+    typer.Option(
+        "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
+    ),
+    FILE,
+]
+
+
+def checked(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, which first refuses places that it could not write to."""
+
+    @functools.wraps(command)
+    def run(**given: Any) -> None:
+        refuse(command, given)
+        command(**given)
+
+    return run
+
+
+def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
+    """Look at every place that a command is to write to.
+
+    Args:
+        command: The command.
+        given: What it is called with.
+
+    Raises:
+        DataError: a file's folder is missing, cannot be written to, or the place is of the other kind.
+        UsageError: two results are to go into one file, or one over an input.
+    """
+    from hydro.io.files import check_file, check_folder
+
+    marks = _marks(command)
+    outputs = {name: given[name] for name in marks if given.get(name) not in (None, STREAM)}
+    for name, place in outputs.items():
+        (check_folder if marks[name].folder else check_file)(place)
+    files = {name: os.path.realpath(place) for name, place in outputs.items() if not marks[name].folder}
+    for name, path in files.items():
+        if os.path.exists(path) and not os.path.isfile(path):
+            continue  # a device or a pipe takes as much as it is given
+        if any(path == other for another, other in files.items() if another != name):
+            raise UsageError(f"{outputs[name]}: two results are to go there: name a file for each")
+        if path in {os.path.realpath(one) for one in _inputs(given, outputs)}:
+            raise UsageError(f"{outputs[name]}: this is an input, and would be lost: name another file")
+
+
+def _marks(command: Callable[..., None]) -> dict[str, Writes]:
+    """The parameters of a command that are places to write to."""
+    hints = get_type_hints(command, include_extras=True)
+    found = {name: [one for one in get_args(hint) if isinstance(one, Writes)] for name, hint in hints.items()}
+    return {name: marks[0] for name, marks in found.items() if marks}
+
+
+def _inputs(given: Mapping[str, Any], outputs: Mapping[str, Any]) -> Iterator[str]:
+    """Everything else that a command is given and that could be a file."""
+    for name, value in given.items():
+        if name not in outputs:
+            yield from (str(one) for one in _each(value) if isinstance(one, str | Path))
+
+
+def _each(value: Any) -> list[Any]:
+    """A value, or the values of a list."""
+    return list(value) if isinstance(value, list | tuple) else [value]
