@@ -115,10 +115,11 @@ def _train(given: _Given) -> None:
     first = None if given.start is None else Folder(given.start).policy()[1]
     folder, run = Folder(given.output), run_artefact(config, text, residual, first)
     builder = _builder(config, text, residual, given.vehicle.parent)
-    state = folder.open(run, residual)
+    state = folder.state(run)
     clock = _Clock()
     learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
     training = Training(config, builder, clock.part, learnt)
+    folder.begin(run, residual)
     if state is not None:
         training.restore(state)
         typer.echo(f"{given.output}: goes on after {training.steps:,} steps", err=True)

@@ -39,8 +39,9 @@ def train(path, config, auv151, evaluations=1000):
     """Train in a folder, for some evaluations at most."""
     vehicle, text = auv151
     folder, run = Folder(path), run_artefact(config, text, None)
-    state = folder.open(run, None)
+    state = folder.state(run)
     training = Training(config, Builder(config, vehicle))
+    folder.begin(run, None)
     if state is not None:
         training.restore(state)
     while not training.finished and evaluations:

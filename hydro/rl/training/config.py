@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hydro.core.errors import UsageError
@@ -49,12 +51,18 @@ class SACConfig:
         """Refuse what no learning can be run with.
 
         Raises:
-            UsageError: The horizon is not of one step at least, or the average takes no share.
+            UsageError: A number is too small, or a share is none; the line names it.
         """
-        if not 0.0 < self.average <= 1.0:
-            raise UsageError(f"sac.average is {self.average:g}; give a share above 0, at most 1")
-        if self.horizon < 1:
-            raise UsageError(f"sac.horizon is {self.horizon}; give 1 step or more")
+        _counted({f"sac.{name}": getattr(self, name) for name in ("horizon", "batch", "capacity", "updates")})
+        _counted({"sac.layers": min(self.layers, default=1)})
+        for name in ("discount", "tau", "average"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a share above 0, at most 1")
+        for name in ("temperature", "rate"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a number above 0")
+        if self.random < 0:
+            raise UsageError(f"sac.random is {self.random}; give 0 or more")
 
 
 @dataclass(frozen=True)
@@ -129,13 +137,23 @@ class TrainingConfig:
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
-        """Refuse periods that do not fit together.
+        """Refuse numbers that count nothing, and periods that do not fit together.
 
         Raises:
-            UsageError: Records and evaluations are no multiples of a step of all vehicles.
+            UsageError: A number is below 1, or records and evaluations are no multiples of a step of all
+                vehicles.
         """
+        counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
+        _counted({name: getattr(self, name) for name in counts})
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
                 f"{self.evaluate}: each must be a multiple of the one before"
             )
+
+
+def _counted(counts: Mapping[str, int]) -> None:
+    """Refuse a number of things that is below 1."""
+    for name, count in counts.items():
+        if count < 1:
+            raise UsageError(f"{name} is {count}; give 1 or more")

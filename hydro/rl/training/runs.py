@@ -138,31 +138,37 @@ class Folder:
         """Name the folder; nothing is read or written."""
         self.path = path
 
-    def open(self, run: Artefact, model: Artefact | None) -> dict[str, Any] | None:
-        """Begin a training here, or go on with the one that is here.
+    def state(self, run: Artefact) -> dict[str, Any] | None:
+        """The state that a training has left here, to go on from; None where there is none.
 
         Args:
             run: What is to be trained; it may have had other steps and another curriculum before.
-            model: The residual model, which is copied here.
-
-        Returns:
-            The state to go on from, None where there is none.
 
         Raises:
-            DataError: The folder belongs to another training, or the operating system refuses.
+            DataError: The folder belongs to another training, or what is in it is broken.
+        """
+        if (self.path / RUN).exists():
+            self._require_same(run)
+        if not (self.path / CHECKPOINT).exists():
+            return None
+        return _read_state(self.path / CHECKPOINT)
+
+    def begin(self, run: Artefact, model: Artefact | None) -> None:
+        """Make the folder, with the choices and a copy of the residual model.
+
+        Call it once the training itself stands: a folder with choices that cannot be trained is in the way of
+        those that can.
+
+        Raises:
+            DataError: The operating system refuses.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise explained(str(self.path), error) from error
-        if (self.path / RUN).exists():
-            self._require_same(run)
         table.write(run, self.path / RUN)
         if model is not None:
             table.write(model, self.path / MODEL)
-        if not (self.path / CHECKPOINT).exists():
-            return None
-        return _read_state(self.path / CHECKPOINT)
 
     def _require_same(self, run: Artefact) -> None:
         before = self.run()

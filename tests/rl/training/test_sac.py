@@ -248,5 +248,5 @@ def test_a_constant_error_of_the_values_dies_out_faster_with_a_longer_horizon():
 def test_a_horizon_is_of_a_step_at_least():
     with pytest.raises(UsageError, match="give a share above 0"):
         SACConfig(average=0.0)
-    with pytest.raises(UsageError, match="give 1 step or more"):
+    with pytest.raises(UsageError, match="give 1 or more"):
         SACConfig(horizon=0)
