@@ -15,7 +15,7 @@ import numpy as np
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
-from hydro.io.files import write_bytes
+from hydro.io.files import shown, write_bytes
 
 RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
@@ -62,6 +62,7 @@ def check(vehicle: Vehicle) -> None:
         if not math.isfinite(number):
             raise DataError(f"{path}: must be finite, got {number}")
     _check_inertia(np.array(vehicle.rigid_body.inertia))
+    _check_names(vehicle)
     for index, thruster in enumerate(vehicle.thruster):
         _check_thruster(f"thruster[{index}]", thruster)
     effects.validate(vehicle)
@@ -169,13 +170,29 @@ def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         pair = f"[{i}][{j}] is {inertia[i, j]:g} and [{j}][{i}] is {inertia[j, i]:g}"
         raise DataError(f"{path}: must be symmetric, but {pair}")
     moments = np.linalg.eigvalsh(inertia)
-    shown = ", ".join(f"{moment:g}" for moment in moments)
+    told = ", ".join(f"{moment:g}" for moment in moments)
     if moments[0] <= tolerance:
-        raise DataError(f"{path}: must be positive definite, but its principal moments are {shown}")
+        raise DataError(f"{path}: must be positive definite, but its principal moments are {told}")
     if moments[2] > moments[0] + moments[1] + tolerance:
         raise DataError(
-            f"{path}: no body has principal moments {shown}: none may exceed the sum of the other two"
+            f"{path}: no body has principal moments {told}: none may exceed the sum of the other two"
         )
+
+
+def _check_names(vehicle: Vehicle) -> None:
+    """The vehicle has a name, and each thruster one of its own, by which findings tell it from the others."""
+    paths: dict[str, str] = {}
+    if not vehicle.name.strip():
+        raise DataError("name: empty: give the vehicle a name")
+    for index, thruster in enumerate(vehicle.thruster):
+        path = f"thruster[{index}].name"
+        if not thruster.name.strip():
+            raise DataError(f"{path}: empty: give the thruster a name")
+        if thruster.name in paths:
+            raise DataError(
+                f"{path}: {shown(thruster.name)} is {paths[thruster.name]} too: give each its own name"
+            )
+        paths[thruster.name] = path
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:

@@ -165,6 +165,13 @@ def test_rounding_of_an_inertia_is_let_pass_and_kept() -> None:
     assert vehicle.parse(flat).rigid_body.inertia[0][0] == 0.1
 
 
+def test_names_are_there_and_thrusters_are_told_apart_by_theirs() -> None:
+    assert "name: empty: give the vehicle a name" in refused(changed('name = "pool"', 'name = " "'))
+    assert "thruster[0].name: empty" in refused(changed(THRUSTER, 'name = ""'))
+    told = refused(changed('name = "heave"', THRUSTER))
+    assert told == "auv.toml: thruster[1].name: T1 is thruster[0].name too: give each its own name"
+
+
 def test_files_that_are_no_vehicles(tmp_path: Path) -> None:
     path = tmp_path / "auv.toml"
     path.write_bytes(b"name = '\xff'")
