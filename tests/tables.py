@@ -98,7 +98,8 @@ def _series(draw: st.DrawFn, key: tuple[str, ...], rows: int) -> dict[str, pl.Se
     time = np.concatenate(
         [start + np.cumsum(steps[end - n : end]) for n, end in zip(lengths, ends, strict=True)]
     )
-    columns = {name: pl.Series(np.repeat([r[i] for r in recordings], lengths)) for i, name in enumerate(key)}
+    rows_of = [one for one, n in zip(recordings, lengths, strict=True) for _ in range(n)]  # numpy drops "\0"
+    columns = {name: pl.Series([one[i] for one in rows_of]) for i, name in enumerate(key)}
     return columns | {"t": pl.Series(time)}
 
 

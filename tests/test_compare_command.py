@@ -124,7 +124,7 @@ def test_a_terminal_gets_tables_and_no_file(work: Path) -> None:
             r"before\.parquet: a comparison with another recording; name one",
         ),
         (
-            ["{root}/datasets/vehicles/bluerov2_heavy.toml", "{work}/short.parquet"],
+            ["{root}/datasets/vehicles/auv151.toml", "{work}/short.parquet"],
             1,
             r"short\.parquet: .+longer",
         ),
