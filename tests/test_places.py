@@ -61,7 +61,11 @@ def test_a_place_that_cannot_be_written_to_is_refused(
     command: Any, name: str, mark: Writes, folder: Path
 ) -> None:
     given = dict.fromkeys(inspect.signature(command).parameters)
-    wrong = {"raw.parquet": "file: name a folder"} if mark.folder else {".": "folder", "none/x": "no such"}
+    wrong = (
+        {"raw.parquet": "not a folder: name a folder"}
+        if mark.folder
+        else {".": "folder", "none/x": "no such"}
+    )
     for place, reason in {**wrong, "raw.parquet/x": "file, not a folder"}.items():
         with pytest.raises(DataError, match=reason):
             refuse(command, given | {name: place})
@@ -80,8 +84,10 @@ def test_the_place_is_looked_at_before_the_data(folder: Path, capsys: pytest.Cap
     assert told == "hydro: none/labels.parquet: no such file or folder: check the path\n"
     Path("there").mkdir()
     assert "there: this is a folder" in refused(capsys, "compare", "vehicle.toml", "missing", "-o", "there")
-    assert "file: name a folder" in refused(capsys, "explain", "vehicle.toml", "missing", "-o", "raw.parquet")
-    assert "file: name a folder" in refused(capsys, "demo", "raw.parquet")
+    assert "not a folder: name a folder" in refused(
+        capsys, "explain", "vehicle.toml", "missing", "-o", "raw.parquet"
+    )
+    assert "not a folder: name a folder" in refused(capsys, "demo", "raw.parquet")
 
 
 def test_an_input_is_not_written_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

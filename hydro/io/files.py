@@ -97,7 +97,7 @@ def check_folder(destination: str | Path) -> None:
     name = os.fspath(destination)
     target = Path(os.path.realpath(name))
     if target.exists() and not target.is_dir():
-        raise DataError(f"{shown(name)}: this is a file: name a folder")
+        raise DataError(f"{shown(name)}: a file, not a folder: name a folder")
     _check_writable(name, next(one for one in (target, *target.parents) if one.exists()))
 
 
