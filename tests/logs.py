@@ -1,6 +1,6 @@
 """Logs of other people: a motion known in closed form, written in any of their conventions.
 
-Nothing of hydro computes anything here: frames are spelled out, rotations are scipy's.
+Nothing of hydro computes anything here (a map only describes): frames are spelled out, rotations are scipy's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,18 @@ import polars as pl
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from hydro.core.logs.logmap import Attitude, Commands, LogMap, Position, Rates, Time, Velocity
+
 NAMES = ("x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r")
+PLAIN = LogMap(
+    time=Time("t"),
+    position=Position(NAMES[:3]),
+    attitude=Attitude(NAMES[3:6]),
+    velocity=Velocity(NAMES[6:9]),
+    rates=Rates(NAMES[9:]),
+    commands=Commands(("cmd_1",)),
+)
+"""The map of such a motion with one command, in the conventions of hydro itself."""
 ORDINARY = np.repeat([0.02, 0.001, 0.01, 0.002], 3)  # m, rad, m/s, rad/s
 
 

@@ -48,7 +48,7 @@ from hydro.core.effects.catalogue import entries
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design, acceleration_noise, estimate, gains, reach, smooth
-from hydro.core.recording.supply import effective_commands, supply_voltage
+from hydro.core.recording.supply import recorded_commands
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
@@ -108,7 +108,7 @@ def labels(
     designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
     known = constants(vehicle, table)
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
-    after_gap, dt, supply = resumes(raw, bounds), sample_time(raw), supply_voltage(vehicle, raw)
+    after_gap, dt, driven = resumes(raw, bounds), sample_time(raw), recorded_commands(vehicle, raw)
     count = len(commands)
     out: Array32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
 
@@ -118,9 +118,9 @@ def labels(
         motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
         attitude = columns(part, ("phi", "theta", "psi"))
         nu_r = None if water is None else through_water(motion, attitude, water)
-        volts = None if supply is None else supply[start:stop]
-        driven = effective_commands(vehicle, columns(part, commands), volts)
-        thrust = thrusts(table, driven, part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r)
+        thrust = thrusts(
+            table, driven[start:stop], part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
+        )
         forces = np.empty((0, 6))
         if subtract == "effects":
             forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, dt)

@@ -14,12 +14,9 @@ from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.delays import sensor_offsets
 from hydro.core.logs.importing import raw_table
 from hydro.core.logs.logmap import (
-    Attitude,
-    Commands,
     LogMap,
     Mixer,
     Mount,
-    Position,
     Rates,
     Time,
     Use,
@@ -32,15 +29,7 @@ from hydro.core.vehicle.thrusters import configuration_matrix
 from hydro.io import vehicle
 from hydro.io.files import bundled
 
-NAMES = logs.NAMES
-PLAIN = LogMap(
-    time=Time("t"),
-    position=Position(NAMES[:3]),
-    attitude=Attitude(NAMES[3:6]),
-    velocity=Velocity(NAMES[6:9]),
-    rates=Rates(NAMES[9:]),
-    commands=Commands(("cmd_1",)),
-)
+NAMES, PLAIN = logs.NAMES, logs.PLAIN
 
 
 def replaced(**blocks: object) -> LogMap:

@@ -12,28 +12,13 @@ from hydro.core.logs.aliases import guess
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import raw_table
 from hydro.core.logs.logmap import (
-    Attitude,
     Column,
-    Commands,
-    LogMap,
-    Position,
-    Rates,
-    Time,
     Valid,
-    Velocity,
     Voltage,
 )
 from hydro.io import logmap, mapdraft
 
-NAMES = logs.NAMES
-PLAIN = LogMap(
-    time=Time("t"),
-    position=Position(NAMES[:3]),
-    attitude=Attitude(NAMES[3:6]),
-    velocity=Velocity(NAMES[6:9]),
-    rates=Rates(NAMES[9:]),
-    commands=Commands(("cmd_1",)),
-)
+NAMES, PLAIN = logs.NAMES, logs.PLAIN
 
 
 def session(volts: np.ndarray) -> SessionLog:
