@@ -46,11 +46,11 @@ def explained(columns: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarra
 
 
 def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.DataFrame:
-    """`rows` rows, from ten seconds on, of sessions spread over a recording, or of others between them."""
+    """The first `rows` rows, where rotors are at rest, of sessions spread over a recording, or of others."""
     raw = pl.read_parquet(path)
     names = raw["session"].unique(maintain_order=True)
     places = (np.arange(sessions) + 0.5 * between) * len(names) / sessions
-    return pl.concat([raw.filter(session=names[int(i)]).slice(500, rows) for i in places])
+    return pl.concat([raw.filter(session=names[int(i)]).head(rows) for i in places])
 
 
 def excerpts(recordings: Path, folder: Path) -> None:

@@ -1,14 +1,17 @@
 """Where a command writes: looked at before it reads or computes anything.
 
 A place that cannot be written to is worth knowing of before an hour's work and not after it, and a command
-that is refused leaves nothing behind.
+that is refused leaves nothing behind.  A folder of results is held while the command runs (`io.lock`): two at
+once would mix theirs.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
@@ -41,12 +44,15 @@ Output = Annotated[
 
 
 def checked(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, which first refuses places that it could not write to."""
+    """The command, which first refuses places that it could not write to, and holds its folders."""
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
         refuse(command, given)
-        command(**given)
+        with contextlib.ExitStack() as held:
+            for folder in _folders(command, given):
+                held.enter_context(_alone(folder))
+            command(**given)
 
     return run
 
@@ -76,6 +82,19 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
             raise UsageError(f"{outputs[name]}: two results are to go there: name a file for each")
         if path in {os.path.realpath(one) for one in _inputs(given, outputs)}:
             raise UsageError(f"{outputs[name]}: this is an input, and would be lost: name another file")
+
+
+def _folders(command: Callable[..., None], given: Mapping[str, Any]) -> list[str]:
+    """The folders that a command is to write into, each once."""
+    named = [given[name] for name, mark in _marks(command).items() if mark.folder and given.get(name)]
+    return list({os.path.realpath(one): str(one) for one in named}.values())
+
+
+def _alone(folder: str) -> AbstractContextManager[None]:
+    """See `io.lock.alone`; imported by the commands alone that write into folders."""
+    from hydro.io.lock import alone
+
+    return alone(folder)
 
 
 def _marks(command: Callable[..., None]) -> dict[str, Writes]:
