@@ -29,6 +29,7 @@ _REMEDIES = {
 }
 
 
+_UNFINISHED = ".tmp"  # ending of temporary files
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -141,7 +142,9 @@ def whole_file(destination: str | Path) -> Iterator[BinaryIO]:
 @contextlib.contextmanager
 def _replacing(target: Path) -> Iterator[BinaryIO]:
     """The temporary file that takes the place of `target` at the end, with the rights of any new file."""
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+    ours = f".{target.name}.{_machine()}-"
+    _sweep(target.parent, ours)
+    temporary = target.with_name(f"{ours}{os.getpid()}-{secrets.token_hex(2)}{_UNFINISHED}")
     try:
         with open(temporary, "xb") as stream:
             yield stream
@@ -152,6 +155,35 @@ def _replacing(target: Path) -> Iterator[BinaryIO]:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise
+
+
+def _machine() -> str:
+    """Eight letters for this machine: processes are numbered on it."""
+    import socket
+    import zlib
+
+    return f"{zlib.crc32(socket.gethostname().encode()):08x}"
+
+
+def _sweep(folder: Path, ours: str) -> None:
+    """Remove the temporary files of this name that processes of this machine left when they were killed."""
+    for left in os.listdir(folder) if os.name == "posix" else ():
+        if left.startswith(ours) and left.endswith(_UNFINISHED):
+            owner = left.removeprefix(ours).partition("-")[0]
+            if owner.isdigit() and not _alive(int(owner)):
+                with contextlib.suppress(OSError):
+                    (folder / left).unlink()
+
+
+def _alive(process: int) -> bool:
+    """Whether there is a process of this number."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # another user's
+        return True
+    return True
 
 
 def write_bytes(content: bytes | memoryview, destination: Source) -> None:

@@ -6,6 +6,7 @@ import errno
 import io
 import os
 import stat
+import subprocess
 import threading
 from pathlib import Path
 
@@ -206,3 +207,19 @@ def test_a_name_that_would_break_the_line_is_escaped(tmp_path: Path) -> None:
         read_bytes(tmp_path / "two\nlines")
     assert "\n" not in str(caught.value)
     assert "two\\nlines" in str(caught.value)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are looked up as POSIX does")
+def test_what_a_killed_process_left_unfinished_is_removed(target: Path) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    ours = f".{target.name}.{files._machine()}-"
+    litter = target.with_name(f"{ours}{ended.pid}-ab12.tmp")
+    at_work = target.with_name(f"{ours}{os.getpid()}-ab12.tmp")
+    elsewhere = target.with_name(f".{target.name}.00000000-{ended.pid}-ab12.tmp")
+    for path in (litter, at_work, elsewhere):
+        path.write_bytes(NEW)
+    write_bytes(NEW, target)
+    assert not litter.exists()
+    assert at_work.exists()
+    assert elsewhere.exists()

@@ -132,11 +132,13 @@ def diagnose_log(
     *,
     hull: Hull | None = None,
     further: bool = False,
+    file: Vehicle | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
 
     With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
+    What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
     """
     progress = progress or (lambda words, share: None)
     progress("shots", 0.0)
@@ -144,7 +146,7 @@ def diagnose_log(
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
-    baseline = refit(vehicle, log, problem, start)
+    baseline = replace(refit(vehicle, log, problem, start), file=file)
     search = Search(baseline)
     outcome = search.grow(progress)
     if search.wrong(outcome):

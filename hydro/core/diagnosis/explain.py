@@ -293,7 +293,8 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
     plain = extended(file, [_bare(table) for table in fitted])
     rungs = [_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     rungs += [_rung(number, added, row) for row in recordings.left_out(vehicle, fitted)]
-    diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, progress=_part(progress, 0.6, 1.0))
+    rest = _part(progress, 0.6, 1.0)
+    diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
     return Step(
         number,
         added,

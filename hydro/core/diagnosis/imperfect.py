@@ -105,10 +105,9 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change that removes most of the error of data that it was not fitted to."""
     fine = baseline.problem
     baseline = replace(baseline, problem=resolved(fine))
-    effects, reach = baseline.effects, baseline.log.positions
     try:
         surveyed = survey(baseline, progress)
-        refitted, known = tempered(baseline.vehicle, effects, baseline.problem, reach)
+        refitted, known = tempered(baseline, baseline.problem)
     except Diverges:  # the file's own predictions: there is nothing to begin from
         return Named((), baseline.refitted, None, baseline.refitted)
     for rival in surveyed.rivals:
@@ -149,7 +148,7 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     """The effect and the file's own fitted to all shots, from the values of the survey."""
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
-    released = Known(baseline.vehicle, known.temper, frozenset({rival.effect}))
+    released = Known(known.file, known.temper, frozenset({rival.effect}))
     others = [name for name in baseline.effects if name != rival.effect]
     reach = baseline.log.positions
     return fit_model(rival.model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)

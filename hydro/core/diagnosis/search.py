@@ -75,6 +75,7 @@ class Baseline:
         start: The vehicle that the fits begin from; another one than the file's where its predictions
             diverge.
         warnings: What went wrong on the way, a sentence each.
+        file: Another vehicle whose values alone are known beforehand; None where these are.
     """
 
     vehicle: Vehicle
@@ -86,6 +87,12 @@ class Baseline:
     sensors: Mapping[str, KinematicTest]
     start: Vehicle | None = None
     warnings: tuple[str, ...] = ()
+    file: Vehicle | None = None
+
+    @property
+    def beforehand(self) -> Vehicle:
+        """The vehicle whose values are known whatever this recording says."""
+        return self.file or self.vehicle
 
     def explained(self, model: Model) -> float:
         """Part of the error beyond the noise that a model explains of what the file's own effects leave."""

@@ -2,7 +2,8 @@
 
 Where no model reaches the noise, likelihoods compare how well wrong models bend, and the most flexible wins.
 Physics holds elsewhere too: an effect that is there removes error in sessions and in regimes of motion that
-had no part in its values, and one that merely absorbs the hull's own error does not.
+had no part in its values, and one that merely absorbs the hull's own error does not.  Drag is on every hull:
+where a file says nothing of any that grows faster than speed, it comes before faults that could pass for it.
 
 Every effect is fitted together with the file's own, from the values of the file, which hold to what is known
 of them.  The squared residual is tempered: divided by its own mean and by the length for which errors of a
@@ -12,7 +13,8 @@ model last, so that what is known weighs something beside ten thousands of numbe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,8 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Baseline, Search
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import repeated_effects
+from hydro.core.effects.catalogue import repeated_effects, with_role
+from hydro.core.effects.record import Role
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.multiple_shooting import ENDLESS, Shots
 from hydro.core.identification.output_error import OutputError
@@ -46,6 +49,9 @@ RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 filtered log only smoother."""
 BEGINNINGS = 2
 """Steps by which the shots' beginnings come to where a fitted vehicle has them."""
+DRAG = frozenset(with_role(Role.DRAG))
+BEFORE_OTHERS = 0.7
+"""Part of the best score from which drag is named first where the file has none."""
 KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
 
@@ -60,6 +66,7 @@ class Rival:
         model: The vehicle with it, or with its own values anew.
         sessions: Share of the error of left-out sessions or stretches that it removes.
         regimes: The same of left-out regimes of motion.
+        absorbs: Share that such an effect absorbs of a hull that no formula describes.
     """
 
     effect: str
@@ -67,6 +74,7 @@ class Rival:
     model: Model
     sessions: float
     regimes: float
+    absorbs: float = 0.0
 
     @property
     def entries(self) -> int:
@@ -75,9 +83,8 @@ class Rival:
 
     @property
     def score(self) -> float:
-        """The lesser of both, beyond what such an effect absorbs of a hull that no formula describes."""
-        absorbed = CATALOGUE[self.effect].identification.absorbs
-        return (min(self.sessions, self.regimes) - absorbed) / (1.0 - absorbed)
+        """The lesser of both, beyond what such an effect absorbs."""
+        return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
 
 
 @dataclass(frozen=True)
@@ -134,7 +141,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     file, own, reach = baseline.vehicle, baseline.effects, baseline.log.positions
     problem = baseline.problem.some(SURVEY_SHOTS)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
-    refitted, known = tempered(file, own, problem, reach)
+    refitted, known = tempered(baseline, problem)
     rivals = []
     for name in own:
         try:
@@ -146,19 +153,36 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     for number, (name, table) in enumerate(candidates.items()):
         if progress is not None:
             progress(f"{name} on data that it was not fitted to", number / len(candidates))
-        released = Known(file, known.temper, frozenset({name}))
+        released = Known(known.file, known.temper, frozenset({name}))
         try:
             model = fit_model(file, [*own, table], problem, reach, STEPS, known=released)
         except Diverges:
             continue
         rivals.append(_rival(name, model, refitted, released, labels, own=bool(file.effects(name))))
-    return Survey(refitted, ranked(rivals))
+    if dragged(file):
+        return Survey(refitted, ranked([weighed(one) for one in rivals]))
+    return Survey(refitted, ranked(rivals, DRAG))
 
 
-def ranked(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
-    """By score; but first, of those that are as good as the best, the one of fewest entries."""
+def dragged(file: Vehicle) -> bool:
+    """Whether a file says anything of drag that grows faster than speed."""
+    return any(file.effects(name) for name in DRAG)
+
+
+def weighed(rival: Rival) -> Rival:
+    """The rival where the file describes the hull: only what it removes beyond what it absorbs counts."""
+    return replace(rival, absorbs=CATALOGUE[rival.effect].identification.absorbs)
+
+
+def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
+    """By score; but before all, of those that are as good as the best, the one of fewest entries.
+
+    Effects that are to come `first` are so good from BEFORE_OTHERS of the best score on.
+    """
     order = sorted(rivals, key=lambda one: -one.score)
-    near = [one for one in order if one.score >= AS_GOOD * order[0].score > 0.0]
+    best = order[0].score if order else 0.0
+    named = [one for one in order if one.effect in first and one.score >= BEFORE_OTHERS * best > 0.0]
+    near = named[:1] or [one for one in order if one.score >= AS_GOOD * best > 0.0]
     if near:
         simplest = min(near, key=lambda one: one.entries)
         order.remove(simplest)
@@ -166,16 +190,17 @@ def ranked(rivals: Sequence[Rival]) -> tuple[Rival, ...]:
     return tuple(order)
 
 
-def tempered(file: Vehicle, own: Sequence[str], problem: OutputError, reach: Array) -> tuple[Model, Known]:
+def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
     """The file's own effects fitted within what is known of them, from the values of the file.
 
     The temper is that of what the fit itself leaves: found twice.
     """
-    model = fit_model(file, [], problem, reach, 0)
+    vehicle, own, reach = baseline.vehicle, list(baseline.effects), baseline.log.positions
+    model = fit_model(vehicle, [], problem, reach, 0)
     for _ in range(2):
-        known = Known(file, max(model.normal.chi2, 1.0))
-        model = fit_model(file, list(own), problem, reach, STEPS, known=known)
-    return model, Known(file, max(model.normal.chi2, 1.0))
+        known = Known(baseline.beforehand, max(model.normal.chi2, 1.0))
+        model = fit_model(vehicle, own, problem, reach, STEPS, known=known)
+    return model, Known(baseline.beforehand, max(model.normal.chi2, 1.0))
 
 
 def sessions_of(shots: Shots) -> Rows:

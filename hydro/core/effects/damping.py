@@ -167,7 +167,7 @@ QUADRATIC_DAMPING = Effect(
     ),
     kernel=quadratic,
     advice=Advice(parted_by=(COASTING,)),
-    roles=frozenset({Role.HULL_WATER}),
+    roles=frozenset({Role.HULL_WATER, Role.DRAG}),
 )
 
 EFFECTS = (
@@ -218,6 +218,6 @@ EFFECTS = (
         ),
         kernel=across,
         advice=Advice(parted_by=(DRIFT,)),
-        roles=frozenset({Role.HULL_WATER}),
+        roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),
 )

@@ -150,7 +150,7 @@ EFFECTS = (
         ),
         kernel=crossflow_drag,
         advice=Advice(parted_by=(DRIFT,)),
-        roles=frozenset({Role.HULL_WATER}),
+        roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),
     BODY_LIFT,
 )

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 import pytest
 
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.transfer import KEPT, Rival, left_out
+from hydro.core.diagnosis.transfer import DRAG, KEPT, Rival, dragged, left_out, ranked, weighed
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.normal_equations import Normal
+from hydro.io.files import bundled
+from hydro.io.vehicle import read
 
+CROSS_AXIS = "cross_axis_drag"
 SHOTS, ROWS, COLUMNS = 40, 30, 3
 FOLD = np.repeat(np.arange(4), 10)
 
@@ -75,8 +79,36 @@ def test_what_absorbs_a_hull_must_remove_more_than_that():
     assert absorbing
     for name in absorbing:
         share = CATALOGUE[name].identification.absorbs
-        at = Rival(name, False, None, share, 1.0)
-        assert at.score == pytest.approx(0.0)
-        assert Rival(name, False, None, 1.0, 1.0).score == pytest.approx(1.0)
+        assert weighed(Rival(name, False, None, share, 1.0)).score == pytest.approx(0.0)
+        assert weighed(Rival(name, False, None, 1.0, 1.0)).score == pytest.approx(1.0)
+        assert Rival(name, False, None, share, 1.0).score == pytest.approx(share)
     other = next(name for name in CATALOGUE if name not in absorbing)
-    assert Rival(other, False, None, 0.4, 0.2).score == pytest.approx(0.2)
+    assert weighed(Rival(other, False, None, 0.4, 0.2)).score == pytest.approx(0.2)
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A rival of which the score and the number of entries are given."""
+
+    effect: str
+    score: float
+    entries: int
+
+
+def test_drag_comes_before_what_could_pass_for_it_where_a_file_has_none():
+    drag, loss = Sized(CROSS_AXIS, 0.20, 15), Sized("thruster_inflow", 0.205, 1)
+    assert ranked([drag, loss])[0] is loss
+    assert ranked([drag, loss], DRAG)[0] is drag
+    far = Sized("ocean_current", 0.9, 3)
+    assert ranked([drag, loss, far], DRAG)[0] is far, "what removes far more is no matter of drag"
+    assert ranked([], DRAG) == ()
+    assert CROSS_AXIS in DRAG
+
+
+def test_a_file_with_linear_damping_alone_says_nothing_of_drag():
+    file = read(bundled("stonefish") / "vehicle.toml")[0]
+    assert not dragged(file)
+    linear = msgspec.structs.replace(file, effect=({"name": "linear_damping", "diagonal": [1.0] * 6},))
+    assert not dragged(linear)
+    both = msgspec.structs.replace(file, effect=({"name": "quadratic_damping", "diagonal": [1.0] * 6},))
+    assert dragged(both)

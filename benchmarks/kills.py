@@ -1,0 +1,228 @@
+"""Kill every long command at random moments, let it go on, and hold its files against an unbroken run's.
+
+    python -m benchmarks.kills --kills 100 -o kills.parquet
+
+Every second kill is an interrupt from the keyboard, the others cannot be caught.  After each, what is there
+must be whole; after an interrupt nothing unfinished may lie about either, and nothing but one line at most be
+said.  A command that has been killed often enough is run to its end, and must have made the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.io import lock, table
+from hydro.io.files import bundled
+from hydro.rl.training.runs import _read_state
+
+IN_A_ROW = 4
+"""Kills of one run before it goes on to its end."""
+CLOCKS = ("steps.json",)
+"""Files that say how long something took."""
+SCHEMA: dict[str, Any] = {
+    "command": pl.String,
+    "signal": pl.String,
+    "after": pl.Float64,
+    "whole": pl.Float64,
+    "ended": pl.Boolean,
+    "fault": pl.String,
+}
+"""Columns: the command, how and after how long it was killed, how long it takes in all [s], whether it had
+ended by itself, and what was wrong afterwards; empty where nothing was."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """A command, and what it needs.
+
+    Attributes:
+        name: What it is called.
+        line: Its words, without `hydro`; run in its own folder.
+        needs: Commands that make its inputs, likewise.
+    """
+
+    name: str
+    line: str
+    needs: tuple[str, ...] = ()
+
+
+def works() -> list[Work]:
+    """Every command that takes long, on as little as it can be run on."""
+    hidden, logs = bundled("hidden"), bundled("logs")
+    vehicle, sample = bundled("vehicles") / "auv151.toml", bundled("stonefish") / "sample.parquet"
+    replay = bundled("stonefish") / "replay90.parquet"
+    short = f"collect --vehicle {vehicle} --excitation walks --rows 3000 -o raw.parquet"
+    labels = "labels raw.parquet -o labels.parquet"
+    few = "--set vehicles=4 --set sac.random=40 --set evaluate=80 --set record=40 --set episodes=1"
+    return [
+        Work("import", f"import {logs}/example.csv --map {logs}/map.toml -o raw.parquet"),
+        Work("collect", short),
+        Work("labels", labels, (short,)),
+        Work("train", "train labels.parquet --model mlp --epochs 3 -o model.parquet", (short, labels)),
+        Work("fit", f"fit {hidden}/vehicle.toml {hidden}/measured.parquet -o fitted.toml"),
+        Work("explain", f"explain {hidden}/vehicle.toml {hidden}/measured.parquet -o study"),
+        Work("study", f"study models {sample} --replay {replay} --quick -o study"),
+        Work("rl train", f"rl train {vehicle} --condition R_effects --steps 320 {few} -o run"),
+        Work(
+            "rl study",
+            f"rl study {vehicle} --condition R_0 --seeds 1 --stages 1 --steps 160 --episodes 2 {few}"
+            " -o study",
+        ),
+    ]
+
+
+def hydro(line: str, folder: Path) -> subprocess.Popen[str]:
+    """Start a command in a folder, as the head of a group of processes."""
+    words = [sys.executable, "-m", "hydro", *line.split()]
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **quiet)  # type: ignore[call-overload, no-any-return]
+
+
+def finished(line: str, folder: Path) -> float:
+    """Run a command to its end; how long it took [s].
+
+    Raises:
+        DataError: It failed.
+    """
+    started = time.perf_counter()
+    process = hydro(line, folder)
+    said = process.communicate()[1]
+    if process.returncode:
+        raise DataError(f"hydro {line}: {said.strip()}")
+    return time.perf_counter() - started
+
+
+def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[bool, str]:
+    """Run a command and send it a signal after so many seconds; whether it had ended, and what was wrong."""
+    process = hydro(line, folder)
+    try:
+        said, ended = process.communicate(timeout=after)[1], True
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, how)
+        said, ended = process.communicate()[1], False
+    except BaseException:  # we are interrupted ourselves
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
+    if ended:
+        return True, "" if process.returncode == 0 else f"exit {process.returncode}: {said.strip()}"
+    if how == signal.SIGKILL:
+        return False, ""
+    if ("Traceback" in said and "cli.py" in said) or "bug" in said:  # else the interpreter was still loading
+        return False, f"interrupted: {said.strip()}"
+    left = [path.name for path in files(folder) if unfinished(path)]
+    return False, f"left behind: {', '.join(left)}" if left else ""
+
+
+def files(folder: Path) -> Iterator[Path]:
+    """All files in a folder and below."""
+    yield from sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def unfinished(path: Path) -> bool:
+    """Whether a file says itself that it is no result."""
+    return path.suffix == ".tmp" or path.name in (lock.LOCK, lock.OWNER)
+
+
+def broken(folder: Path) -> str:
+    """Names of the files that are not whole."""
+    return ", ".join(path.name for path in files(folder) if not unfinished(path) and not whole(path))
+
+
+def whole(path: Path) -> bool:
+    """Whether a file can be read to its end."""
+    try:
+        if path.suffix == ".parquet":
+            table.read(path)
+        elif path.suffix == ".toml":
+            tomllib.loads(path.read_text())
+        elif path.suffix == ".pt":
+            _read_state(path)
+    except (DataError, ValueError):
+        return False
+    return path.stat().st_size > 0
+
+
+def different(folder: Path, other: Path) -> str:
+    """Names of the files that are not alike in two folders."""
+    those, its = (
+        {str(path.relative_to(one)): path for path in files(one) if path.name not in CLOCKS}
+        for one in (folder, other)
+    )
+    odd = [name for name in those.keys() & its.keys() if those[name].read_bytes() != its[name].read_bytes()]
+    return ", ".join(sorted([*odd, *(those.keys() ^ its.keys())]))
+
+
+def study(work: Work, kills: int, rng: np.random.Generator) -> Iterator[dict[str, Any]]:
+    """Kill a command so often, and see it through in between; one row for each kill."""
+    with tempfile.TemporaryDirectory() as place:
+        unbroken = begun(work, Path(place) / "unbroken")
+        span = finished(work.line, unbroken)
+        for first in range(0, kills, IN_A_ROW):
+            rows = list[dict[str, Any]]()
+            folder = begun(work, Path(place) / str(first))
+            for number in range(first, min(first + IN_A_ROW, kills)):
+                how, after = (signal.SIGKILL, signal.SIGINT)[number % 2], float(rng.uniform(0.0, span))
+                ended, fault = killed(work.line, folder, after, how)
+                if not fault and (torn := broken(folder)):
+                    fault = f"not whole: {torn}"
+                rows.append(dict(zip(SCHEMA, (work.name, how.name, after, span, ended, fault), strict=True)))
+            try:
+                finished(work.line, folder)
+                other = different(folder, unbroken)
+                fault = f"other bytes: {other}" if other else ""
+            except DataError as error:
+                fault = str(error)
+            rows[-1]["fault"] = rows[-1]["fault"] or fault
+            yield from rows
+
+
+def begun(work: Work, folder: Path) -> Path:
+    """A folder with what a command needs."""
+    folder.mkdir()
+    for line in work.needs:
+        finished(line, folder)
+    return folder
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    about = (__doc__ or "").splitlines()[0]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=about)
+    parser.add_argument("--kills", type=int, default=100, help="over all commands")
+    parser.add_argument("--only", action="append", help="a command's name; repeat for several")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-o", "--out", type=Path, help="a table of all kills")
+    chosen = parser.parse_args(arguments)
+    some = [work for work in works() if not chosen.only or work.name in chosen.only]
+    rows = list[dict[str, Any]]()
+    for place, work in enumerate(some):
+        share = chosen.kills * (place + 1) // len(some) - chosen.kills * place // len(some)
+        for row in study(work, share, np.random.default_rng([chosen.seed, place])):
+            rows.append(row)
+            print(
+                f"{len(rows)}/{chosen.kills} {row['command']} {row['signal']} {row['fault'] or 'ok'}",
+                flush=True,
+            )
+            if chosen.out:
+                pl.DataFrame(rows, SCHEMA).write_parquet(chosen.out)
+    lost = sum(bool(row["fault"]) for row in rows)
+    print(f"{len(rows)} kills of {len(some)} commands, {lost} with something lost")
+    return int(lost > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
