@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +76,36 @@ def vehicle_hash(vehicle: Vehicle) -> str:
     """
     content = msgspec.json.encode(_canonical(vehicle), order="sorted")
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
+
+
+def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
+    """Where two vehicle files differ: `name`, `rigid_body`, `effect payload`; nothing where they do not.
+
+    What a fit leaves beside values, and what is held as known, makes no difference; nor does an effect that
+    `hydro add` wrote into `one` from the diagnosis itself.
+
+    Args:
+        one: the vehicle that findings go to.
+        other: the vehicle that was diagnosed.
+        recording: hash of the recording of the diagnosis.
+        added: effects that the diagnosis has values of.
+    """
+    origin = {"data": recording, "method": "diagnose"}
+    done = {t["name"] for t in one.effect if t["name"] in added and t.get("fit") == origin}
+    mine, its = (_stated(vehicle, done) for vehicle in (one, other))
+    return [key for key in (mine | its) if mine.get(key) != its.get(key)]
+
+
+def _stated(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
+    """What a vehicle file says, effect by effect, but for what fits leave beside values."""
+    from hydro.core.effects.record import BOOKKEEPING
+
+    said: dict[str, Any] = _canonical(vehicle)
+    tables = said.pop("effect", [])
+    for table in (each for each in tables if each["name"] not in without):
+        values = {key: value for key, value in table.items() if key not in BOOKKEEPING}
+        said.setdefault(f"effect {table['name']}", []).append(values)
+    return said
 
 
 def write(text: str, destination: str | Path) -> None:
