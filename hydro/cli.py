@@ -113,6 +113,11 @@ for family in FAMILIES:
 def main(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; `arguments` defaults to the process's own."""
     streams.replace_closed()
+    with streams.warnings_in_one_line():
+        return _main(arguments)
+
+
+def _main(arguments: list[str] | None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments
     if not {"train", "demo"} & set(arguments):

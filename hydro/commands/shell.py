@@ -151,6 +151,7 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
         known, text = vehicle.read(file)
     elif (text := artefact.provenance.vehicle or "") != "":
         known = vehicle.parse(text)
+        vehicle.warn(known, text, "the vehicle in the footer")
     else:
         raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
     effects.validate(known)

@@ -6,6 +6,13 @@ import contextlib
 import io
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import typer
+
+from hydro.core.errors import HydroWarning
 
 _STREAMS = (("stdin", os.O_WRONLY, "r"), ("stdout", os.O_RDONLY, "w"), ("stderr", os.O_WRONLY, "w"))
 """Name, how the null device takes its place when it is closed, and how it is used."""
@@ -20,6 +27,25 @@ def replace_closed() -> None:
     for name, access, mode in _STREAMS:
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.open(os.devnull, access), mode, closefd=False))  # noqa: SIM115
+
+
+@contextlib.contextmanager
+def warnings_in_one_line() -> Iterator[None]:
+    """Print what is warned of the data on stderr, each line once; other warnings as ever."""
+    printed: set[str] = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", HydroWarning)
+        ordinary = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if not issubclass(category, HydroWarning):
+                ordinary(message, category, *place, **more)
+            elif (line := str(message)) not in printed:
+                printed.add(line)
+                typer.echo(f"hydro: warning: {line}", err=True)
+
+        warnings.showwarning = show
+        yield
 
 
 def failure(error: OSError) -> str:

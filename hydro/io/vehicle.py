@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,17 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hydro.core.errors import DataError
+from hydro.core import toml_text
+from hydro.core.errors import DataError, HydroWarning
+from hydro.core.vehicle import likely_units
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
 from hydro.io.files import shown, write_bytes
 
 RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
+
+FORMAT_LINE = 'format = "hydro-vehicle/1"'
 
 UNIT = 1e-6
 """Tolerance of the length of a direction."""
@@ -28,13 +33,30 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
     """Read a vehicle file.
 
     Returns:
-        The vehicle, and the text of the file as it stands.
+        The vehicle, and the text of the file as it stands; what is odd in it is warned of.
 
     Raises:
         DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
     """
     text = toml.read(path)
-    return parse(text, os.fspath(path)), text
+    found = parse(text, os.fspath(path))
+    warn(found, text, os.fspath(path))
+    return found, text
+
+
+def warn(vehicle: Vehicle, text: str, name: str) -> None:
+    """Warn of what in a vehicle file is likely in another unit, and of a file that does not say its format.
+
+    Args:
+        vehicle: the vehicle.
+        text: the text that it was read from.
+        name: what the lines call the file.
+    """
+    if "format" not in toml_text.content(text):
+        line = f"add {FORMAT_LINE} as its first line"
+        warnings.warn(f"{name}: format: missing, and taken for today's: {line}", HydroWarning, stacklevel=3)
+    for words in likely_units.doubts(vehicle):
+        warnings.warn(f"{name}: {words}", HydroWarning, stacklevel=3)
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
@@ -63,6 +85,7 @@ def check(vehicle: Vehicle) -> None:
             raise DataError(f"{path}: must be finite, got {number}")
     _check_inertia(np.array(vehicle.rigid_body.inertia))
     _check_names(vehicle)
+    _check_repeated(vehicle)
     for index, thruster in enumerate(vehicle.thruster):
         _check_thruster(f"thruster[{index}]", thruster)
     effects.validate(vehicle)
@@ -223,6 +246,22 @@ def _check_names(vehicle: Vehicle) -> None:
                 f"{path}: {shown(thruster.name)} is {paths[thruster.name]} too: give each its own name"
             )
         paths[thruster.name] = path
+
+
+def _check_repeated(vehicle: Vehicle) -> None:
+    """An effect stands in a file once, unless a vehicle can have several of it, each at its own place."""
+    from hydro.core.effects.catalogue import CATALOGUE
+
+    places: dict[str, str] = {}
+    for index, table in enumerate(vehicle.effect):
+        name, path = str(table.get("name")), f"effect[{index}]"
+        if name in places and name in CATALOGUE and not CATALOGUE[name].repeatable:
+            several = " and ".join(one.name for one in CATALOGUE.values() if one.repeatable)
+            raise DataError(
+                f"{path}.name: {name} is {places[name]} too: keep one, with the sum of their values (only "
+                f"{several} may stand in a file several times)"
+            )
+        places.setdefault(name, path)
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:
