@@ -29,6 +29,7 @@ from hydro.commands import (
     replay,
     report,
     rl,
+    streams,
     study,
     vehicle,
 )
@@ -111,6 +112,12 @@ for family in FAMILIES:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; `arguments` defaults to the process's own."""
+    streams.replace_closed()
+    with streams.warnings_in_one_line():
+        return _main(arguments)
+
+
+def _main(arguments: list[str] | None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments
     if not {"train", "demo"} & set(arguments):
@@ -142,18 +149,22 @@ def _exit_code(error: BaseException) -> int:
     """Report `error` in one line on stderr and choose the exit code."""
     from hydro.core.errors import HydroError
 
+    if isinstance(error, BrokenPipeError) or isinstance(error.__context__, BrokenPipeError):
+        streams.leave()  # the reader has gone, which Click ends with SystemExit(1)
+        return 0
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
     if isinstance(error, KeyboardInterrupt):
         return 130
-    if isinstance(error, BrokenPipeError):
-        return _leave_quietly()
     if isinstance(error, HydroError):
         return _report(str(error), error.exit_code)
     if (usage := _usage_message(error)) is not None:
         return _report(usage, 2)
     if isinstance(error, OSError) and error.filename is not None:
         return _report(f"{error.filename}: {(error.strerror or str(error)).lower()}", 1)
+    if isinstance(error, OSError) and error.errno is not None:
+        streams.leave()
+        return _report(streams.failure(error), 1)
     if isinstance(error, MemoryError):
         return _report("not enough memory: work on fewer rows at a time", 1)
     detail = " ".join(str(error).split())
@@ -175,12 +186,6 @@ def _usage_message(error: BaseException) -> str | None:
 def _report(message: str, code: int) -> int:
     print(f"hydro: {message}", file=sys.stderr)
     return code
-
-
-def _leave_quietly() -> int:
-    """End after the reader of our stdout has gone, without a second error when the interpreter flushes."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 0
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,7 +38,10 @@ FOUND = (
 def diagnosis(tmp_path: Path) -> Path:
     recording = table.make("raw", raw(), stage="import")
     frame = Diagnosis(FOUND, vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
-    table.write(table.make("diagnosis", frame, stage="diagnose", inputs=[recording]), tmp_path / "d.parquet")
+    made = table.make(
+        "diagnosis", frame, stage="diagnose", inputs=[recording], vehicle_text=VEHICLE.read_text()
+    )
+    table.write(made, tmp_path / "d.parquet")
     return tmp_path / "d.parquet"
 
 
@@ -64,7 +68,8 @@ def test_added_effects_stand_in_the_file_with_its_comments(diagnosis: Path, tmp_
 def test_suspects_are_left_out_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suspect = Finding("suspect", "body_lift", ("body_lift",), 0.2, confidence=0.5, parameters={"a_Y": 1.0})
     made = Diagnosis((*FOUND[:2], suspect), vehicles.read(VEHICLE)[0], (9.0, 5.0, 1.0)).frame()
-    table.write(table.make("diagnosis", made, stage="diagnose"), tmp_path / "d.parquet")
+    artefact = table.make("diagnosis", made, stage="diagnose", vehicle_text=VEHICLE.read_text())
+    table.write(artefact, tmp_path / "d.parquet")
     target = tmp_path / "vehicle2.toml"
     assert cli.main(["add", str(VEHICLE), str(tmp_path / "d.parquet"), "-o", str(target)]) == 0
     assert vehicles.read(target)[0].effects("body_lift") == ()
@@ -78,6 +83,41 @@ def test_only_what_is_named_is_added(diagnosis: Path, tmp_path: Path) -> None:
     known, before = vehicles.read(target)[0], vehicles.read(VEHICLE)[0]
     assert known.effects("quadratic_damping") == before.effects("quadratic_damping")
     assert len(known.effect) == len(before.effect) + 1
+
+
+def test_the_diagnosis_of_another_vehicle_is_refused(
+    diagnosis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, edited, target = VEHICLE.read_text(), tmp_path / "edited.toml", tmp_path / "vehicle2.toml"
+    mass = re.search(r"^mass = .*$", text, re.MULTILINE)
+    assert mass is not None
+    more = f'{text}\n[[effect]]\nname = "payload"\nmass = 2.0\nz = 0.1\n'
+    for other, part in ((text.replace(mass[0], "mass = 9.0"), "rigid_body"), (more, "effect payload")):
+        edited.write_text(other)
+        assert cli.main(["add", str(edited), str(diagnosis), "-o", str(target)]) == 1
+        again = f"run `hydro diagnose {edited} RECORDING -o {diagnosis}`"
+        assert capsys.readouterr().err == (
+            f"hydro: {diagnosis}: made from another vehicle than {edited}, they differ in {part}: {again}\n"
+        )
+        assert not target.exists()
+    lost = table.make("diagnosis", table.read(diagnosis).frame, stage="diagnose")
+    table.write(lost, tmp_path / "lost.parquet")
+    assert cli.main(["add", str(VEHICLE), str(tmp_path / "lost.parquet"), "-o", str(target)]) == 1
+    assert "does not say of which vehicle it is: run `hydro diagnose" in capsys.readouterr().err
+
+
+def test_comments_known_values_and_findings_of_the_same_diagnosis_make_no_other_vehicle(
+    diagnosis: Path, tmp_path: Path
+) -> None:
+    text, first, second = VEHICLE.read_text(), tmp_path / "1.toml", tmp_path / "2.toml"
+    first.write_text(vehicles.hold_known(f"# Mine.\n{text}", ["added_mass"]))
+    line = ["--effect", "ocean_current", "-o", str(second)]
+    assert cli.main(["add", str(first), str(diagnosis), *line]) == 0
+    assert cli.main(["add", str(second), str(diagnosis), "-o", str(tmp_path / "3.toml")]) == 0
+    assert (
+        vehicles.read(tmp_path / "3.toml")[0].effects("quadratic_damping")[0]["diagonal"]
+        == DAMPING["diagonal"]
+    )
 
 
 def test_a_pipe_is_as_good_as_a_file(diagnosis: Path, tmp_path: Path) -> None:

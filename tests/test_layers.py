@@ -44,6 +44,7 @@ LEVELS = {
         ("vehicle",),
         ("thrust_curves",),
         ("columns",),
+        ("toml_text", "seeds"),
         ("errors", "compiled"),
     ),
     "hydro.sim": (

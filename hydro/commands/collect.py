@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import FILE, Output
-from hydro.commands.shell import STREAM, about, noise_for, progress, refuse_terminal, write
+from hydro.commands.shell import STREAM, about, noise_for, progress, refuse_terminal, seed_option, write
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -62,7 +62,7 @@ def collect(
     teacher: TeacherKind = "panel",
     rows: Rows = None,
     excitation: Excitation = "hybrid",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of sessions, demands, headings and noise.")] = 0,
+    seed: Annotated[int, seed_option("Seed of sessions, demands, headings and noise.")] = 0,
     noise: Noise = "none",
     hide: Annotated[
         list[str] | None,
@@ -165,19 +165,19 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
         UsageError: a text is not that, or names no effect of the catalogue.
     """
     import difflib
-    import tomllib
 
+    from hydro.core import toml_text
     from hydro.core.effects import CATALOGUE
 
     tables: list[dict[str, Any]] = []
     for text in texts:
         try:
-            given = tomllib.loads(text)
-        except tomllib.TOMLDecodeError:
+            given = toml_text.content(text)
+        except DataError:
             given = {}
         if not given or not all(isinstance(values, dict) for values in given.values()):
             raise UsageError(
-                f"--hide {text!r}: not an effect with its parameters; write it like '{examples.TO_HIDE}'"
+                f"--hide {text!r:.80}: not an effect with its parameters; write it like '{examples.TO_HIDE}'"
             )
         for name, values in given.items():
             if name not in CATALOGUE:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from hydro.core.diagnosis.findings import Diagnosis
     from hydro.core.experiment.flight import Flight
     from hydro.core.simulation.estimates import Estimates
+    from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
 
@@ -181,8 +182,9 @@ def add(
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors
     and the hash of the recording they came from. A suspect, of which the diagnosis is less than 90 % sure, is
-    added only by its name. Where the covariance of the values lies beside DIAGNOSIS, that of the added ones
-    is written beside the file that -o names; a diagnosis from a pipe has none.
+    added only by its name. The diagnosis of another vehicle, or of this one before it was edited, is refused.
+    Where the covariance of the values lies beside DIAGNOSIS, that of the added ones is written beside the
+    file that -o names; a diagnosis from a pipe has none.
     """
     from hydro.core.diagnosis.findings import by_name, suspects, tables
     from hydro.io import vehicle as vehicles
@@ -191,6 +193,7 @@ def add(
     source = read(diagnosis, "diagnosis")
     with about(diagnosis):
         found = tables(source.frame, effect)
+    _require_of(known, vehicle, source, diagnosis)
     if not effect and (left := suspects(source.frame)):
         typer.echo(f"hydro: not added, {by_name(left)}", err=True)
     origin = {"data": _recording(source.provenance), "method": "diagnose"}
@@ -206,6 +209,26 @@ def add(
     if estimates is not None:
         added = estimates.of_effects([table["name"] for table in found])
         _write_covariance(added.after(earlier), output, source, text)
+
+
+def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str) -> None:
+    """Refuse the diagnosis of another vehicle, or of this one as it was before it was edited.
+
+    Raises:
+        DataError: it is, or does not say of which it is.
+    """
+    from hydro.io import vehicle as vehicles
+
+    record, again = source.provenance, f"run `hydro diagnose {vehicle} RECORDING -o {diagnosis}`"
+    if record.vehicle is None:
+        raise DataError(f"{diagnosis}: does not say of which vehicle it is: {again}")
+    diagnosed = vehicles.parse(record.vehicle, diagnosis)
+    effects = set(source.frame["effect"])
+    if differing := vehicles.differences(known, diagnosed, _recording(record), effects):
+        raise DataError(
+            f"{diagnosis}: made from another vehicle than {vehicle}, they differ in {', '.join(differing)}: "
+            f"{again}"
+        )
 
 
 def _write_covariance(estimates: Estimates, output: str, source: Artefact, text: str) -> None:

@@ -37,7 +37,7 @@ def check(files: Files) -> None:
     Silent, with exit code 0, when every file conforms to its schema: columns, types, finite values, bounds,
     order in time, and a content that matches the hash in its footer. Otherwise one line for each file that
     does not. Of a recording with nulls, a line says how many samples each such column has; of a vehicle file,
-    which values lie beyond what physics leaves to them.
+    which values lie beyond what physics leaves to them, and which are likely in another unit.
     """
     unsound = 0
     for file in files:
@@ -55,6 +55,7 @@ def _check(file: str) -> None:
     from hydro.core import effects
     from hydro.core.effects.catalogue import implausible
     from hydro.core.recording import segments
+    from hydro.core.vehicle import likely_units
     from hydro.io import logmap, vehicle
 
     if Path(file).suffix == ".toml":
@@ -69,6 +70,8 @@ def _check(file: str) -> None:
     artefact = read(file)
     if artefact.kind == "raw":
         segments.segments(artefact.frame)
+        if odd := likely_units.sampling(segments.sample_time(artefact.frame)):
+            typer.echo(f"{file}: {odd}", err=True)
         if rare := _rare(artefact):
             typer.echo(f"{file}: {rare}", err=True)
 

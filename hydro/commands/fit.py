@@ -12,7 +12,7 @@ from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import STREAM, Known, about, noise_for, progress, tell_voltage, vehicle_to_fit
 from hydro.core.effects import examples
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from hydro.core.identification.fit import Fit
@@ -148,17 +148,17 @@ def _wanted(text: str) -> str | dict[str, Any]:
     Raises:
         UsageError: it is neither.
     """
-    import tomllib
+    from hydro.core import toml_text
 
     if "=" not in text:
         return text
     name, _, values = text.partition("=")
     try:
-        table = tomllib.loads(f"table = {values}")["table"]
-    except tomllib.TOMLDecodeError:
+        table = toml_text.value(values)
+    except DataError:
         table = None
     if not isinstance(table, dict):
-        raise UsageError(f"--effect {text!r}: not a name, nor a table like '{examples.TO_FIT_FROM}'")
+        raise UsageError(f"--effect {text!r:.80}: not a name, nor a table like '{examples.TO_FIT_FROM}'")
     return {**table, "name": name.strip()}
 
 

@@ -21,6 +21,7 @@ from hydro.commands.shell import (
     read,
     refuse_terminal,
     report,
+    seed_option,
     shows_table,
     write,
 )
@@ -62,7 +63,7 @@ Accelerations = Annotated[
 def train(
     labels: LabelsOrSplit = STREAM,
     model: Annotated[str, typer.Option(metavar="NAME", help="Architecture, see above.")] = "physfeat",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the first weights and of the order of rows.")] = 0,
+    seed: Annotated[int, seed_option("Seed of the first weights and of the order of rows.")] = 0,
     epochs: Epochs = None,
     minutes: Minutes = None,
     accelerations: Accelerations = None,

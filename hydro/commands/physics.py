@@ -10,7 +10,16 @@ import typer
 
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
-from hydro.commands.shell import STREAM, about, print_table, progress, refuse_terminal, tell_voltage, write
+from hydro.commands.shell import (
+    STREAM,
+    about,
+    print_table,
+    progress,
+    refuse_terminal,
+    seed_option,
+    tell_voltage,
+    write,
+)
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -35,7 +44,7 @@ def simulate(
         typer.Option("--bands", help="Write 95 % prediction bands, from the covariance beside VEHICLE."),
     ] = False,
     draws: Annotated[int, typer.Option(min=40, help="Vehicles drawn for the bands.")] = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.")] = 0,
+    seed: Annotated[int, seed_option("Seed of the draws.")] = 0,
     map_: MapFile = None,
     msg: Definitions = None,
     output: Output = STREAM,

@@ -13,7 +13,7 @@ import typer
 
 from hydro.commands.places import FILE, FOLDER, Output
 from hydro.commands.rl_study import study
-from hydro.commands.shell import STREAM, ModelFile, print_table, progress, shows_table, write
+from hydro.commands.shell import STREAM, ModelFile, print_table, progress, seed_option, shows_table, write
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def train(
     output: TrainingFolder,
     condition: ConditionName = "R_effects",
     model: ResidualModel = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of weights, exploration, tasks and noise.")] = 0,
+    seed: Annotated[int, seed_option("Of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
     steps: Steps = 500_000,
     start: Start = None,
@@ -259,7 +259,7 @@ def eval_(
     run: RunFolder,
     simulator: In = "student",
     episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Of the tasks and the sensors' noise.")] = 1_000_000,
+    seed: Annotated[int, seed_option("Of the tasks and the sensors' noise.")] = 1_000_000,
     stage: Stage = None,
     pillars: Pillars = None,
     details: Annotated[
@@ -317,7 +317,7 @@ def watch(
     run: RunFolder,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
     simulator: In = "student",
-    task: Annotated[int, typer.Option(min=0, help="Seed of the task to fly.")] = 0,
+    task: Annotated[int, seed_option("Seed of the task to fly.")] = 0,
     stage: Stage = None,
     pillars: Pillars = None,
 ) -> None:

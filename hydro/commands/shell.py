@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.core import seeds
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -57,6 +58,13 @@ Known = Annotated[
     ),
 ]
 Device = Annotated[Literal["cpu", "cuda"], typer.Option(help="Where to train.")]
+
+
+def seed_option(of: str) -> Any:
+    """The option `--seed`: what the seed is of, and the seeds that every generator takes."""
+    return typer.Option(min=0, max=seeds.LARGEST, help=of)
+
+
 VehicleFile = Annotated[
     Path | None,
     typer.Option("--vehicle", metavar="FILE", help="Vehicle file; default: the one in the data's footer."),
@@ -143,6 +151,7 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
         known, text = vehicle.read(file)
     elif (text := artefact.provenance.vehicle or "") != "":
         known = vehicle.parse(text)
+        vehicle.warn(known, text, "the vehicle in the footer")
     else:
         raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
     effects.validate(known)
@@ -190,21 +199,26 @@ def noise_for(text: str) -> Noise:
     Raises:
         UsageError: it is neither.
     """
-    import tomllib
+    from dataclasses import fields
 
+    from hydro.core import toml_text
     from hydro.core.simulation.sensor_noise import PROFILES, Noise
 
     if text in PROFILES:
         return PROFILES[text]
     try:
-        return Noise(**tomllib.loads(f"noise = {text}")["noise"])
-    except (tomllib.TOMLDecodeError, TypeError):
+        given = toml_text.value(text)
+    except DataError:
+        given = None
+    if not isinstance(given, dict) or given.keys() - {one.name for one in fields(Noise)}:
         raise UsageError(
-            f"--noise {text!r}: neither a profile ({', '.join(PROFILES)}) nor a table of velocity, rate, "
+            f"--noise {text!r:.80}: neither a profile ({', '.join(PROFILES)}) nor a table of velocity, rate, "
             "position and attitude like '{velocity=0.02, rate=0.003}'"
-        ) from None
-    except DataError as error:
-        raise UsageError(f"--noise {text!r}: {error}") from None
+        )
+    try:
+        return Noise(**given)
+    except (DataError, TypeError) as error:
+        raise UsageError(f"--noise {text!r:.80}: {error}") from None
 
 
 def dataset_name(source: str) -> str:

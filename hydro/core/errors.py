@@ -9,6 +9,10 @@ class HydroError(Exception):
     exit_code = 1
 
 
+class HydroWarning(UserWarning):
+    """Something in the data that is possible and yet likely wrong: one line, which the shell prints once."""
+
+
 class DataError(HydroError):
     """The data or the file is at fault (exit code 1)."""
 

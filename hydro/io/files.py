@@ -25,6 +25,7 @@ _REMEDIES = {
     errno.ENOSPC: "no space left on the device: free some and run again",
     errno.EDQUOT: "disk quota exceeded: free some space and run again",
     errno.EFBIG: "file too large for this file system or user: choose another place",
+    errno.EBADF: "closed: leave it open, or name a file",
     errno.ENAMETOOLONG: "file name too long: choose a shorter one",
 }
 

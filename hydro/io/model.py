@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeVar
 
+import msgspec
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -16,11 +17,24 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.io import table, vehicle
 from hydro.io.table import Artefact
 
+Struct = TypeVar("Struct", bound=msgspec.Struct)
+
 SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""
 
 
-_DESCRIBED = {"name", "architecture", "features", "scalers", "inputs", "outputs", "units", "training"}
+class Described(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a model's footer says beside its tensors; see `Model`."""
+
+    name: str
+    architecture: dict[str, Any]
+    features: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str]
+    scalers: dict[str, tuple[float, ...]]
+    training: dict[str, Any]
+    subtract: Literal["inertia", "effects"] = "inertia"
 
 
 @dataclass(frozen=True)
@@ -103,22 +117,43 @@ def from_artefact(artefact: Artefact) -> Model:
     Raises:
         DataError: the footer does not describe a model, or a tensor's shape is not that of its data.
     """
-    described, text = artefact.provenance.model or {}, artefact.provenance.vehicle
-    if not described.keys() >= _DESCRIBED:
-        raise DataError("model: the file's footer lacks the architecture: write it with `hydro train`")
+    said, text = described(artefact, Described, "write it with `hydro train`"), artefact.provenance.vehicle
+    scalers = {name: np.array(values, dtype=np.float64) for name, values in said.scalers.items()}
+    counts = {name: len(said.inputs if name.startswith("input") else said.outputs) for name in SCALERS}
+    if {name: values.size for name, values in scalers.items()} != counts:
+        raise DataError("model: the footer's scalers do not fit its inputs and outputs: train it again")
+    if not all((values > 0.0).all() for name, values in scalers.items() if name.endswith("_scale")):
+        raise DataError("model: the footer's scales must be above 0: train it again")
     return Model(
-        name=described["name"],
-        architecture=described["architecture"],
+        name=said.name,
+        architecture=said.architecture,
         tensors=tensors(artefact),
-        features=described["features"],
-        scalers={name: np.array(described["scalers"][name]) for name in SCALERS},
-        inputs=tuple(described["inputs"]),
-        outputs=tuple(described["outputs"]),
-        units=described["units"],
-        training=described["training"],
-        subtract=described.get("subtract", "inertia"),
+        features=said.features,
+        scalers=scalers,
+        inputs=said.inputs,
+        outputs=said.outputs,
+        units=said.units,
+        training=said.training,
+        subtract=said.subtract,
         labelled=None if text is None else vehicle.parse(text),
     )
+
+
+def described(artefact: Artefact, kind: type[Struct], remedy: str) -> Struct:
+    """What a footer says of a network beside its tensors, checked.
+
+    Args:
+        artefact: A table of tensors.
+        kind: What its footer must say.
+        remedy: What to do where it does not.
+
+    Raises:
+        DataError: It lacks something, or has something else.
+    """
+    try:
+        return msgspec.convert(artefact.provenance.model or {}, kind)
+    except msgspec.ValidationError as error:
+        raise DataError(f"{artefact.kind}: its footer does not describe one ({error}): {remedy}") from error
 
 
 def tensors(artefact: Artefact) -> dict[str, NDArray[Any]]:

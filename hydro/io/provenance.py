@@ -22,6 +22,7 @@ from hydro.io.schema import storage_type
 
 FOOTER_KEY = b"hydro"
 """The key of the record in a Parquet file's footer."""
+_BEGIN = b'{"check":"'
 
 
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
@@ -57,6 +58,7 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
         vehicle: text of the vehicle file that the data belong to.
         model: what a network is beside its tensors.
         format: version of this record.
+        check: hash of all else in the record; in a file alone, where it comes first.
     """
 
     kind: str
@@ -70,28 +72,41 @@ class Provenance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown
     vehicle: str | None = None
     model: dict[str, Any] | None = None
     format: str = "hydro-artefact/1"
+    check: str | None = None
 
     def as_input(self) -> Input:
         """How a table that is made from this one refers to it."""
         return Input(self.kind, self.content, self.stage, self.parameters, self.inputs)
 
     def to_json(self) -> bytes:
-        """The record as JSON, the same bytes for the same record."""
-        return msgspec.json.encode(self, order="sorted")
+        """The record as JSON with its hash before it, the same bytes for the same record."""
+        body = msgspec.json.encode(self, order="sorted")
+        return _BEGIN + _digest(body) + b'",' + body[1:]
 
 
 def from_json(text: bytes, source: str) -> Provenance:
     """Read the record of a footer.
 
     Raises:
-        DataError: it is not a record of this version.
+        DataError: it is not a record of this version, or was changed after it was written.
     """
     try:
-        return msgspec.json.decode(text, type=Provenance)
+        record = msgspec.json.decode(text, type=Provenance)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise DataError(
             f"{source}: its `hydro` footer cannot be read ({error}): write the file again"
         ) from error
+    if record.check is None:  # of an earlier version, or from elsewhere
+        return record
+    start = len(_BEGIN) + len(_digest(b"")) + 2
+    if text[:start] != _BEGIN + _digest(b"{" + text[start:]) + b'",':
+        raise DataError(f"{source}: its `hydro` footer was changed after it was written: make the file again")
+    return msgspec.structs.replace(record, check=None)
+
+
+def _digest(content: bytes) -> bytes:
+    """A hash as records write it."""
+    return b"sha256:" + hashlib.sha256(content).hexdigest().encode()
 
 
 def package_version() -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import os
 import re
-import tomllib
 import types
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_or
 import msgspec
 import numpy as np
 
+from hydro.core import toml_text
 from hydro.core.errors import DataError
 from hydro.io.files import read_bytes
 
@@ -49,9 +49,9 @@ def parse(text: str, kind: type[Struct], name: str, check: Callable[[Struct], No
             the line names its path in the file.
     """
     try:
-        content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DataError(f"{name}: not valid TOML: {error}") from error
+        content = toml_text.content(text)
+    except DataError as error:
+        raise DataError(f"{name}: {error}") from error
     try:
         found = msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
@@ -119,7 +119,7 @@ def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) 
     if what.startswith("Invalid enum value"):
         choices = [choice for hint in hints if get_origin(hint) is Literal for choice in get_args(hint)]
         what = f"expected {' or '.join(map(str, choices))}"
-    shown = f", got {value}" if isinstance(value, str | int | float) and "got" not in what else ""
+    shown = f", got {value!s:.40}" if isinstance(value, str | int | float) and "got" not in what else ""
     return f"{path or 'file'}: {what[0].lower()}{what[1:]}{shown}"
 
 

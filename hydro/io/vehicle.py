@@ -5,20 +5,25 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from hydro.core.errors import DataError
+from hydro.core import toml_text
+from hydro.core.errors import DataError, HydroWarning
+from hydro.core.vehicle import likely_units
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.io import toml
 from hydro.io.files import shown, write_bytes
 
 RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
+
+FORMAT_LINE = 'format = "hydro-vehicle/1"'
 
 UNIT = 1e-6
 """Tolerance of the length of a direction."""
@@ -28,13 +33,30 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
     """Read a vehicle file.
 
     Returns:
-        The vehicle, and the text of the file as it stands.
+        The vehicle, and the text of the file as it stands; what is odd in it is warned of.
 
     Raises:
         DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
     """
     text = toml.read(path)
-    return parse(text, os.fspath(path)), text
+    found = parse(text, os.fspath(path))
+    warn(found, text, os.fspath(path))
+    return found, text
+
+
+def warn(vehicle: Vehicle, text: str, name: str) -> None:
+    """Warn of what in a vehicle file is likely in another unit, and of a file that does not say its format.
+
+    Args:
+        vehicle: the vehicle.
+        text: the text that it was read from.
+        name: what the lines call the file.
+    """
+    if "format" not in toml_text.content(text):
+        line = f"add {FORMAT_LINE} as its first line"
+        warnings.warn(f"{name}: format: missing, and taken for today's: {line}", HydroWarning, stacklevel=3)
+    for words in likely_units.doubts(vehicle):
+        warnings.warn(f"{name}: {words}", HydroWarning, stacklevel=3)
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
@@ -63,6 +85,7 @@ def check(vehicle: Vehicle) -> None:
             raise DataError(f"{path}: must be finite, got {number}")
     _check_inertia(np.array(vehicle.rigid_body.inertia))
     _check_names(vehicle)
+    _check_repeated(vehicle)
     for index, thruster in enumerate(vehicle.thruster):
         _check_thruster(f"thruster[{index}]", thruster)
     effects.validate(vehicle)
@@ -76,6 +99,36 @@ def vehicle_hash(vehicle: Vehicle) -> str:
     """
     content = msgspec.json.encode(_canonical(vehicle), order="sorted")
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
+
+
+def differences(one: Vehicle, other: Vehicle, recording: str, added: Collection[str]) -> list[str]:
+    """Where two vehicle files differ: `name`, `rigid_body`, `effect payload`; nothing where they do not.
+
+    What a fit leaves beside values, and what is held as known, makes no difference; nor does an effect that
+    `hydro add` wrote into `one` from the diagnosis itself.
+
+    Args:
+        one: the vehicle that findings go to.
+        other: the vehicle that was diagnosed.
+        recording: hash of the recording of the diagnosis.
+        added: effects that the diagnosis has values of.
+    """
+    origin = {"data": recording, "method": "diagnose"}
+    done = {t["name"] for t in one.effect if t["name"] in added and t.get("fit") == origin}
+    mine, its = (_stated(vehicle, done) for vehicle in (one, other))
+    return [key for key in (mine | its) if mine.get(key) != its.get(key)]
+
+
+def _stated(vehicle: Vehicle, without: Collection[str]) -> dict[str, Any]:
+    """What a vehicle file says, effect by effect, but for what fits leave beside values."""
+    from hydro.core.effects.record import BOOKKEEPING
+
+    said: dict[str, Any] = _canonical(vehicle)
+    tables = said.pop("effect", [])
+    for table in (each for each in tables if each["name"] not in without):
+        values = {key: value for key, value in table.items() if key not in BOOKKEEPING}
+        said.setdefault(f"effect {table['name']}", []).append(values)
+    return said
 
 
 def write(text: str, destination: str | Path) -> None:
@@ -193,6 +246,22 @@ def _check_names(vehicle: Vehicle) -> None:
                 f"{path}: {shown(thruster.name)} is {paths[thruster.name]} too: give each its own name"
             )
         paths[thruster.name] = path
+
+
+def _check_repeated(vehicle: Vehicle) -> None:
+    """An effect stands in a file once, unless a vehicle can have several of it, each at its own place."""
+    from hydro.core.effects.catalogue import CATALOGUE
+
+    places: dict[str, str] = {}
+    for index, table in enumerate(vehicle.effect):
+        name, path = str(table.get("name")), f"effect[{index}]"
+        if name in places and name in CATALOGUE and not CATALOGUE[name].repeatable:
+            several = " and ".join(one.name for one in CATALOGUE.values() if one.repeatable)
+            raise DataError(
+                f"{path}.name: {name} is {places[name]} too: keep one, with the sum of their values (only "
+                f"{several} may stand in a file several times)"
+            )
+        places.setdefault(name, path)
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:

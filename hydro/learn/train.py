@@ -33,6 +33,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from hydro.core import seeds
 from hydro.core.distillation.features import OUTPUTS
 from hydro.core.distillation.labels import acceleration_sd, labelled
 from hydro.core.errors import DataError, UsageError
@@ -124,10 +125,11 @@ def train(
     Raises:
         DataError: If the table has not been split, has too few training rows, lacks a column, or has one that
             is not finite.
-        UsageError: If the model or the device is not there, or the epochs are not positive.
+        UsageError: If the model or the device is not there, the epochs are not positive, or the seed is none.
     """
     if epochs is not None and epochs < 1:
         raise UsageError(f"epochs must be at least 1, not {epochs}")
+    seeds.check(seed)
     description = architecture(model)
     target_device = _device(device)
     training, inputs = rows.inputs(table, "train", description)

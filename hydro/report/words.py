@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup, escape
 
+from hydro.core import toml_text
 from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
@@ -122,8 +122,8 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
         DataError: they are not inline TOML.
     """
     try:
-        given, sure = (tomllib.loads(f"t = {text or '{}'}")["t"] for text in (parameters, errors))
-    except tomllib.TOMLDecodeError as error:
+        given, sure = (toml_text.value(text or "{}") for text in (parameters, errors))
+    except DataError as error:
         raise DataError(
             f"the values of {effect} are not inline TOML ({error}); run `hydro diagnose` again"
         ) from None

@@ -169,7 +169,7 @@ def test_the_record_has_no_place_for_a_clock_or_a_host() -> None:
         "vehicle",
         "model",
     }
-    assert set(described) == words | {"format"}
+    assert set(described) == words | {"format", "check"}
 
 
 def test_parameters_of_a_stage_are_found_in_the_lineage() -> None:

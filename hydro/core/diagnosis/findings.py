@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -13,6 +12,7 @@ import numpy as np
 import polars as pl
 import polars.selectors as cs
 
+from hydro.core import toml_text
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
@@ -202,9 +202,9 @@ def extended(vehicle: Vehicle, effects: Sequence[Mapping[str, Any]]) -> Vehicle:
 def _table(row: dict[str, Any]) -> dict[str, Any]:
     """One finding as a table."""
     try:
-        values: dict[str, Any] = tomllib.loads(f"table = {row['parameters']}")["table"]
-        errors: dict[str, Any] = tomllib.loads(f"table = {row['standard_errors'] or '{}'}")["table"]
-    except tomllib.TOMLDecodeError as error:
+        values: dict[str, Any] = toml_text.value(row["parameters"])
+        errors: dict[str, Any] = toml_text.value(row["standard_errors"] or "{}")
+    except DataError as error:
         raise DataError(
             f"the values of {row['effect']} are not inline TOML ({error}); run `hydro diagnose` again"
         ) from error

@@ -223,6 +223,7 @@ class Effect:
         kinematics: How kinematics alone shows it; None of all that are no error of the velocity log.
         advice: What is said of it.
         roles: What else it is to other parts of the program.
+        repeatable: Whether a vehicle file may have several of it: things, each at a place of its own.
     """
 
     name: str
@@ -245,6 +246,7 @@ class Effect:
     kinematics: Kinematics | None = None
     advice: Advice = Advice()
     roles: frozenset[Role] = frozenset()
+    repeatable: bool = False
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name."""

@@ -120,6 +120,7 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 PAYLOAD = Effect(
     name="payload",
+    repeatable=True,
     family="restoring",
     kind="wrench",
     definition="[R^T [0, 0, w]; r x R^T [0, 0, w]], and m [I, -S(r); S(r), -S(r)^2] in M",

@@ -185,6 +185,7 @@ def suctions(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
 
 TETHER = Effect(
     name="tether",
+    repeatable=True,
     family="surroundings",
     kind="wrench",
     definition="k max(0, distance - slack) toward the anchor, at the attachment",

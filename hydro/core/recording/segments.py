@@ -17,6 +17,8 @@ from hydro.core.errors import DataError
 
 GAP = 1.5  # in sample times
 JITTER = 0.01  # of a sample time
+STEPS = (1e-5, 10.0)
+"""Sample times of a recording of motion [s]; beyond, t is in another unit."""
 
 
 def sample_time(frame: pl.DataFrame) -> float:
@@ -26,8 +28,8 @@ def sample_time(frame: pl.DataFrame) -> float:
         frame: A table with `session` and `t` [s].
 
     Raises:
-        DataError: The table is empty, a session's rows are scattered or its time does not rise, or no
-            session has two rows.
+        DataError: The table is empty, a session's rows are scattered or its time does not rise, no session
+            has two rows, or the time is not in seconds.
     """
     return _clock(frame)[2]
 
@@ -129,7 +131,13 @@ def _clock(frame: pl.DataFrame) -> tuple[NDArray[np.bool_], Array, float]:
     within = steps[~changes]
     if within.size == 0:
         raise DataError("no session has two rows: the sample time is unknown; give sessions, not single rows")
-    return changes, steps, round(float(np.median(within)), 9)
+    dt = round(float(np.median(within)), 9)
+    if not STEPS[0] <= dt <= STEPS[1]:
+        raise DataError(
+            f"t [s] steps by {dt:g} s: no motion is seen in steps beyond {STEPS[0]:g} to {STEPS[1]:g} s; "
+            "is t in seconds?"
+        )
+    return changes, steps, dt
 
 
 def _check_contiguous(names: pl.Series, changes: NDArray[np.bool_]) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from hydro.core import seeds
 from hydro.core.errors import UsageError
 from hydro.rl.environment.config import Settings
 from hydro.rl.environment.tasks import STAGES
@@ -140,9 +141,10 @@ class TrainingConfig:
         """Refuse numbers that count nothing, and periods that do not fit together.
 
         Raises:
-            UsageError: A number is below 1, or records and evaluations are no multiples of a step of all
-                vehicles.
+            UsageError: A number is below 1, the seed is none, or records and evaluations are no multiples of
+                a step of all vehicles.
         """
+        seeds.check(self.seed)
         counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
         _counted({name: getattr(self, name) for name in counts})
         if self.record % self.vehicles or self.evaluate % self.record:

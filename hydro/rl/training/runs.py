@@ -26,8 +26,8 @@ import torch
 
 from hydro.core.errors import DataError, UsageError
 from hydro.io import model as models
-from hydro.io import table
-from hydro.io.files import explained, whole_file
+from hydro.io import sealed, table
+from hydro.io.files import explained
 from hydro.io.table import Artefact
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import TrainingConfig
@@ -236,6 +236,15 @@ class Folder:
         return policy_of(found), found
 
 
+class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a policy's footer says beside its tensors: layers, encoding and training; see `Policy`."""
+
+    widths: tuple[int, ...]
+    scale: tuple[float, ...]
+    fades: tuple[bool, ...]
+    training: dict[str, Any]
+
+
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
     """A policy as a table of tensors."""
     tensors = policy.weights
@@ -262,23 +271,18 @@ def policy_of(artefact: Artefact) -> Policy:
     Raises:
         DataError: The footer does not describe one.
     """
-    described = artefact.provenance.model or {}
-    if not described.keys() >= {"widths", "scale", "fades", "training"}:
-        raise DataError(
-            "policy: the footer lacks layers or encoding, perhaps as an earlier version wrote it: train "
-            "again with `hydro rl train`"
-        )
+    said = models.described(artefact, DescribedPolicy, "train again with `hydro rl train`")
     return Policy(
-        tuple(described["widths"]),
-        Encoding(np.array(described["scale"], np.float32), np.array(described["fades"], np.bool_)),
+        said.widths,
+        Encoding(np.array(said.scale, np.float32), np.array(said.fades, np.bool_)),
         models.tensors(artefact),
-        described["training"],
+        said.training,
     )
 
 
 def _write_state(state: dict[str, Any], path: Path) -> None:
-    """Keep a state, whole or not at all."""
-    with whole_file(path) as stream:
+    """Keep a state, whole or not at all, with its hash."""
+    with sealed.writing(path) as stream:
         torch.save(_each(state, np.ndarray, torch.from_numpy), stream)
 
 
@@ -289,7 +293,10 @@ def _read_state(path: Path) -> dict[str, Any]:
         DataError: The file is broken.
     """
     try:
-        state = torch.load(path, weights_only=True)
+        with sealed.reading(path) as stream:
+            state = torch.load(stream, weights_only=True)
+    except DataError as error:
+        raise DataError(f"{error}: remove it to train again") from error
     except Exception as error:  # whatever torch's unpickler comes across
         raise DataError(
             f"{path}: cannot be read: remove it to train again ({type(error).__name__})"

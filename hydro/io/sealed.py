@@ -1,0 +1,58 @@
+"""Files that are no tables, with the hash of their content in the first line: a flipped byte is found."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from hydro.core.errors import DataError
+from hydro.io.files import explained, whole_file
+
+_MARK = b"hydro-sealed/1 sha256:"
+_LENGTH = len(_MARK) + 64 + 1
+
+
+@contextlib.contextmanager
+def writing(path: str | Path) -> Iterator[BinaryIO]:
+    """Open a file to write content to, whole or not at all; its hash is put before it at the end.
+
+    Raises:
+        DataError: the operating system refused.
+    """
+    with whole_file(path) as stream:
+        stream.write(bytes(_LENGTH))
+        yield stream
+        stream.flush()
+        with open(stream.name, "rb") as written:
+            line = _first_line(written)
+        stream.seek(0)
+        stream.write(line)
+
+
+@contextlib.contextmanager
+def reading(path: str | Path) -> Iterator[BinaryIO]:
+    """Open a file whose content is the one that was written, at the content's beginning.
+
+    Raises:
+        DataError: it cannot be read, or was changed since.
+    """
+    name = os.fspath(path)
+    try:
+        with open(path, "rb") as stream:
+            line = stream.read(_LENGTH)
+            if not line.startswith(_MARK) or line != _first_line(stream):
+                raise DataError(f"{name}: damaged, or not written by this version")
+            stream.seek(_LENGTH)
+            yield stream
+    except OSError as error:
+        raise explained(name, error) from error
+
+
+def _first_line(stream: BinaryIO) -> bytes:
+    """The line that belongs before the content of a file."""
+    stream.seek(_LENGTH)
+    return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"
