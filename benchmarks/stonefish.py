@@ -3,9 +3,9 @@
     hydro labels nominal.parquet --vehicle datasets/stonefish/vehicle.toml -o labels.parquet
     python benchmarks/stonefish.py RECORDINGS --labels labels.parquet --excerpts FOLDER
 
-RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets ten
-minutes of `nominal`, four minutes of other sessions of it (held_out.parquet), and four minutes each of the
-changed vehicles.
+RECORDINGS is the folder of nominal.parquet, v1_current.parquet and v3_thruster3.parquet.  FOLDER gets four
+minutes of `nominal`, ten as the recording before a change (before.parquet), four of other sessions of it
+(held_out.parquet), and four minutes each of the changed vehicles.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ def heads(path: Path, sessions: int, rows: int, *, between: bool = False) -> pl.
 def excerpts(recordings: Path, folder: Path) -> None:
     """Write what the studies of docs/benchmarks.md are made from."""
     folder.mkdir(parents=True, exist_ok=True)
-    heads(recordings / "nominal.parquet", 12, 2500).write_parquet(folder / "nominal.parquet")
+    for name, rows in (("nominal", 1000), ("before", 2500)):
+        heads(recordings / "nominal.parquet", 12, rows).write_parquet(folder / f"{name}.parquet")
     heads(recordings / "nominal.parquet", 12, 1000, between=True).write_parquet(folder / "held_out.parquet")
     for name, sessions, rows in (("v1_current", 11, 1000), ("v3_thruster3", 9, 1200)):
         heads(recordings / f"{name}.parquet", sessions, rows).write_parquet(folder / f"{name}.parquet")
