@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
@@ -17,7 +18,6 @@ from hydro.commands.shell import (
     print_table,
     progress,
     read,
-    shows_table,
     tell_not_shown,
     write,
 )
@@ -25,6 +25,7 @@ from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     import polars as pl
+    from rich.console import Console
 
     from hydro.commands.before import Earlier
     from hydro.io.table import Artefact
@@ -45,6 +46,7 @@ def compare(
     model: Network = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    as_json: Json = False,
     output: Output = STREAM,
 ) -> None:
     """Compare a vehicle file with a recording: how large are its errors, and where do they lie?
@@ -87,8 +89,10 @@ def compare(
         )
         if earlier is not None:
             frame = with_hull(frame, known, preprocess(known, source.frame), earlier.hull)
-    _print(frame, earlier)
-    if shows_table(output):
+    _print(frame, earlier, person(as_json))
+    if as_json:
+        print_json(comparison=frame)
+    if not saves(output, as_json):
         return
     inputs = [source, *([former] if former else []), *(earlier.inputs if earlier else ())]
     parameters = earlier.parameters if earlier else {}
@@ -114,11 +118,10 @@ def _former(against: str, source: Artefact) -> Artefact:
     return earlier
 
 
-def _print(frame: pl.DataFrame, earlier: Earlier | None) -> None:
+def _print(frame: pl.DataFrame, earlier: Earlier | None, console: Console) -> None:
     """The comparison for a person."""
     from hydro.report import change, comparison, yardsticks
 
-    console = person()
     forces = comparison.forces(frame)
     if forces.is_empty():
         console.print("No velocity was measured: the force that the model leaves out is not shown.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
@@ -21,7 +22,6 @@ from hydro.commands.shell import (
     person,
     progress,
     read,
-    shows_table,
     tell_not_shown,
     vehicle_to_fit,
     write,
@@ -41,6 +41,10 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
 
 
+CHI2 = ("given", "own_effects", "found")
+"""Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
+
+
 def diagnose(
     vehicle: ModelFile,
     measured: Measured = None,
@@ -50,6 +54,7 @@ def diagnose(
     map_: MapFile = None,
     msg: Definitions = None,
     output: Output = STREAM,
+    as_json: Json = False,
     fly: Annotated[
         Path | None,
         typer.Option(
@@ -132,9 +137,11 @@ def diagnose(
             hull=earlier.hull if earlier else None,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
-    _print(found, earlier)
+    _print(found, earlier, person(as_json))
+    if as_json:
+        print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)))
     inputs = [source, *(earlier.inputs if earlier else ())]
-    if not shows_table(output):
+    if saves(output, as_json):
         made = table.make(
             "diagnosis",
             found.frame(),
@@ -152,7 +159,7 @@ def diagnose(
     if fly is not None and found.question is not None:
         with about(name):
             flight = advise(found.question, limits)
-        _print_flight(flight, fly)
+        _print_flight(flight, fly, person(as_json))
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
         write(made, str(fly))
 
@@ -259,11 +266,10 @@ def print_findings(frame: pl.DataFrame, console: Console) -> None:
         console.print(f"    {advice}")
 
 
-def _print(found: Diagnosis, earlier: Earlier | None) -> None:
+def _print(found: Diagnosis, earlier: Earlier | None, console: Console) -> None:
     """The findings for a person, and how much of the residual they leave."""
     from hydro.report import change
 
-    console = person()
     print_findings(found.frame(), console)
     given, own, all_of_it = found.chi2
     if earlier is not None:
@@ -275,9 +281,8 @@ def _print(found: Diagnosis, earlier: Earlier | None) -> None:
     )
 
 
-def _print_flight(flight: Flight, path: Path) -> None:
+def _print_flight(flight: Flight, path: Path, console: Console) -> None:
     """What to fly next and what it is expected to tell."""
-    console = person()
     console.print(f"\nTo fly next ({path}):", style="bold")
     for line in flight.lines():
         console.print(line, soft_wrap=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
@@ -24,6 +25,8 @@ from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rich.console import Console
 
     from hydro.core.diagnosis.explain import Step
     from hydro.core.vehicle.description import Vehicle
@@ -53,6 +56,7 @@ def explain(
     model: Network = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    as_json: Json = False,
 ) -> None:
     """Add what a vehicle file lacks, step by step, until nothing more is found.
 
@@ -110,7 +114,9 @@ def explain(
             _tell(step)
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))})
         _save_bands(study, best(steps))
-    _print(study, steps, best(steps), ending(steps))
+    _print(study, steps, best(steps), ending(steps), person(as_json))
+    if as_json:
+        _print_json(study, steps, best(steps), ending(steps))
 
 
 def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
@@ -177,7 +183,7 @@ def _tell(step: Step, remark: str = "") -> None:
     typer.echo(f"{line} ({remark})" if remark else line, err=True)
 
 
-def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> None:
+def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, console: Console) -> None:
     """The ladder, what was added, what the last diagnosis says, and where the files are."""
     import polars as pl
 
@@ -185,7 +191,6 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 
-    console = person()
     every = pl.concat(step.ladder for step in steps)
     for dataset in DATASETS:
         if not every.filter(dataset=dataset).is_empty():
@@ -210,6 +215,17 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> No
     console.print(
         f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
     )
+
+
+def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> None:
+    """The ladder, what each step fitted, and the file to use, for a program."""
+    import polars as pl
+
+    every = pl.concat([step.ladder for step in steps], how="diagonal_relaxed")
+    fitted = [{"step": step.number, "added": step.added, "effects": step.tables} for step in steps]
+    use = study.folder / f"vehicle-{chosen.number}.toml"
+    left = chosen.diagnosis
+    print_json(use=str(use), ending=reason, steps=fitted, ladder=every, findings=left)
 
 
 COMMANDS = {

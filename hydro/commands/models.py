@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.places import FOLDER, Output
 from hydro.commands.shell import (
     PREDICTION_TITLE,
@@ -165,6 +166,7 @@ def evaluate(
         ),
         FOLDER,
     ] = None,
+    as_json: Json = False,
     output: Output = STREAM,
 ) -> None:
     """Measure how well models predict the residual wrench.
@@ -191,11 +193,13 @@ def evaluate(
     report(labels, left_out(source.frame))
     if figures is not None:
         _draw(known, source.frame, part, errors, figures)
-    if shows_table(output):
+    if as_json:
+        print_json(errors=errors)
+    elif shows_table(output):
         print_table(prediction_errors(errors), PREDICTION_TITLE)
         if by:
             print_table(regime_errors(errors), REGIME_TITLE)
-    else:
+    if saves(output, as_json):
         inputs = [*trained, source]
         parameters = {"part": part} | ({"by": list(by)} if by else {})
         write(make("metrics", errors, stage="evaluate", parameters=parameters, inputs=inputs), output)

@@ -284,11 +284,11 @@ def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
         typer.echo(f"hydro: {words}", err=True)
 
 
-def person() -> Console:
+def person(aside: bool = False) -> Console:
     """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
     from rich.console import Console
 
-    return Console(stderr=not sys.stdout.isatty(), highlight=False, markup=False)
+    return Console(stderr=aside or not sys.stdout.isatty(), highlight=False, markup=False)
 
 
 def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = None) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO
 
@@ -52,7 +53,7 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
         raise explained(name, error) from error
 
 
-def _first_line(stream: BinaryIO) -> bytes:
+def _first_line(stream: BufferedReader) -> bytes:
     """The line that belongs before the content of a file."""
     stream.seek(_LENGTH)
     return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"
