@@ -79,8 +79,8 @@ class SessionLog:
         name: Its name.
         t: Times since its start [s], shape (n,), not falling.
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
-        clocks: Times of the samples of those columns that were not taken at `t` [s], (n,) each; they do not
-            fall from one sample to the next.
+        clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
+            not fall from one sample to the next.
     """
 
     name: str
@@ -88,11 +88,14 @@ class SessionLog:
     columns: Mapping[str, Array]
     clocks: Mapping[str, Array] = field(default_factory=dict)
 
+    def time_of(self, name: str) -> Array:
+        """Times of the rows of a column [s]."""
+        return self.clocks.get(name, self.t)
+
     def channel(self, source: Number) -> Channel:
         """The samples of one column, scaled and shifted as the map says."""
         column = named(source)
-        t = self.clocks.get(column.column, self.t)
-        return channel(t, column.scale * self.columns[column.column] + column.offset)
+        return channel(self.time_of(column.column), column.scale * self.columns[column.column] + column.offset)
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:

@@ -75,7 +75,7 @@ class Offset:
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
     """A session whose sensor's stamps are earlier by some seconds."""
     sources = measured(getattr(given, block))
-    clocks = {one.column: log.clocks.get(one.column, log.t) - by for one in sources}
+    clocks = {one.column: log.time_of(one.column) - by for one in sources}
     return replace(log, clocks={**log.clocks, **clocks})
 
 

@@ -49,9 +49,11 @@ def channel(t: Array, values: Array) -> Channel:
         t: Times [s], shape (n,), not falling.
         values: Shape (n,), NaN where the log has nothing.
     """
-    there = np.flatnonzero(np.isfinite(values))
-    new = np.concatenate(([True], np.diff(t[there]) > 0.0))[: len(there)]
-    return Channel(t[there][new], values[there][new])
+    there = np.isfinite(values)
+    if not there.all():
+        t, values = t[there], values[there]
+    new = np.diff(t, prepend=-np.inf) > 0.0
+    return Channel(t, values) if new.all() else Channel(t[new], values[new])
 
 
 def sample_time(channels: Sequence[Channel]) -> float:
@@ -164,9 +166,11 @@ def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
     Both are the same rotation, but half-way between them lies none.
     """
     shared = quaternions[0].t
-    for other in quaternions[1:]:
-        shared = np.intersect1d(shared, other.t)
-    parts = np.stack([each.values[np.isin(each.t, shared)] for each in quaternions], axis=1)
+    if not all(np.array_equal(shared, other.t) for other in quaternions[1:]):
+        for other in quaternions[1:]:
+            shared = np.intersect1d(shared, other.t)
+        quaternions = [Channel(shared, each.values[np.isin(each.t, shared)]) for each in quaternions]
+    parts = np.stack([each.values for each in quaternions], axis=1)
     turned = np.sum(parts[1:] * parts[:-1], axis=1) < 0.0
     signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))[: len(parts)]
     return [Channel(shared, signs * values) for values in parts.T]
