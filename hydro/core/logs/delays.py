@@ -9,7 +9,7 @@ command, damping, the Coriolis and weight terms of a rigid body, each coefficien
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -75,8 +75,9 @@ class Offset:
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
     """A session whose sensor's stamps are earlier by some seconds."""
     sources = measured(getattr(given, block))
-    clocks = {one.column: log.time_of(one.column) - by for one in sources}
-    return replace(log, clocks={**log.clocks, **clocks})
+    clocks = {one.column: log.time_of(one.column) for one in sources}
+    moved = {id(t): t - by for t in clocks.values()}
+    return replace(log, clocks={**log.clocks, **{name: moved[id(t)] for name, t in clocks.items()}})
 
 
 def sensor_offsets(
@@ -205,16 +206,18 @@ def _step(logs: Sequence[SessionLog], given: LogMap, block: str) -> float:
 ACCELERATED = 0.5
 """Time over which a change of velocity is looked at [s]."""
 MOST_WINDOWS = 1500
+TOGETHER = 64
+"""Windows that are worked on at a time: those of a long log are far apart."""
 LONGEST_DELAY, EARLIEST = 1.5, -0.7
 """Delays of the motion that are looked for [s]; before the commands it comes only if clocks disagree."""
 DELAY_STEP = 0.02
+DELAYS: Array = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
 LEAST_OF_EACH = 3
 """Windows for each coefficient."""
 EXPLAINS = 0.05
 """Share of the acceleration that the commands must explain at the best delay."""
 CHI2 = 3.84
 """95 % of chi2 with one degree of freedom."""
-Drive = Callable[[float], Array]
 
 
 @dataclass(frozen=True)
@@ -224,12 +227,12 @@ class _Piece:
     Attributes:
         change: Change of the velocity over each, (W, 6).
         fixed: Integrals of all that a change of velocity is of beside the commands, (W, k).
-        drive: Integrals of the commands, and of them squared, of a delay [s], (W, 2 n).
+        drive: Integrals of the commands, and of them squared, at each of the delays, (delays, W, 2 n).
     """
 
     change: Array
     fixed: Array
-    drive: Drive
+    drive: Array
 
 
 def command_delay(
@@ -256,14 +259,13 @@ def command_delay(
     if (
         not axes
         or not pieces
-        or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + len(pieces[0].drive(0.0).T))
+        or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + pieces[0].drive.shape[2])
     ):
         return None
     y = np.concatenate([piece.change for piece in pieces])[:, axes]
     Z = np.concatenate([piece.fixed for piece in pieces])
-    delays = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
-    drives = [np.concatenate([piece.drive(delay) for piece in pieces]) for delay in delays]
-    return _profiled(y, Z, drives, delays, dt)
+    drives = [np.concatenate([piece.drive[k] for piece in pieces]) for k in range(len(DELAYS))]
+    return _profiled(y, Z, drives, DELAYS, dt)
 
 
 def _axes(given: LogMap) -> list[int]:
@@ -282,15 +284,22 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) ->
         if len(at) < m or not at[-1] - at[0] > LONGEST_DELAY - EARLIEST + 2.0 * ACCELERATED:
             continue
         inside = (at > at[0] + LONGEST_DELAY) & (at < at[-1] + EARLIEST - ACCELERATED)
-        first = np.flatnonzero(inside)[::stride]
-        values = np.nan_to_num(motion(log, at, given))
-        nu = values[:, 6:]
-        steady = _beside(nu, values[:, 3], values[:, 4])
-        areas = np.vstack(
-            [np.zeros(steady.shape[1]), np.cumsum(0.5 * dt * (steady[1:] + steady[:-1]), axis=0)]
-        )
-        drive = _driven(log, at, dt, given, first, m)
-        yield _Piece(nu[first + m] - nu[first], areas[first + m] - areas[first], drive)
+        every = np.flatnonzero(inside)[::stride]
+        before, after = round(LONGEST_DELAY / dt) + 2, m + round(-EARLIEST / dt) + 2
+        for first in np.split(every, range(TOGETHER, len(every), TOGETHER)):
+            if len(first):
+                low = max(first[0] - before, 0)
+                yield _piece(log, at[low : first[-1] + after], dt, given, first - low, m)
+
+
+def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> _Piece:
+    """Windows of m rows from some of the rows at times `at` on."""
+    values = np.nan_to_num(motion(log, at, given))
+    nu = values[:, 6:]
+    steady = _beside(nu, values[:, 3], values[:, 4])
+    areas = np.vstack([np.zeros(steady.shape[1]), np.cumsum(0.5 * dt * (steady[1:] + steady[:-1]), axis=0)])
+    drive = _driven(log, at, dt, given, first, m)
+    return _Piece(nu[first + m] - nu[first], areas[first + m] - areas[first], drive)
 
 
 def _beside(nu: Array, phi: Array, theta: Array) -> Array:
@@ -301,8 +310,8 @@ def _beside(nu: Array, phi: Array, theta: Array) -> Array:
     return np.column_stack([nu, np.abs(nu) * nu, turning, weight, np.ones(len(nu))])
 
 
-def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Drive:
-    """Integrals of commands over windows that begin at some rows, of a delay."""
+def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Array:
+    """Integrals of commands over windows that begin at some rows, of each delay, (delays, W, 2 n)."""
     drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
     drive = np.column_stack([drive, np.abs(drive) * drive])
     summed = np.vstack([np.zeros(drive.shape[1]), np.cumsum(drive * dt, axis=0)])
@@ -311,7 +320,7 @@ def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m
     def until(t: Array) -> Array:
         return np.stack([np.interp(t, grid, each) for each in summed.T], axis=1)
 
-    return lambda delay: until(at[first + m] - delay) - until(at[first] - delay)
+    return np.stack([until(at[first + m] - delay) - until(at[first] - delay) for delay in DELAYS])
 
 
 def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: float) -> Offset | None:

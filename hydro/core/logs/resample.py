@@ -56,13 +56,16 @@ def channel(t: Array, values: Array) -> Channel:
     return Channel(t, values) if new.all() else Channel(t[new], values[new])
 
 
-def sample_time(channels: Sequence[Channel]) -> float:
+def sample_time(steps: Sequence[float]) -> float:
     """The sample time that suits most channels [s]: the median of their median steps, of two the shorter.
+
+    Args:
+        steps: Median step of each channel [s]; infinite of one with fewer than two samples.
 
     Raises:
         DataError: No channel has two samples.
     """
-    steps = sorted(each.step for each in channels if np.isfinite(each.step))
+    steps = sorted(step for step in steps if np.isfinite(step))
     if not steps:
         raise DataError("no column has two samples in one session: the rate is unknown; give longer sessions")
     dt = steps[(len(steps) - 1) // 2]

@@ -200,8 +200,7 @@ def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
                 "steps (messages lost, or not periodic); leave it out"
             )
     if block.lag or t is not logged:
-        for each in names:
-            work.clocks[each] = t - block.lag
+        work.clocks.update(dict.fromkeys(names, t - block.lag))
     if name in work.gated:
         work.gated[name] = (t - block.lag)[work.gated[name].astype(int)]
 
