@@ -149,7 +149,7 @@ def measured(case: str, path: Path, results: Any) -> None:
     elif case == "read":
         wanted = [f"/odom.{name}" for name in ODOMETRY] + [f"/imu.{name}" for name in IMU] + COMMANDS
         with log.opened(path) as file:
-            count = file.read(wanted, shares.append).frame.height
+            count = file.read(wanted, shares.append).table.height
         assert len(shares) > 1, "progress is told"
         assert shares == sorted(shares)
     else:

@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, Time, beside, blocks_of, columns_of, command, measured, named, sensors_of
+from hydro.core.logs.logmap import (
+    LogMap,
+    Time,
+    beside,
+    blocks_of,
+    columns_of,
+    command,
+    measured,
+    named,
+    sensors_of,
+)
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, require, stripped
 from hydro.io.readers.tables import TIME, Numbers, Table, Tables
@@ -44,7 +54,7 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
 
 
 def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
-    """The same of messages on one clock: each sensor in the rows of its own topics, read when it is wanted."""
+    """The same of messages on one clock: each sensor in the rows of its own topics, read when wanted."""
     for where, name in named_columns(meaning):
         require(log, name, where)
     every = tables.times()
@@ -136,7 +146,8 @@ def _parted(
 
 def _starts(t: Array, meaning: LogMap) -> Rows:
     """Where sessions begin among times that do not fall: at the first, and after every longer silence."""
-    return np.r_[0, np.flatnonzero(np.diff(t) > (meaning.session.gap or np.inf)) + 1]
+    found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > (meaning.session.gap or np.inf)) + 1]
+    return found
 
 
 def _titles(name: str, count: int) -> list[str]:

@@ -96,7 +96,9 @@ class SessionLog:
     def channel(self, source: Number) -> Channel:
         """The samples of one column, scaled and shifted as the map says."""
         column = named(source)
-        return channel(self.time_of(column.column), column.scale * self.columns[column.column] + column.offset)
+        return channel(
+            self.time_of(column.column), column.scale * self.columns[column.column] + column.offset
+        )
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:

@@ -206,8 +206,8 @@ def _step(logs: Sequence[SessionLog], given: LogMap, block: str) -> float:
 ACCELERATED = 0.5
 """Time over which a change of velocity is looked at [s]."""
 MOST_WINDOWS = 1500
-TOGETHER = 64
-"""Windows that are worked on at a time: those of a long log are far apart."""
+TOGETHER = 128
+"""Windows that are worked on at a time; rows of a long log between them are left out."""
 LONGEST_DELAY, EARLIEST = 1.5, -0.7
 """Delays of the motion that are looked for [s]; before the commands it comes only if clocks disagree."""
 DELAY_STEP = 0.02
@@ -288,12 +288,12 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) ->
         before, after = round(LONGEST_DELAY / dt) + 2, m + round(-EARLIEST / dt) + 2
         for first in np.split(every, range(TOGETHER, len(every), TOGETHER)):
             if len(first):
-                low = max(first[0] - before, 0)
-                yield _piece(log, at[low : first[-1] + after], dt, given, first - low, m)
+                near = np.unique(np.clip(first[:, None] + np.arange(-before, after), 0, len(at) - 1))
+                yield _piece(log, at[near], dt, given, np.searchsorted(near, first), m)
 
 
 def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> _Piece:
-    """Windows of m rows from some of the rows at times `at` on."""
+    """Windows that begin at some of the rows at times `at`, which go on for m rows from each of them."""
     values = np.nan_to_num(motion(log, at, given))
     nu = values[:, 6:]
     steady = _beside(nu, values[:, 3], values[:, 4])

@@ -69,7 +69,7 @@ class Imported:
 
 ROUNDED = 1e-6  # of a sample time
 PIECES, LEAST_ROWS = 16, 50_000
-"""A session is resampled in so many pieces, of that many rows at least: a rotation takes more room than a row."""
+"""A session is resampled in so many pieces, of that many rows at least: rotations are larger than rows."""
 SLOWER = 1.5
 """A channel whose samples come so many rows apart, or more, has nothing in the rows between."""
 
@@ -139,7 +139,9 @@ def _steps(logs: Sequence[SessionLog], meaning: LogMap) -> list[float]:
     for source in (source for block in blocks_of(meaning).values() for source in measured(block)):
         channels = [log.channel(source) for log in logs]
         if not any(len(each.t) for each in channels):
-            raise DataError(f"column {source.column} has no number in any row; name another column in the map")
+            raise DataError(
+                f"column {source.column} has no number in any row; name another column in the map"
+            )
         steps += [each.step for each in channels]
     return steps
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -76,7 +77,7 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
             has no rates.
     """
     _check_shared(meaning)
-    works = [_Work(log, ChainMap({}, log.columns), ChainMap({}, log.clocks)) for log in logs]
+    works = [_Work(log, _over(log.columns), _over(log.clocks)) for log in logs]
     for name, block in sensors_of(meaning).items():
         names = columns_of(block)
         if not names:
@@ -94,6 +95,11 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
         notes=tuple(_notes(works, meaning)),
         gated=tuple(work.gated for work in works),
     )
+
+
+def _over(logged: Mapping[str, Array]) -> MutableMapping[str, Array]:
+    """What is logged, to be written over; it stays as it is, and where it is."""
+    return ChainMap({}, cast("MutableMapping[str, Array]", logged))
 
 
 def _check_shared(meaning: LogMap) -> None:
@@ -114,7 +120,7 @@ def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
     """Empty the cells of samples that are not valid, and divide by another column."""
     if block.valid != ():
         there = np.isfinite(np.stack([work.columns[each] for each in names])).any(axis=0)
-        good = np.ones(len(there), bool)
+        good = np.ones(len(work.log.time_of(names[0])), bool)
         for one in conditions(block.valid):
             good &= _holds(work.log, one, names)
         if (there & ~good).any():

@@ -1,7 +1,7 @@
 """A ROS 1 bag whose index is read as its messages are.
 
-The library's reader lists every message of a bag before it gives the first: some 170 bytes each, more than the
-numbers in it.  A bag is a sequence of chunks of about a megabyte, each with its own index.
+The library's reader lists every message of a bag before it gives the first: some 170 bytes each, more than
+the numbers in it.  A bag is a sequence of chunks of about a megabyte, each with its own index.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ def by_chunk() -> type[Any]:
     class ByChunk(Reader):  # type: ignore[misc]
         """Messages come chunk by chunk, those of a chunk in order of receipt."""
 
+        connections: list[Any]
         _opening = False
 
         def open(self) -> None:

@@ -49,7 +49,7 @@ class Spill:
     def take(self, place: int, into: Array) -> None:
         """Read as many numbers as `into` has."""
         self._file.seek(place)
-        self._file.readinto(memoryview(into).cast("B"))
+        self._file.readinto(into.data.cast("B"))
 
 
 class Columns:
@@ -78,7 +78,7 @@ class Columns:
         """The numbers of one column in rows `start` to `stop`, the last left out; by default all."""
         stop = self.rows if stop is None else stop
         out = np.empty(max(stop - start, 0))
-        for block in range(start // BLOCK, -(-stop // BLOCK)):
+        for block in range(start // BLOCK, -(-stop // BLOCK) if len(out) else 0):
             first = block * BLOCK
             low, high = max(start, first), min(stop, first + BLOCK)
             part = out[low - start : high - start]

@@ -1,4 +1,4 @@
-"""The numbers of a log of messages: of every topic in rows of its own, on the disk until a column is asked for.
+"""The numbers of a log of messages: of each topic in rows of its own, on the disk until they are asked for.
 
 One table of all topics has a row for each message and mostly nothing in it; what is read of a log with a map
 never needs it.  `Tables.wide` makes it for those who do.
@@ -44,7 +44,7 @@ class Buffer:
         self._stamped.append(self.topic.stamp(message) or np.nan)
         for place, (column, value) in enumerate(zip(self._values, self._pick(message), strict=True)):
             try:
-                column.append(value)  # type: ignore[arg-type]
+                column.append(value)
                 self._there[place] = True
             except TypeError:
                 found = number(value)
@@ -105,9 +105,9 @@ class Table:
             (buffer,) = self._buffers
             return buffer.values(buffer.columns[name], start, stop)
         found = ((each, each.columns.get(name)) for each in self._buffers)
-        return self._placed(
-            None if place is None else each.values(place) for each, place in found
-        )[start:stop]
+        return self._placed(None if place is None else each.values(place) for each, place in found)[
+            start:stop
+        ]
 
     def wide(self) -> pl.DataFrame:
         """All columns, and the clocks."""
@@ -189,7 +189,7 @@ class Tables:
 
 
 class Numbers(Mapping[str, Array]):
-    """Some columns of a table in a stretch of rows, each read when it is asked for; NaN for what is no number.
+    """Some columns of tables in stretches of rows, each read when it is asked for; NaN for what is no number.
 
     Args:
         tables: Of each column, its table and the first and last row, the last left out.
