@@ -264,7 +264,8 @@ def command_delay(
         return None
     y = np.concatenate([piece.change for piece in pieces])[:, axes]
     Z = np.concatenate([piece.fixed for piece in pieces])
-    drives = [np.concatenate([piece.drive[k] for piece in pieces]) for k in range(len(DELAYS))]
+    drives = np.concatenate([piece.drive for piece in pieces], axis=1)
+    del pieces
     return _profiled(y, Z, drives, DELAYS, dt)
 
 
@@ -323,14 +324,20 @@ def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m
     return np.stack([until(at[first + m] - delay) - until(at[first] - delay) for delay in DELAYS])
 
 
-def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: float) -> Offset | None:
+def _profiled(y: Array, Z: Array, drives: Array, delays: Array, dt: float) -> Offset | None:
     """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
     basis = _basis(Z)
-    y = y - basis @ (basis.T @ y)
-    drives = [drive - basis @ (basis.T @ drive) for drive in drives]
-    left = np.stack([_left(y, drive) for drive in drives])
-    share = 1.0 - (Z.shape[1] + drives[0].shape[1]) / len(y)
-    every = [_axis(y[:, i], left[:, i], drives, delays, share) for i in range(y.shape[1])]
+
+    def beside(values: Array) -> Array:
+        return np.asarray(values - basis @ (basis.T @ values))
+
+    y = beside(y)
+    left = np.stack([_left(y, beside(drive)) for drive in drives])
+    share = 1.0 - (Z.shape[1] + drives.shape[2]) / len(y)
+    every = [
+        _axis(y[:, i], left[:, i], beside(drives[np.argmin(left[:, i])]), delays, share)
+        for i in range(y.shape[1])
+    ]
     found = np.array([one for one in every if one is not None]).reshape(-1, 2)
     if not len(found):
         return None
@@ -343,15 +350,13 @@ def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: fl
     return Offset("commands", middle, middle - half, middle + half, dt) if half < WIDEST else None
 
 
-def _axis(
-    y: Array, left: Array, drives: Sequence[Array], delays: Array, share: float
-) -> tuple[float, float] | None:
+def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> tuple[float, float] | None:
     """The delay of one axis with the greatest likelihood, and its standard error by the profile.
 
     Args:
         y: Accelerations, less what is free beside the commands, (W,).
         left: Sum of squares that the commands leave of them at each delay.
-        drives: The commands at each delay, (W, n) each.
+        drive: The commands at the delay that leaves least, less the same, (W, n).
         delays: These delays [s].
         share: Degrees of freedom that are left, of W.
 
@@ -361,7 +366,7 @@ def _axis(
     best = int(np.argmin(left))
     if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
         return None
-    own = _basis(drives[best])
+    own = _basis(drive)
     size = _effective(y - own @ (own.T @ y)) * share
     above = size * np.log(left / left[best]) - CHI2
     low, high = _crossing(delays, above, best, -1), _crossing(delays, above, best, 1)

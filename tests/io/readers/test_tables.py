@@ -203,7 +203,7 @@ def peak(work: Any) -> tuple[Any, int]:
 
 
 def growth(seconds: float, unnamed: int = 0) -> tuple[int, int]:
-    """The most bytes in use while a log is read, resampled and asked for its delay, and what its raw table has.
+    """The most bytes in use while a log is read, resampled and asked for its delay; and its raw table.
 
     Lags of sensors and conventions are looked for in windows, of which there are never more than so many.
     """
@@ -220,7 +220,7 @@ def growth(seconds: float, unnamed: int = 0) -> tuple[int, int]:
 
 
 def test_memory_grows_with_the_raw_table_and_not_with_the_messages(small):
-    """Times of the messages are kept beside it, and some columns at a time; one table of all topics was nine."""
+    """Times of the messages are kept beside it, and some columns at a time; one of all topics was nine."""
     growth(40.0)  # what is made once is made
     (short, rows), (long, more) = growth(80.0), growth(240.0)
     assert long - short < 2.5 * (more - rows)
