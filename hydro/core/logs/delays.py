@@ -9,7 +9,7 @@ command, damping, the Coriolis and weight terms of a rigid body, each coefficien
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -125,11 +125,11 @@ def _estimated(
     of = testable(given)[rows]
 
     @cache
-    def late(block: str, lag: float) -> Evidence:
-        return Evidence([shifted(log, given, block, lag) for log in logs], taken) if lag else plain
+    def late(lag: float) -> Evidence:
+        return Evidence(logs, [t + lag for t in taken]) if lag else plain  # a block alone is read of it
 
     def left(lags: Array) -> Array:
-        moved = {block: late(block, round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
+        moved = {block: late(round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
         if "rates" in moved:
             assert given.rates is not None
             assert given.attitude is not None
@@ -264,9 +264,7 @@ def command_delay(
         return None
     y = np.concatenate([piece.change for piece in pieces])[:, axes]
     Z = np.concatenate([piece.fixed for piece in pieces])
-    drives = np.concatenate([piece.drive for piece in pieces], axis=1)
-    del pieces
-    return _profiled(y, Z, drives, DELAYS, dt)
+    return _profiled(y, Z, lambda k: np.concatenate([piece.drive[k] for piece in pieces]), DELAYS, dt)
 
 
 def _axes(given: LogMap) -> list[int]:
@@ -315,16 +313,17 @@ def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m
     """Integrals of commands over windows that begin at some rows, of each delay, (delays, W, 2 n)."""
     drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
     drive = np.column_stack([drive, np.abs(drive) * drive])
-    summed = np.vstack([np.zeros(drive.shape[1]), np.cumsum(drive * dt, axis=0)])
+    summed = np.zeros((drive.shape[1], len(drive) + 1))
+    np.cumsum(drive.T * dt, axis=1, out=summed[:, 1:])
     grid = np.r_[at, at[-1] + dt]
 
     def until(t: Array) -> Array:
-        return np.stack([np.interp(t, grid, each) for each in summed.T], axis=1)
+        return np.stack([np.interp(t, grid, each) for each in summed], axis=1)
 
     return np.stack([until(at[first + m] - delay) - until(at[first] - delay) for delay in DELAYS])
 
 
-def _profiled(y: Array, Z: Array, drives: Array, delays: Array, dt: float) -> Offset | None:
+def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, dt: float) -> Offset | None:
     """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
     basis = _basis(Z)
 
@@ -332,10 +331,10 @@ def _profiled(y: Array, Z: Array, drives: Array, delays: Array, dt: float) -> Of
         return np.asarray(values - basis @ (basis.T @ values))
 
     y = beside(y)
-    left = np.stack([_left(y, beside(drive)) for drive in drives])
-    share = 1.0 - (Z.shape[1] + drives.shape[2]) / len(y)
+    left = np.stack([_left(y, beside(drive(k))) for k in range(len(delays))])
+    share = 1.0 - (Z.shape[1] + drive(0).shape[1]) / len(y)
     every = [
-        _axis(y[:, i], left[:, i], beside(drives[np.argmin(left[:, i])]), delays, share)
+        _axis(y[:, i], left[:, i], beside(drive(int(np.argmin(left[:, i])))), delays, share)
         for i in range(y.shape[1])
     ]
     found = np.array([one for one in every if one is not None]).reshape(-1, 2)

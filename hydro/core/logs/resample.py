@@ -52,8 +52,11 @@ def channel(t: Array, values: Array) -> Channel:
     there = np.isfinite(values)
     if not there.all():
         t, values = t[there], values[there]
-    new = np.diff(t, prepend=-np.inf) > 0.0
-    return Channel(t, values) if new.all() else Channel(t[new], values[new])
+    new = t[1:] > t[:-1]
+    if not new.all():
+        new = np.r_[True, new]
+        t, values = t[new], values[new]
+    return Channel(t, values)
 
 
 def sample_time(steps: Sequence[float]) -> float:
@@ -112,7 +115,8 @@ def rows(shared: Array, dt: float) -> Array:
         end = int(np.floor((last - start + slack) / dt))
         if end > begin:
             kept.append(np.arange(begin, end + 1))
-    steps: NDArray[np.int64] = np.unique(np.concatenate(kept)) if kept else np.empty(0, np.int64)
+    steps: NDArray[np.int64] = np.sort(np.concatenate(kept)) if kept else np.empty(0, np.int64)
+    steps = steps[np.diff(steps, prepend=steps[:1] - 1) > 0]
     return np.asarray(start + steps * dt, np.float64)
 
 
@@ -173,7 +177,11 @@ def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
         for other in quaternions[1:]:
             shared = np.intersect1d(shared, other.t)
         quaternions = [Channel(shared, each.values[np.isin(each.t, shared)]) for each in quaternions]
-    parts = np.stack([each.values for each in quaternions], axis=1)
-    turned = np.sum(parts[1:] * parts[:-1], axis=1) < 0.0
-    signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))[: len(parts)]
-    return [Channel(shared, signs * values) for values in parts.T]
+    cosines = np.zeros(max(len(shared) - 1, 0))
+    for each in quaternions:
+        cosines += each.values[1:] * each.values[:-1]
+    turned = cosines < 0.0
+    if not turned.any():
+        return list(quaternions)
+    signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))
+    return [Channel(shared, signs * each.values) for each in quaternions]
