@@ -39,6 +39,8 @@ KINDS = {
     "/cmd": "std_msgs/msg/Float64MultiArray",
 }
 BEGUN, TURN = 1_700_000_000, 0.5  # s since 1970; rad/s
+NOISE = 1e-3
+"""Of velocity [m/s] and rates [rad/s]: readings that only repeat the last one would be none."""
 MOST = 1000
 """Megabytes of the largest bag."""
 RATE, EVERY = 100.0, 2  # Hz of odometry and IMU; a command at each second of them
@@ -89,12 +91,16 @@ def _circle(types: Any) -> list[list[tuple[str, bytes]]]:
     empty, still = np.zeros(36), new["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     layout = new["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     head = new["std_msgs/msg/Header"](seq=0, stamp=new["builtin_interfaces/msg/Time"](0, 0), frame_id="odom")
-    spin, ahead = (new["geometry_msgs/msg/Vector3"](*each) for each in ((0.0, 0.0, TURN), (1.0, 0.0, 0.0)))
-    twist = new["geometry_msgs/msg/TwistWithCovariance"](new["geometry_msgs/msg/Twist"](ahead, spin), empty)
+    vector, noise = new["geometry_msgs/msg/Vector3"], np.random.default_rng(0)
     rows = 2 * round(np.pi / TURN * RATE)
     out = []
     for row in range(rows):
         turn = 2.0 * np.pi * row / rows
+        spin = vector(*np.array([0.0, 0.0, TURN]) + NOISE * noise.standard_normal(3))
+        ahead = vector(*np.array([1.0, 0.0, 0.0]) + NOISE * noise.standard_normal(3))
+        twist = new["geometry_msgs/msg/TwistWithCovariance"](
+            new["geometry_msgs/msg/Twist"](ahead, spin), empty
+        )
         place = new["geometry_msgs/msg/Point"](np.sin(turn) / TURN, (1.0 - np.cos(turn)) / TURN, 3.0)
         quaternion = new["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(0.5 * turn), np.cos(0.5 * turn))
         pose = new["geometry_msgs/msg/PoseWithCovariance"](
@@ -149,7 +155,7 @@ def measured(case: str, path: Path, results: Any) -> None:
     elif case == "read":
         wanted = [f"/odom.{name}" for name in ODOMETRY] + [f"/imu.{name}" for name in IMU] + COMMANDS
         with log.opened(path) as file:
-            count = file.read(wanted, shares.append).frame.height
+            count = file.read(wanted, shares.append).table.height
         assert len(shares) > 1, "progress is told"
         assert shares == sorted(shares)
     else:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +22,7 @@ from hydro.io.files import Source, explained, name_of, shown
 from hydro.io.logmap import listed
 from hydro.io.readers import collect, registry
 from hydro.io.readers.messages import Options, Selection
+from hydro.io.readers.tables import Tables
 
 Reading = Callable[[float], None]
 """What is called with the share of a file that is read."""
@@ -32,7 +34,7 @@ class Log:
 
     Attributes:
         name: What error lines call it.
-        frame: Its columns: of a CSV all text, of other formats typed.
+        table: Its columns: of a CSV all text, of other tables typed; of messages those of each topic.
         digest: `sha256:` and the hash of its bytes.
         more: Lists the columns that it has besides, which nobody wanted; that takes a pass over the log.
         notes: What its reader has to say, a line each.
@@ -40,20 +42,27 @@ class Log:
     """
 
     name: str
-    frame: pl.DataFrame
+    table: pl.DataFrame | Tables
     digest: str
     more: Callable[[], Sequence[str]] = tuple
     notes: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
 
+    @cached_property
+    def frame(self) -> pl.DataFrame:
+        """Its columns in one table: of messages a row for each, which takes memory for all of them."""
+        return self.table.wide() if isinstance(self.table, Tables) else self.table
+
     @property
     def names(self) -> list[str]:
         """All its columns, also those that were not read."""
-        return list(dict.fromkeys((*self.frame.columns, *self.more())))
+        return list(dict.fromkeys((*self.table.columns, *self.more())))
 
     def texts(self) -> frozenset[str]:
         """Columns whose first entry is neither a number nor a time of a typed column."""
-        found = []
+        found: list[str] = []
+        if isinstance(self.table, Tables):
+            return frozenset(found)
         for name in self.frame.columns:
             if self.frame.schema[name] == pl.String:
                 first = self.frame[name].drop_nulls().head(1).str.strip_chars()
@@ -130,10 +139,10 @@ class LogFile:
         """
         options = self._options(progress)
         selection = Selection(None if wanted is None else frozenset(wanted))
-        frame = registry.read(self.path, self.reader, selection, options)
-        if frame.height == 0 and (wanted is None or self.reader.messages is None):
+        found = registry.read(self.path, self.reader, selection, options)
+        if found.height == 0 and (wanted is None or self.reader.messages is None):
             raise DataError(f"{self.name}: no rows below the names of its columns: give a log with data")
-        return Log(self.name, frame, self._digest(), self._names, tuple(options.notes))
+        return Log(self.name, found, self._digest(), self._names, tuple(options.notes))
 
     def _names(self) -> Sequence[str]:
         """Its columns, for hints; none of a file that is gone by now."""
@@ -222,11 +231,11 @@ def together(logs: Sequence[Log], frame: pl.DataFrame) -> Log:
         frame: The columns of all.
     """
     if len(logs) == 1:
-        return replace(logs[0], frame=frame)
+        return replace(logs[0], table=frame)
     digest = hashlib.sha256("".join(sorted(log.digest for log in logs)).encode()).hexdigest()
     return Log(
         name=f"{logs[0].name} and {len(logs) - 1} more",
-        frame=frame,
+        table=frame,
         digest=f"sha256:{digest}",
         more=lambda: [name for log in logs for name in log.more()],
         notes=tuple(f"{log.name}: {note}" for log in logs for note in log.notes),
@@ -245,13 +254,27 @@ def column(log: Log, name: str, where: str) -> pl.Series:
     Raises:
         DataError: there is no such column.
     """
-    if name not in log.frame.columns:
+    require(log, name, where)
+    return log.frame[name]
+
+
+def require(log: Log, name: str, where: str) -> None:
+    """Refuse a log without a column.
+
+    Args:
+        log: The log.
+        name: What the map calls the column.
+        where: The place in the map, for the error line.
+
+    Raises:
+        DataError: there is no such column.
+    """
+    if name not in log.table.columns:
         near = difflib.get_close_matches(name, [each for each in log.names if each != name], 1)
         hint = f"did you mean {shown(near[0])}?" if near else f"it has {listed(log.names)}"
         raise DataError(
             f"{log.name}: no column is called {shown(name) or repr(name)}, as the map says in {where}: {hint}"
         )
-    return log.frame[name]
 
 
 def numbers(log: Log, name: str, where: str) -> Array:

@@ -18,7 +18,7 @@ from hydro.io.files import shown
 from hydro.io.joining import joined
 from hydro.io.log import Log, LogFile, Reading, together
 from hydro.io.log_import import declared
-from hydro.io.readers.collect import CLOCKS
+from hydro.io.readers.tables import CLOCKS
 from hydro.io.sessions import clock
 
 Progress = Callable[[LogFile], AbstractContextManager[Reading | None]]
@@ -111,9 +111,9 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     except DataError as error:
         raise DataError(f"{error}; where files have clocks of their own, give each a [[table]]") from error
     shared = {*CLOCKS, meaning.time.column, meaning.session.column}
-    measured = [set(log.frame.columns) & {*_texts(msgspec.to_builtins(meaning))} - shared for log in logs]
+    measured = [set(log.table.columns) & {*_texts(msgspec.to_builtins(meaning))} - shared for log in logs]
     groups = _groups([t for _, t in parts], measured)
-    column = "session" if not any("session" in log.frame.columns for log in logs) else "session of file"
+    column = "session" if not any("session" in log.table.columns for log in logs) else "session of file"
     rows = []
     for group in groups:
         frame = pl.concat([parts[place][0] for place in group], how="diagonal_relaxed")

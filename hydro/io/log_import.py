@@ -64,7 +64,7 @@ def declared(source: Log, file: str | Path | LogMap | None, name: str, preset: s
     elif file is not None:
         meaning = logmap.read(file)
     else:
-        names = source.frame.columns
+        names = source.table.columns
         try:
             meaning = logmap.from_guess(guess(names, source.texts(), preset), names)
         except DataError as error:

@@ -90,7 +90,7 @@ def _artefact(source: Log, report: log_import.ImportReport, text: str | None) ->
         report.imported.frame,
         stage="import",
         parameters={"rate": round(1.0 / report.imported.dt, 9), "map": msgspec.to_builtins(report.map)},
-        inputs=[Artefact("log", source.frame, provenance.Provenance("log", "", each)) for each in files],
+        inputs=[Artefact("log", pl.DataFrame(), provenance.Provenance("log", "", each)) for each in files],
         vehicle_text=text,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,20 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, Time, beside, blocks_of, command, measured, named
+from hydro.core.logs.logmap import (
+    LogMap,
+    Time,
+    beside,
+    blocks_of,
+    columns_of,
+    command,
+    measured,
+    named,
+    sensors_of,
+)
 from hydro.io.files import shown
-from hydro.io.log import Log, column, numbers, refuse, stripped
+from hydro.io.log import Log, column, numbers, refuse, require, stripped
+from hydro.io.readers.tables import TIME, Numbers, Table, Tables
 
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
@@ -25,6 +37,9 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     Raises:
         DataError: a column is missing or holds text where a number belongs, or time goes backwards.
     """
+    plain = meaning.time.column == TIME and meaning.time.unit != "iso" and meaning.session.column is None
+    if isinstance(log.table, Tables) and plain:
+        return _of_topics(log, log.table, meaning)
     columns = {name: numbers(log, name, where) for where, name in named_columns(meaning)}
     ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
@@ -36,6 +51,35 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
         for own, (_, _, taken) in zip(owned, parts, strict=True):
             own[key] = values[taken]
     return [SessionLog(name, t, own) for own, (name, t, _) in zip(owned, parts, strict=True)]
+
+
+def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
+    """The same of messages on one clock: each sensor in the rows of its own topics, read when wanted."""
+    for where, name in named_columns(meaning):
+        require(log, name, where)
+    every = tables.times()
+    if not len(every):
+        raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
+    per_second = _PER_SECOND[meaning.time.unit]
+    t = (every - every[0]) / per_second
+    starts = _starts(t, meaning)
+    names = _titles(meaning.session.name or "log", len(starts))
+    begun, limits = t[starts], [*every[starts].tolist(), np.inf]
+    clocks: list[dict[str, Array]] = [{} for _ in names]
+    owned: list[dict[str, tuple[Table, int, int]]] = [{} for _ in names]
+    for table, columns in tables.together(_sharing(meaning)):
+        own = (table.time - every[0]) / per_second
+        edges = np.searchsorted(table.time, limits).tolist()
+        for number, (start, stop) in enumerate(pairwise(edges)):
+            clocks[number] |= dict.fromkeys(columns, own[start:stop] - begun[number])
+            owned[number] |= dict.fromkeys(columns, (table, start, stop))
+    parts = zip(names, owned, clocks, strict=True)
+    return [SessionLog(name, np.empty(0), Numbers(own), clock) for name, own, clock in parts]
+
+
+def _sharing(meaning: LogMap) -> list[list[str]]:
+    """Columns of each sensor, which are read row by row: its values, and what says which of them count."""
+    return [[*columns_of(block), *beside(block)] for block in sensors_of(meaning).values()]
 
 
 def named_columns(meaning: LogMap) -> Iterator[tuple[str, str]]:
@@ -94,12 +138,21 @@ def _parted(
     for name, members in _labelled(log, meaning, rows):
         t = (ticks[members] - ticks[members[0]]) / per_second
         _check_order(log, meaning.time.column, name, t, rows[members])
-        limit = meaning.session.gap or np.inf
-        starts = np.r_[0, np.flatnonzero(np.diff(t) > limit) + 1]
+        starts = _starts(t, meaning)
         pieces = np.split(np.arange(len(t)), starts[1:])
-        for number, piece in enumerate(pieces, start=1):
-            title = f"{name}-{number}" if len(pieces) > 1 else name
+        for title, piece in zip(_titles(name, len(pieces)), pieces, strict=True):
             yield title, t[piece] - t[piece[0]], rows[members[piece]]
+
+
+def _starts(t: Array, meaning: LogMap) -> Rows:
+    """Where sessions begin among times that do not fall: at the first, and after every longer silence."""
+    found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > (meaning.session.gap or np.inf)) + 1]
+    return found
+
+
+def _titles(name: str, count: int) -> list[str]:
+    """What the sessions of one name are called."""
+    return [f"{name}-{number}" for number in range(1, count + 1)] if count > 1 else [name]
 
 
 def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows]]:

@@ -16,6 +16,7 @@ from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
 from hydro.core.logs.logmap import (
     Attitude,
+    Command,
     Commands,
     Mixer,
     Number,
@@ -79,8 +80,8 @@ class SessionLog:
         name: Its name.
         t: Times since its start [s], shape (n,), not falling.
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
-        clocks: Times of the samples of those columns that were not taken at `t` [s], (n,) each; they do not
-            fall from one sample to the next.
+        clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
+            not fall from one sample to the next.
     """
 
     name: str
@@ -88,11 +89,16 @@ class SessionLog:
     columns: Mapping[str, Array]
     clocks: Mapping[str, Array] = field(default_factory=dict)
 
+    def time_of(self, name: str) -> Array:
+        """Times of the rows of a column [s]."""
+        return self.clocks.get(name, self.t)
+
     def channel(self, source: Number) -> Channel:
         """The samples of one column, scaled and shifted as the map says."""
         column = named(source)
-        t = self.clocks.get(column.column, self.t)
-        return channel(t, column.scale * self.columns[column.column] + column.offset)
+        return channel(
+            self.time_of(column.column), column.scale * self.columns[column.column] + column.offset
+        )
 
 
 def position(log: SessionLog, block: Position, at: Array) -> Array:
@@ -141,25 +147,37 @@ def commands(
     Returns:
         Commands of the thrusters, (N, n), and which of those logged, or of what a mixer made of them, lay
         beyond [-1, 1] and were clipped.
-
-    Raises:
-        DataError: a command lies so far beyond that its unit must be another.
     """
     values = np.empty((len(at), len(block.columns)))
     for i, source in enumerate(map(command, block.columns)):
-        given = log.channel(source)
-        drive = averaged(Channel(given.t, _normalised(given.values, block)), at, dt)
+        drive = _drive(log, source, block, at, dt)
+        values[:, i] = -drive if source.reverse else drive
+    if mixer is not None:
+        values = mixed(mixer, np.clip(values, -1.0, 1.0))
+    beyond = np.abs(values) > 1.0 + 1e-9
+    return np.clip(values, -1.0, 1.0), beyond
+
+
+def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> None:
+    """Refuse commands that are no shares of full thrust as the map reads them.
+
+    Raises:
+        DataError: a command lies so far beyond -1 to 1 that its unit must be another.
+    """
+    for i, source in enumerate(map(command, block.columns)):
+        drive = _drive(log, source, block, at, dt)
         if np.abs(drive).max(initial=0.0) > FAR_OUT:
             raise DataError(
                 f"column {source.column}, the command of thruster {i + 1}, reaches "
                 f"{drive[np.abs(drive).argmax()]:g} times full thrust if commands.unit is {block.unit!r}; "
                 "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
             )
-        values[:, i] = -drive if source.reverse else drive
-    if mixer is not None:
-        values = mixed(mixer, np.clip(values, -1.0, 1.0))
-    beyond = np.abs(values) > 1.0 + 1e-9
-    return np.clip(values, -1.0, 1.0), beyond
+
+
+def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:
+    """One column of commands as shares of full thrust, the mean over each row."""
+    given = log.channel(source)
+    return averaged(Channel(given.t, _normalised(given.values, block)), at, dt)
 
 
 def voltage(log: SessionLog, block: Voltage, at: Array, dt: float) -> Array:

@@ -75,8 +75,9 @@ class Offset:
 def shifted(log: SessionLog, given: LogMap, block: str, by: float) -> SessionLog:
     """A session whose sensor's stamps are earlier by some seconds."""
     sources = measured(getattr(given, block))
-    clocks = {one.column: log.clocks.get(one.column, log.t) - by for one in sources}
-    return replace(log, clocks={**log.clocks, **clocks})
+    clocks = {one.column: log.time_of(one.column) for one in sources}
+    moved = {id(t): t - by for t in clocks.values()}
+    return replace(log, clocks={**log.clocks, **{name: moved[id(t)] for name, t in clocks.items()}})
 
 
 def sensor_offsets(
@@ -124,11 +125,11 @@ def _estimated(
     of = testable(given)[rows]
 
     @cache
-    def late(block: str, lag: float) -> Evidence:
-        return Evidence([shifted(log, given, block, lag) for log in logs], taken) if lag else plain
+    def late(lag: float) -> Evidence:
+        return Evidence(logs, [t + lag for t in taken]) if lag else plain  # a block alone is read of it
 
     def left(lags: Array) -> Array:
-        moved = {block: late(block, round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
+        moved = {block: late(round(float(lag), 6)) for block, lag in zip(blocks, lags, strict=True)}
         if "rates" in moved:
             assert given.rates is not None
             assert given.attitude is not None
@@ -205,16 +206,18 @@ def _step(logs: Sequence[SessionLog], given: LogMap, block: str) -> float:
 ACCELERATED = 0.5
 """Time over which a change of velocity is looked at [s]."""
 MOST_WINDOWS = 1500
+TOGETHER = 128
+"""Windows that are worked on at a time; rows of a long log between them are left out."""
 LONGEST_DELAY, EARLIEST = 1.5, -0.7
 """Delays of the motion that are looked for [s]; before the commands it comes only if clocks disagree."""
 DELAY_STEP = 0.02
+DELAYS: Array = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
 LEAST_OF_EACH = 3
 """Windows for each coefficient."""
 EXPLAINS = 0.05
 """Share of the acceleration that the commands must explain at the best delay."""
 CHI2 = 3.84
 """95 % of chi2 with one degree of freedom."""
-Drive = Callable[[float], Array]
 
 
 @dataclass(frozen=True)
@@ -224,12 +227,12 @@ class _Piece:
     Attributes:
         change: Change of the velocity over each, (W, 6).
         fixed: Integrals of all that a change of velocity is of beside the commands, (W, k).
-        drive: Integrals of the commands, and of them squared, of a delay [s], (W, 2 n).
+        drive: Integrals of the commands, and of them squared, at each of the delays, (delays, W, 2 n).
     """
 
     change: Array
     fixed: Array
-    drive: Drive
+    drive: Array
 
 
 def command_delay(
@@ -256,14 +259,12 @@ def command_delay(
     if (
         not axes
         or not pieces
-        or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + len(pieces[0].drive(0.0).T))
+        or count < LEAST_OF_EACH * (pieces[0].fixed.shape[1] + pieces[0].drive.shape[2])
     ):
         return None
     y = np.concatenate([piece.change for piece in pieces])[:, axes]
     Z = np.concatenate([piece.fixed for piece in pieces])
-    delays = np.arange(EARLIEST, LONGEST_DELAY + 0.5 * DELAY_STEP, DELAY_STEP)
-    drives = [np.concatenate([piece.drive(delay) for piece in pieces]) for delay in delays]
-    return _profiled(y, Z, drives, delays, dt)
+    return _profiled(y, Z, lambda k: np.concatenate([piece.drive[k] for piece in pieces]), DELAYS, dt)
 
 
 def _axes(given: LogMap) -> list[int]:
@@ -282,15 +283,22 @@ def _pieces(log: SessionLog, t: Array, dt: float, given: LogMap, stride: int) ->
         if len(at) < m or not at[-1] - at[0] > LONGEST_DELAY - EARLIEST + 2.0 * ACCELERATED:
             continue
         inside = (at > at[0] + LONGEST_DELAY) & (at < at[-1] + EARLIEST - ACCELERATED)
-        first = np.flatnonzero(inside)[::stride]
-        values = np.nan_to_num(motion(log, at, given))
-        nu = values[:, 6:]
-        steady = _beside(nu, values[:, 3], values[:, 4])
-        areas = np.vstack(
-            [np.zeros(steady.shape[1]), np.cumsum(0.5 * dt * (steady[1:] + steady[:-1]), axis=0)]
-        )
-        drive = _driven(log, at, dt, given, first, m)
-        yield _Piece(nu[first + m] - nu[first], areas[first + m] - areas[first], drive)
+        every = np.flatnonzero(inside)[::stride]
+        before, after = round(LONGEST_DELAY / dt) + 2, m + round(-EARLIEST / dt) + 2
+        for first in np.split(every, range(TOGETHER, len(every), TOGETHER)):
+            if len(first):
+                near = np.unique(np.clip(first[:, None] + np.arange(-before, after), 0, len(at) - 1))
+                yield _piece(log, at[near], dt, given, np.searchsorted(near, first), m)
+
+
+def _piece(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> _Piece:
+    """Windows that begin at some of the rows at times `at`, which go on for m rows from each of them."""
+    values = np.nan_to_num(motion(log, at, given))
+    nu = values[:, 6:]
+    steady = _beside(nu, values[:, 3], values[:, 4])
+    areas = np.vstack([np.zeros(steady.shape[1]), np.cumsum(0.5 * dt * (steady[1:] + steady[:-1]), axis=0)])
+    drive = _driven(log, at, dt, given, first, m)
+    return _Piece(nu[first + m] - nu[first], areas[first + m] - areas[first], drive)
 
 
 def _beside(nu: Array, phi: Array, theta: Array) -> Array:
@@ -301,27 +309,34 @@ def _beside(nu: Array, phi: Array, theta: Array) -> Array:
     return np.column_stack([nu, np.abs(nu) * nu, turning, weight, np.ones(len(nu))])
 
 
-def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Drive:
-    """Integrals of commands over windows that begin at some rows, of a delay."""
+def _driven(log: SessionLog, at: Array, dt: float, given: LogMap, first: Rows, m: int) -> Array:
+    """Integrals of commands over windows that begin at some rows, of each delay, (delays, W, 2 n)."""
     drive, _ = conventions.commands(log, given.commands, at, dt, given.mixer)
     drive = np.column_stack([drive, np.abs(drive) * drive])
-    summed = np.vstack([np.zeros(drive.shape[1]), np.cumsum(drive * dt, axis=0)])
+    summed = np.zeros((drive.shape[1], len(drive) + 1))
+    np.cumsum(drive.T * dt, axis=1, out=summed[:, 1:])
     grid = np.r_[at, at[-1] + dt]
 
     def until(t: Array) -> Array:
-        return np.stack([np.interp(t, grid, each) for each in summed.T], axis=1)
+        return np.stack([np.interp(t, grid, each) for each in summed], axis=1)
 
-    return lambda delay: until(at[first + m] - delay) - until(at[first] - delay)
+    return np.stack([until(at[first + m] - delay) - until(at[first] - delay) for delay in DELAYS])
 
 
-def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: float) -> Offset | None:
+def _profiled(y: Array, Z: Array, drive: Callable[[int], Array], delays: Array, dt: float) -> Offset | None:
     """The mean of the axes' own delays by their intervals, which is the wider, the more they disagree."""
     basis = _basis(Z)
-    y = y - basis @ (basis.T @ y)
-    drives = [drive - basis @ (basis.T @ drive) for drive in drives]
-    left = np.stack([_left(y, drive) for drive in drives])
-    share = 1.0 - (Z.shape[1] + drives[0].shape[1]) / len(y)
-    every = [_axis(y[:, i], left[:, i], drives, delays, share) for i in range(y.shape[1])]
+
+    def beside(values: Array) -> Array:
+        return np.asarray(values - basis @ (basis.T @ values))
+
+    y = beside(y)
+    left = np.stack([_left(y, beside(drive(k))) for k in range(len(delays))])
+    share = 1.0 - (Z.shape[1] + drive(0).shape[1]) / len(y)
+    every = [
+        _axis(y[:, i], left[:, i], beside(drive(int(np.argmin(left[:, i])))), delays, share)
+        for i in range(y.shape[1])
+    ]
     found = np.array([one for one in every if one is not None]).reshape(-1, 2)
     if not len(found):
         return None
@@ -334,15 +349,13 @@ def _profiled(y: Array, Z: Array, drives: Sequence[Array], delays: Array, dt: fl
     return Offset("commands", middle, middle - half, middle + half, dt) if half < WIDEST else None
 
 
-def _axis(
-    y: Array, left: Array, drives: Sequence[Array], delays: Array, share: float
-) -> tuple[float, float] | None:
+def _axis(y: Array, left: Array, drive: Array, delays: Array, share: float) -> tuple[float, float] | None:
     """The delay of one axis with the greatest likelihood, and its standard error by the profile.
 
     Args:
         y: Accelerations, less what is free beside the commands, (W,).
         left: Sum of squares that the commands leave of them at each delay.
-        drives: The commands at each delay, (W, n) each.
+        drive: The commands at the delay that leaves least, less the same, (W, n).
         delays: These delays [s].
         share: Degrees of freedom that are left, of W.
 
@@ -352,7 +365,7 @@ def _axis(
     best = int(np.argmin(left))
     if not left[best] < (1.0 - EXPLAINS) * (y @ y) or best in (0, len(delays) - 1):
         return None
-    own = _basis(drives[best])
+    own = _basis(drive)
     size = _effective(y - own @ (own.T @ y)) * share
     above = size * np.log(left / left[best]) - CHI2
     low, high = _crossing(delays, above, best, -1), _crossing(delays, above, best, 1)

@@ -68,6 +68,8 @@ class Imported:
 
 
 ROUNDED = 1e-6  # of a sample time
+PIECES, LEAST_ROWS = 16, 50_000
+"""A session is resampled in so many pieces, of that many rows at least: rotations are larger than rows."""
 SLOWER = 1.5
 """A channel whose samples come so many rows apart, or more, has nothing in the rows between."""
 
@@ -95,15 +97,12 @@ def raw_table(
     """
     samples = prepared(logs, meaning)
     logs, meaning = samples.logs, samples.meaning
-    channels = [_channels(log, meaning) for log in logs]
-    _check_filled(channels, meaning)
+    steps = _steps(logs, meaning)
     _check_voltage(logs, meaning)
-    every = [each for given in channels for each in given]
-    fastest = min(every, key=lambda each: each.step)
-    require_plausible(fastest.step, meaning.time)
-    dt = 1.0 / rate if rate is not None else sample_time(every)
-    if rate is None and not fill and fastest.step * SLOWER <= dt:
-        dt = sample_time([fastest])
+    require_plausible(min(steps), meaning.time)
+    dt = 1.0 / rate if rate is not None else sample_time(steps)
+    if rate is None and not fill and min(steps) * SLOWER <= dt:
+        dt = sample_time([min(steps)])
     parts = []
     for log, gated in zip(logs, samples.gated, strict=True):
         t = rows(_shared(log, meaning, {} if fill else gated), dt)
@@ -130,17 +129,21 @@ def raw_table(
     )
 
 
-def _channels(log: SessionLog, meaning: LogMap) -> list[Channel]:
-    """Every channel of pose and velocity of a session."""
-    return [log.channel(source) for block in blocks_of(meaning).values() for source in measured(block)]
+def _steps(logs: Sequence[SessionLog], meaning: LogMap) -> list[float]:
+    """Median step of every channel of pose and velocity in every session [s].
 
-
-def _check_filled(channels: Sequence[Sequence[Channel]], meaning: LogMap) -> None:
-    """Refuse a column of pose or velocity that has no numbers at all."""
-    sources = [source.column for block in blocks_of(meaning).values() for source in measured(block)]
-    for number, name in enumerate(sources):
-        if not any(len(given[number].t) for given in channels):
-            raise DataError(f"column {name} has no number in any row; name another column in the map")
+    Raises:
+        DataError: a column has no numbers at all.
+    """
+    steps = []
+    for source in (source for block in blocks_of(meaning).values() for source in measured(block)):
+        channels = [log.channel(source) for log in logs]
+        if not any(len(each.t) for each in channels):
+            raise DataError(
+                f"column {source.column} has no number in any row; name another column in the map"
+            )
+        steps += [each.step for each in channels]
+    return steps
 
 
 def _check_voltage(logs: Sequence[SessionLog], meaning: LogMap) -> None:
@@ -187,16 +190,26 @@ def _part(
     log: SessionLog, t: Array, meaning: LogMap, dt: float, fill: bool, gated: Mapping[str, Array]
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
     """The rows of one session, and how many commands of each thruster were clipped."""
-    numbers = motion(log, t, meaning)
+    conventions.require_shares(log, meaning.commands, t, dt)
+    seen = None if fill else _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
+    size = max(LEAST_ROWS, -(-len(t) // PIECES))
+    pieces = [slice(start, start + size) for start in range(0, len(t), size)]
+    tables = [_rows(log, t[rows], meaning, dt, None if seen is None else seen[rows]) for rows in pieces]
+    return pl.concat([part for part, _ in tables]), np.sum([beyond for _, beyond in tables], axis=0)
+
+
+def _rows(
+    log: SessionLog, t: Array, meaning: LogMap, dt: float, seen: Mask | None
+) -> tuple[pl.DataFrame, NDArray[np.int64]]:
+    """Some rows of a session, with nothing where no sample was `seen`; and how many commands were clipped."""
+    table = pl.DataFrame(motion(log, t, meaning), schema=[*MOTION]).fill_nan(None)
     drive, beyond = conventions.commands(log, meaning.commands, t, dt, meaning.mixer)
     head = pl.DataFrame({"session": pl.repeat(log.name, len(t), eager=True), "t": t})
     drives = pl.DataFrame(drive, schema=command_columns(drive.shape[1]))
-    table = pl.DataFrame(numbers, schema=[*MOTION]).fill_nan(None)
-    if not fill:
-        sampled = _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
-        seen = zip(MOTION, sampled.T, strict=True)
+    if seen is not None:
+        there = zip(MOTION, seen.T, strict=True)
         table = table.with_columns(
-            pl.when(pl.Series(there)).then(name).alias(name) for name, there in seen if not there.all()
+            pl.when(pl.Series(each)).then(name).alias(name) for name, each in there if not each.all()
         )
     wide = [table, drives]
     if meaning.voltage is not None:
@@ -212,7 +225,8 @@ def _heard(log: SessionLog, t: Array, meaning: LogMap, gated: Mapping[str, Array
         if name not in gated:
             continue
         edges = common([spans(log.channel(one), meaning.time.longest_step) for one in measured(block)])
-        within = ((t[:, None] >= edges[:, 0] - ROUNDED) & (t[:, None] <= edges[:, 1] + ROUNDED)).any(axis=1)
+        latest = np.searchsorted(edges[:, 0] - ROUNDED, t, side="right") - 1
+        within = (latest >= 0) & (t <= np.r_[edges[:, 1], -np.inf][latest] + ROUNDED)
         out[:, 3 * BLOCKS.index(name) : 3 * BLOCKS.index(name) + 3] &= np.reshape(within, (-1, 1))
     turned = isinstance(meaning.velocity, Velocity) and meaning.velocity.frame not in conventions.BODIES
     if turned and "attitude" in gated:

@@ -297,3 +297,12 @@ def measured(block: Block) -> tuple[Column, ...]:
     if isinstance(block, Position):
         taken += [source for source in (block.depth, block.height) if source is not None]
     return tuple(named(source) for source in taken)
+
+
+def columns_of(block: Sensor) -> list[str]:
+    """The columns of a sensor's values."""
+    if isinstance(block, Commands):
+        return [command(source).column for source in block.columns]
+    if isinstance(block, Voltage):
+        return [named(block.column).column]
+    return [source.column for source in measured(block)]

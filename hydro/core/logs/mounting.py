@@ -105,7 +105,7 @@ def _samples(log: SessionLog, block: Velocity | Rates) -> tuple[Array, Rows]:
     names = [named(source).column for source in block.columns]
     values = np.stack([log.columns[name] for name in names])
     rows = np.flatnonzero(np.isfinite(values).all(axis=0))
-    return log.clocks.get(names[0], log.t)[rows], rows
+    return log.time_of(names[0])[rows], rows
 
 
 def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array) -> dict[str, Array]:
@@ -113,7 +113,7 @@ def _written(log: SessionLog, block: Velocity | Rates, rows: Rows, values: Array
     own = values @ AXES[block.frame] / UNITS[block.unit]
     found = {}
     for source, part in zip(map(named, block.columns), own.T, strict=True):
-        column = np.full(len(log.t), np.nan)
+        column = np.full(len(log.time_of(source.column)), np.nan)
         column[rows] = (part - source.offset) / source.scale
         found[source.column] = column
     return found

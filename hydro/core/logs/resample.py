@@ -49,18 +49,26 @@ def channel(t: Array, values: Array) -> Channel:
         t: Times [s], shape (n,), not falling.
         values: Shape (n,), NaN where the log has nothing.
     """
-    there = np.flatnonzero(np.isfinite(values))
-    new = np.concatenate(([True], np.diff(t[there]) > 0.0))[: len(there)]
-    return Channel(t[there][new], values[there][new])
+    there = np.isfinite(values)
+    if not there.all():
+        t, values = t[there], values[there]
+    new = t[1:] > t[:-1]
+    if not new.all():
+        new = np.r_[True, new]
+        t, values = t[new], values[new]
+    return Channel(t, values)
 
 
-def sample_time(channels: Sequence[Channel]) -> float:
+def sample_time(steps: Sequence[float]) -> float:
     """The sample time that suits most channels [s]: the median of their median steps, of two the shorter.
+
+    Args:
+        steps: Median step of each channel [s]; infinite of one with fewer than two samples.
 
     Raises:
         DataError: No channel has two samples.
     """
-    steps = sorted(each.step for each in channels if np.isfinite(each.step))
+    steps = sorted(step for step in steps if np.isfinite(step))
     if not steps:
         raise DataError("no column has two samples in one session: the rate is unknown; give longer sessions")
     dt = steps[(len(steps) - 1) // 2]
@@ -107,7 +115,8 @@ def rows(shared: Array, dt: float) -> Array:
         end = int(np.floor((last - start + slack) / dt))
         if end > begin:
             kept.append(np.arange(begin, end + 1))
-    steps: NDArray[np.int64] = np.unique(np.concatenate(kept)) if kept else np.empty(0, np.int64)
+    steps: NDArray[np.int64] = np.sort(np.concatenate(kept)) if kept else np.empty(0, np.int64)
+    steps = steps[np.diff(steps, prepend=steps[:1] - 1) > 0]
     return np.asarray(start + steps * dt, np.float64)
 
 
@@ -164,9 +173,15 @@ def same_sign(quaternions: Sequence[Channel]) -> list[Channel]:
     Both are the same rotation, but half-way between them lies none.
     """
     shared = quaternions[0].t
-    for other in quaternions[1:]:
-        shared = np.intersect1d(shared, other.t)
-    parts = np.stack([each.values[np.isin(each.t, shared)] for each in quaternions], axis=1)
-    turned = np.sum(parts[1:] * parts[:-1], axis=1) < 0.0
-    signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))[: len(parts)]
-    return [Channel(shared, signs * values) for values in parts.T]
+    if not all(np.array_equal(shared, other.t) for other in quaternions[1:]):
+        for other in quaternions[1:]:
+            shared = np.intersect1d(shared, other.t)
+        quaternions = [Channel(shared, each.values[np.isin(each.t, shared)]) for each in quaternions]
+    cosines = np.zeros(max(len(shared) - 1, 0))
+    for each in quaternions:
+        cosines += each.values[1:] * each.values[:-1]
+    turned = cosines < 0.0
+    if not turned.any():
+        return list(quaternions)
+    signs = np.concatenate(([1.0], np.cumprod(np.where(turned, -1.0, 1.0))))
+    return [Channel(shared, signs * each.values) for each in quaternions]

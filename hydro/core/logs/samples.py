@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import ChainMap
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -13,15 +15,12 @@ from hydro.core.errors import DataError
 from hydro.core.logs.clocks import bunched, evened
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.logmap import (
-    Commands,
     LogMap,
     Rates,
     Sensor,
     Valid,
-    Voltage,
-    command,
+    columns_of,
     conditions,
-    measured,
     named,
     sensors_of,
 )
@@ -55,8 +54,8 @@ class _Work:
     """One session under way."""
 
     log: SessionLog
-    columns: dict[str, Array]
-    clocks: dict[str, Array] = field(default_factory=dict)
+    columns: MutableMapping[str, Array]
+    clocks: MutableMapping[str, Array]
     gated: dict[str, Array] = field(default_factory=dict)
     lost: dict[str, int] = field(default_factory=dict)
     repeats: dict[str, int] = field(default_factory=dict)
@@ -78,9 +77,9 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
             has no rates.
     """
     _check_shared(meaning)
-    works = [_Work(log, dict(log.columns)) for log in logs]
+    works = [_Work(log, _over(log.columns), _over(log.clocks)) for log in logs]
     for name, block in sensors_of(meaning).items():
-        names = _names(block)
+        names = columns_of(block)
         if not names:
             continue
         for work in works:
@@ -98,13 +97,9 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
     )
 
 
-def _names(block: Sensor) -> list[str]:
-    """Columns of a sensor's values."""
-    if isinstance(block, Commands):
-        return [command(source).column for source in block.columns]
-    if isinstance(block, Voltage):
-        return [named(block.column).column]
-    return [source.column for source in measured(block)]
+def _over(logged: Mapping[str, Array]) -> MutableMapping[str, Array]:
+    """What is logged, to be written over; it stays as it is, and where it is."""
+    return ChainMap({}, cast("MutableMapping[str, Array]", logged))
 
 
 def _check_shared(meaning: LogMap) -> None:
@@ -112,7 +107,7 @@ def _check_shared(meaning: LogMap) -> None:
     said: dict[str, tuple[str, tuple[object, ...]]] = {}
     for where, block in sensors_of(meaning).items():
         own = (block.valid, block.per, block.lag, block.even, getattr(block, "mount", None))
-        for name in _names(block):
+        for name in columns_of(block):
             other, theirs = said.setdefault(name, (where, own))
             if theirs != own:
                 raise DataError(
@@ -125,7 +120,7 @@ def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
     """Empty the cells of samples that are not valid, and divide by another column."""
     if block.valid != ():
         there = np.isfinite(np.stack([work.columns[each] for each in names])).any(axis=0)
-        good = np.ones(len(work.log.t), bool)
+        good = np.ones(len(work.log.time_of(names[0])), bool)
         for one in conditions(block.valid):
             good &= _holds(work.log, one, names)
         if (there & ~good).any():
@@ -196,7 +191,7 @@ def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded
 
 def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
     """Give the samples their own times: even where the stamps are receive times, earlier by the lag."""
-    t = work.log.t
+    t = logged = work.log.time_of(names[0])
     for rows in _together([np.isfinite(work.log.columns[each]) for each in names]):
         if not (block.even or (block.even is None and bunched(t[rows]))):
             continue
@@ -210,9 +205,8 @@ def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
                 f"{name}.even: the stamps of session {work.log.name} are no receive times of a topic at even "
                 "steps (messages lost, or not periodic); leave it out"
             )
-    if block.lag or t is not work.log.t:
-        for each in names:
-            work.clocks[each] = t - block.lag
+    if block.lag or t is not logged:
+        work.clocks.update(dict.fromkeys(names, t - block.lag))
     if name in work.gated:
         work.gated[name] = (t - block.lag)[work.gated[name].astype(int)]
 
@@ -247,11 +241,9 @@ def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
     """Rates from the attitude as columns with a clock of their own."""
     assert meaning.attitude is not None
     t, values = derived_rates(work.now(), meaning.attitude, rates.window)
-    rows = len(work.log.t)
-    clock = np.r_[t, np.full(rows - len(t), t[-1] if len(t) else 0.0)]
     for name, part in zip(DERIVED, values.T, strict=True):
-        work.columns[name] = np.r_[part, np.full(rows - len(t), np.nan)]
-        work.clocks[name] = clock
+        work.columns[name] = part
+        work.clocks[name] = t
 
 
 def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:

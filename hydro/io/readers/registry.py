@@ -13,6 +13,7 @@ from hydro.io.readers import ardupilot, arrays, delimited, mcap_file, ros
 from hydro.io.readers.collect import Listed, collect, inventory
 from hydro.io.readers.damage import reading
 from hydro.io.readers.messages import Options, Selection, Stream
+from hydro.io.readers.tables import Tables
 
 HEAD = 512
 """Bytes at the beginning of a file by which its format is told."""
@@ -102,8 +103,8 @@ def _named(name: str) -> Reader:
     return next(each for each in READERS if each.name == name)
 
 
-def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame:
-    """The wanted columns of a log as one table; all of them cost a second pass over a log of messages.
+def read(path: Path, reader: Reader, selection: Selection, options: Options) -> pl.DataFrame | Tables:
+    """A table whole, or the wanted columns of a log of messages; all of them cost a second pass over it.
 
     Raises:
         DataError: the file is damaged, or its library is not installed.
@@ -116,9 +117,9 @@ def read(path: Path, reader: Reader, selection: Selection, options: Options) -> 
             every = (f"{each.topic.name}.{field}" for each in listed for field in each.fields)
             selection = Selection(frozenset(every))
         assert reader.messages is not None
-        frame, notes = collect(reader.messages(path, selection, options), selection, options.name)
-    options.notes.extend(notes)
-    return frame
+        found = collect(reader.messages(path, selection, options), selection, options.name)
+    options.notes.extend(found.notes)
+    return found
 
 
 def topics(path: Path, reader: Reader, options: Options) -> list[Listed]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hydro.core.errors import DataError
+from hydro.io.readers.chunks import by_chunk
 from hydro.io.readers.damage import BoundedPath
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 
@@ -118,10 +119,8 @@ def _from_folder(folder: Path) -> dict[str, Any]:
 
 
 def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a ROS 1 bag."""
-    from rosbags.rosbag1 import Reader
-
-    with Reader(BoundedPath(path)) as reader:
+    """The messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
+    with by_chunk()(BoundedPath(path)) as reader:
         yield from _messages(reader, Definitions(1, options.definitions), selection, options)
 
 

@@ -30,16 +30,16 @@ def test_a_channel_is_its_filled_cells_and_the_first_of_repeated_times():
     [((50.0, 50.0, 5.0), 0.02), ((20.0, 20.0, 5.0, 5.0), 0.05), ((5.0, 5.0, 50.0), 0.2), ((29.97,), 1 / 30)],
 )
 def test_the_rate_is_that_of_most_channels_and_a_whole_number_where_it_is_near_one(rates, expected):
-    channels = [channel(np.arange(50) / rate) for rate in rates]
-    assert resample.sample_time(channels) == pytest.approx(expected, rel=1e-12)
+    steps = [channel(np.arange(50) / rate).step for rate in rates]
+    assert resample.sample_time(steps) == pytest.approx(expected, rel=1e-12)
 
 
 def test_jitter_and_a_single_channel_without_samples_do_not_move_the_rate():
     rng = np.random.default_rng(3)
     t = np.arange(500) / 25.0 + rng.uniform(-2e-3, 2e-3, 500)
-    assert resample.sample_time([channel(t), channel([])]) == 1 / 25
+    assert resample.sample_time([channel(t).step, channel([]).step]) == 1 / 25
     with pytest.raises(DataError, match="the rate is unknown"):
-        resample.sample_time([channel([]), channel([1.0])])
+        resample.sample_time([channel([]).step, channel([1.0]).step])
 
 
 def test_spans_end_where_a_channel_is_silent_for_longer_than_usual():

@@ -1,0 +1,64 @@
+"""A ROS 1 bag whose index is read as its messages are.
+
+The library's reader lists every message of a bag before it gives the first: some 170 bytes each, more than
+the numbers in it.  A bag is a sequence of chunks of about a megabyte, each with its own index.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections import defaultdict
+from collections.abc import Collection, Iterator
+from typing import Any
+
+_HEAD = 55
+"""Bytes of an index record before its entries; its last four say how many bytes these have."""
+
+
+def by_chunk() -> type[Any]:
+    """The library's reader of ROS 1 bags, with the index of one chunk at a time."""
+    from rosbags.rosbag1 import Reader
+
+    class ByChunk(Reader):  # type: ignore[misc]
+        """Messages come chunk by chunk, those of a chunk in order of receipt."""
+
+        connections: list[Any]
+        _opening = False
+
+        def open(self) -> None:
+            """Read what the bag says of its connections and chunks."""
+            self._opening = True
+            super().open()
+            self._opening = False
+            counts: dict[int, int] = defaultdict(int)
+            for info in self.chunk_infos:
+                for number, count in info.connection_counts.items():
+                    counts[number] += count
+            self.connections = [each._replace(msgcount=counts[each.id]) for each in self.connections]
+
+        def read_index_data(self, pos: int, indexes: dict[int, list[Any]]) -> None:
+            """Read an index record, or pass it by while the bag is opened."""
+            if self._opening:
+                (size,) = struct.unpack_from("<L", self.bio.read(_HEAD), _HEAD - 4)
+                self.bio.seek(size, os.SEEK_CUR)
+            else:
+                super().read_index_data(pos, indexes)
+
+        def messages(
+            self, connections: Collection[Any] = (), start: int | None = None, stop: int | None = None
+        ) -> Iterator[tuple[Any, int, bytes]]:
+            """Connection, time of receipt [ns] and bytes of the messages of some connections."""
+            wanted = {each.id for each in connections or self.connections}
+            for info in self.chunk_infos:
+                if wanted.isdisjoint(info.connection_counts):
+                    continue
+                chunk = self.chunks[info.pos]
+                self.bio.seek(chunk.datapos + chunk.datasize)
+                found: dict[int, list[Any]] = defaultdict(list)
+                for _ in info.connection_counts:
+                    self.read_index_data(info.pos, found)
+                self.indexes = {each.id: sorted(found[each.id]) for each in self.connections}
+                yield from super().messages(connections, start, stop)
+
+    return ByChunk

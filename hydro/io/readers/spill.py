@@ -1,0 +1,89 @@
+"""Numbers on the disk while a log is read: memory holds one block of a topic, however long the log is."""
+
+from __future__ import annotations
+
+import errno
+import tempfile
+import weakref
+from array import array
+from collections.abc import Sequence
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+
+BLOCK = 4096
+"""Messages of a topic that are kept in memory before they are written."""
+SMALL = 16_000_000
+"""Bytes of a log that need no file."""
+_DOUBLE = 8
+
+
+class Spill:
+    """A temporary file without a name, which goes with the last object that reads it."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.SpooledTemporaryFile(max_size=SMALL)  # noqa: SIM115  closed by the finalizer
+        weakref.finalize(self, self._file.close)
+
+    def put(self, block: Sequence[array[float]]) -> int:
+        """Write columns one after another; where the first begins.
+
+        Raises:
+            DataError: the disk is full.
+        """
+        place = self._file.seek(0, 2)
+        try:
+            for column in block:
+                self._file.write(column)
+        except OSError as error:
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+                raise
+            raise DataError(
+                f"{tempfile.gettempdir()}: no room for the numbers of this log, 8 bytes each: "
+                "free some, or name another folder in TMPDIR"
+            ) from error
+        return place
+
+    def take(self, place: int, into: Array) -> None:
+        """Read as many numbers as `into` has."""
+        self._file.seek(place)
+        self._file.readinto(into.data.cast("B"))
+
+
+class Columns:
+    """Some columns of numbers with a row for each message, written to a spill block by block.
+
+    Args:
+        count: Columns.
+        spill: Where to.
+    """
+
+    def __init__(self, count: int, spill: Spill) -> None:
+        self.rows = 0
+        self.open = [array("d") for _ in range(count)]
+        self._spill = spill
+        self._places: list[int] = []
+
+    def advance(self) -> None:
+        """Tell that every one of the `open` columns has one number more."""
+        self.rows += 1
+        if self.rows % BLOCK == 0:
+            self._places.append(self._spill.put(self.open))
+            for column in self.open:
+                del column[:]
+
+    def column(self, number: int, start: int = 0, stop: int | None = None) -> Array:
+        """The numbers of one column in rows `start` to `stop`, the last left out; by default all."""
+        stop = self.rows if stop is None else stop
+        out = np.empty(max(stop - start, 0))
+        for block in range(start // BLOCK, -(-stop // BLOCK) if len(out) else 0):
+            first = block * BLOCK
+            low, high = max(start, first), min(stop, first + BLOCK)
+            part = out[low - start : high - start]
+            if block < len(self._places):
+                self._spill.take(self._places[block] + (number * BLOCK + low - first) * _DOUBLE, part)
+            else:
+                part[:] = self.open[number][low - first : high - first]
+        return out

@@ -1,0 +1,211 @@
+"""The numbers of a log of messages: of each topic in rows of its own, on the disk until they are asked for.
+
+One table of all topics has a row for each message and mostly nothing in it; what is read of a log with a map
+never needs it.  `Tables.wide` makes it for those who do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import Array, Rows
+from hydro.io.readers.clocks import Stamps, one_clock
+from hydro.io.readers.messages import Topic, number, picker
+from hydro.io.readers.spill import Columns, Spill
+
+TIME, RECEIVED = "time", "receive_time"
+CLOCKS = (TIME, RECEIVED)
+"""Columns that every log of messages has beside those of its topics [s]."""
+
+
+class Buffer:
+    """The wanted fields of a topic, one number each for every message."""
+
+    def __init__(self, topic: Topic, paths: Sequence[str], spill: Spill) -> None:
+        self.topic, self.paths = topic, paths
+        self._numbers = Columns(len(CLOCKS) + len(paths), spill)
+        self._received, self._stamped, *self._values = self._numbers.open
+        self._there = [False] * len(paths)
+        self._pick: Callable[[object], Sequence[object]] | None = None
+
+    def __len__(self) -> int:
+        return self._numbers.rows
+
+    def add(self, received: float, raw: object) -> None:
+        """Keep the numbers of a message."""
+        assert self.topic.decode is not None
+        message = self.topic.decode(raw)
+        if self._pick is None:
+            self._pick = picker(self.paths, message)
+        self._received.append(received)
+        self._stamped.append(self.topic.stamp(message) or np.nan)
+        for place, (column, value) in enumerate(zip(self._values, self._pick(message), strict=True)):
+            try:
+                column.append(value)
+                self._there[place] = True
+            except TypeError:
+                found = number(value)
+                column.append(np.nan if found is None else found)
+                self._there[place] |= found is not None
+        self._numbers.advance()
+
+    @property
+    def received(self) -> Array:
+        """When its messages were received [s]."""
+        return self._numbers.column(0)
+
+    def stamps(self) -> Stamps:
+        """Its times."""
+        return Stamps(self.topic.name, self.received, self._numbers.column(1), self.topic.wraps)
+
+    @property
+    def columns(self) -> dict[str, int]:
+        """Its columns that have ever held a number, and their places."""
+        held = ((place, path) for place, path in enumerate(self.paths) if self._there[place])
+        return {f"{self.topic.name}.{path}": place for place, path in held}
+
+    def values(self, place: int, start: int = 0, stop: int | None = None) -> Array:
+        """The numbers of a column in some of its rows, NaN where a message has none."""
+        return self._numbers.column(len(CLOCKS) + place, start, stop)
+
+
+class Table:
+    """Some topics in one table, its rows in order of time.
+
+    Attributes:
+        time: Times of its rows [s], (n,), not falling.
+
+    Args:
+        buffers: The topics, those that come first first among rows of one time.
+        times: Times of the messages of each [s].
+    """
+
+    def __init__(self, buffers: Sequence[Buffer], times: Sequence[Array]) -> None:
+        self._buffers = buffers
+        self.time: Array = np.concatenate([np.empty(0), *times]) if len(times) != 1 else times[0]
+        self._places: list[Rows] | None = None
+        if len(times) > 1 or (np.diff(self.time) < 0.0).any():
+            order = np.argsort(self.time, kind="stable")
+            self.time = self.time[order]
+            places = np.empty(len(order), np.int64)
+            places[order] = np.arange(len(order))
+            self._places = np.split(places, np.cumsum([len(each) for each in times])[:-1])
+
+    @property
+    def names(self) -> list[str]:
+        """Its columns, without the clocks."""
+        return list(dict.fromkeys(name for each in self._buffers for name in each.columns))
+
+    def column(self, name: str, start: int = 0, stop: int | None = None) -> Array:
+        """A column in some rows, by default all; NaN where a row has nothing."""
+        if self._places is None:
+            (buffer,) = self._buffers
+            return buffer.values(buffer.columns[name], start, stop)
+        found = ((each, each.columns.get(name)) for each in self._buffers)
+        return self._placed(None if place is None else each.values(place) for each, place in found)[
+            start:stop
+        ]
+
+    def wide(self) -> pl.DataFrame:
+        """All columns, and the clocks."""
+        received = self._placed(each.received for each in self._buffers)
+        table = [pl.Series(TIME, self.time), pl.Series(RECEIVED, received)]
+        table += [pl.Series(name, self.column(name), nan_to_null=True) for name in self.names]
+        return pl.DataFrame(table)
+
+    def _placed(self, parts: Iterable[Array | None]) -> Array:
+        """Numbers of each topic in the rows of all; of a topic without any nothing."""
+        if self._places is None:
+            (whole,) = parts
+            assert whole is not None
+            return whole
+        out = np.full(len(self.time), np.nan)
+        for rows, values in zip(self._places, parts, strict=True):
+            if values is not None:
+                out[rows] = values
+        return out
+
+
+class Tables:
+    """The topics of a log, each with rows of its own, all on one clock.
+
+    Attributes:
+        notes: What was done to their clocks, a line each.
+
+    Args:
+        buffers: Those with messages, in the order in which the log has them.
+    """
+
+    def __init__(self, buffers: Sequence[Buffer]) -> None:
+        self._buffers = buffers
+        self._times, self.notes = one_clock([each.stamps() for each in buffers])
+
+    @property
+    def height(self) -> int:
+        """Messages."""
+        return sum(map(len, self._buffers))
+
+    @property
+    def columns(self) -> list[str]:
+        """All columns, as `wide` has them."""
+        return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
+
+    def times(self) -> Array:
+        """Times of all messages [s], in their order."""
+        return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
+
+    def wide(self) -> pl.DataFrame:
+        """One table with a row for each message, with nulls in the columns of other topics."""
+        if not self._buffers:
+            return pl.DataFrame(schema=dict.fromkeys(CLOCKS, pl.Float64))
+        return Table(self._buffers, self._times).wide()
+
+    def together(self, wanted: Sequence[Sequence[str]]) -> Iterator[tuple[Table, list[str]]]:
+        """As many tables as there can be with every group of columns in one; and which of these each has.
+
+        Args:
+            wanted: Groups of columns, each of which shall share rows.
+        """
+        of: dict[str, set[str]] = {}
+        for each in self._buffers:
+            for name in each.columns:
+                of.setdefault(name, set()).add(each.topic.name)
+        linked: list[tuple[set[str], dict[str, None]]] = []
+        for group in wanted:
+            topics, names = set().union(*(of[name] for name in group)), dict.fromkeys(group)
+            for other in [each for each in linked if each[0] & topics]:
+                linked.remove(other)
+                topics, names = topics | other[0], other[1] | names
+            linked.append((topics, names))
+        for topics, names in linked:
+            chosen = [k for k, each in enumerate(self._buffers) if each.topic.name in topics]
+            yield (
+                Table([self._buffers[k] for k in chosen], [self._times[k] for k in chosen]),
+                list(names),
+            )
+
+
+class Numbers(Mapping[str, Array]):
+    """Some columns of tables in stretches of rows, each read when it is asked for; NaN for what is no number.
+
+    Args:
+        tables: Of each column, its table and the first and last row, the last left out.
+    """
+
+    def __init__(self, tables: Mapping[str, tuple[Table, int, int]]) -> None:
+        self._tables = tables
+
+    def __getitem__(self, name: str) -> Array:
+        table, start, stop = self._tables[name]
+        values = table.column(name, start, stop)
+        finite = np.isfinite(values)
+        return values if finite.all() else np.where(finite, values, np.nan)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tables)
+
+    def __len__(self) -> int:
+        return len(self._tables)
