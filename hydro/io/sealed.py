@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,7 +53,7 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
         raise explained(name, error) from error
 
 
-def _first_line(stream: BinaryIO) -> bytes:
+def _first_line(stream: io.BufferedReader) -> bytes:
     """The line that belongs before the content of a file."""
     stream.seek(_LENGTH)
     return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"
