@@ -25,6 +25,11 @@ ROWS = 857_542
 """Rows that the paper recorded (IV-A)."""
 
 
+ROWS_PER_SECOND = 600.0
+"""What one core of 2024 flies, about."""
+MANY = 2 * ROWS
+"""Rows from which on it is said how long they take."""
+
 TeacherKind = Annotated[
     Literal["panel"], typer.Option(help="How hydrodynamic forces are computed: from panels on the hull.")
 ]
@@ -116,6 +121,7 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Art
     sigma = noise_for(given.noise)
     subject, text = _teacher(given.vehicle, hidden)
     count = given.rows or (round(REPLAY_SECONDS * LOG_RATE) if given.excitation == REPLAY else ROWS)
+    _tell_duration(count, given.threads)
     with progress("collect") as update, about(str(given.vehicle)):
         frame = sim.collect(
             subject,
@@ -156,6 +162,18 @@ def _teacher(file: Path, hidden: list[dict[str, Any]]) -> tuple[Teacher, str]:
         replaced = ", ".join(subject.ignored)
         typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
     return subject, text
+
+
+def _tell_duration(rows: int, threads: int | None) -> None:
+    """How long many rows take, about, before they do."""
+    import os
+
+    from hydro.core.recording import extent
+
+    seconds = rows / ROWS_PER_SECOND / min(threads or os.cpu_count() or 1, os.cpu_count() or 1)
+    if MANY <= rows <= extent.MOST_ROWS:
+        size = rows * extent.BYTES_PER_ROW / 1e9
+        typer.echo(f"hydro: {rows:,} rows: about {extent.duration(seconds)} and {size:.1f} GB", err=True)
 
 
 def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ from hydro.core.logs.logmap import (
     stretches,
 )
 from hydro.core.logs.mixer import PRESETS
-from hydro.io import toml
+from hydro.io import mistaken, toml
 from hydro.io.files import read_bytes, shown
 
 TABLES = ("time", *BLOCKS, "commands")
@@ -49,7 +49,10 @@ def read(path: str | Path) -> LogMap:
     Raises:
         DataError: the file cannot be read, or is not a map; the line names the path in the file.
     """
-    return parse(toml.read(path), os.fspath(path))
+    try:
+        return parse(toml.read(path), os.fspath(path))
+    except DataError as error:
+        raise mistaken.explained(error, path, mistaken.MAP) from error
 
 
 def parse(text: str, name: str = "map") -> LogMap:

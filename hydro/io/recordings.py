@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from hydro.core.errors import DataError
 from hydro.core.logs.mixer import thrusters
 from hydro.core.vehicle.description import Vehicle
-from hydro.io import log_files, log_import, provenance, table, vehicle
+from hydro.io import log_files, log_import, mistaken, provenance, table, vehicle
 from hydro.io.files import name_of
 from hydro.io.log import Log, LogFile
 from hydro.io.table import Artefact
@@ -114,10 +114,11 @@ def read(file: LogFile, kinds: Sequence[str]) -> Artefact:
     """
     if file.reader.name != "Parquet file":
         what = "text" if file.reader.name == "CSV file" else file.reader.name
-        raise DataError(
+        error = DataError(
             f"{file.name}: not a Parquet file ({what}): if it is a log, give --map FILE, "
             "which hydro import LOG --write-map FILE begins"
         )
+        raise mistaken.explained(error, file.path, mistaken.RECORDING)
     if file.name == name_of(file.path):
         return _of_columns(file, lambda: table.read(file.path, kinds))
     with file.path.open("rb") as stream:

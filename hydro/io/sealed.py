@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 from collections.abc import Iterator
-from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO
 
@@ -53,7 +53,7 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
         raise explained(name, error) from error
 
 
-def _first_line(stream: BufferedReader) -> bytes:
+def _first_line(stream: io.BufferedReader) -> bytes:
     """The line that belongs before the content of a file."""
     stream.seek(_LENGTH)
     return _MARK + hashlib.file_digest(stream, "sha256").hexdigest().encode() + b"\n"

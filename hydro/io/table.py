@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from msgspec import structs
 
 from hydro.core.errors import DataError
-from hydro.io import provenance, schema, vehicle
+from hydro.io import mistaken, provenance, schema, vehicle
 from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
 from hydro.io.provenance import Input, Provenance
 
@@ -108,7 +108,11 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     """
     name = name_of(source)
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
-    file = _open(read_bytes(source), name)
+    content = read_bytes(source)
+    try:
+        file = _open(content, name)
+    except DataError as error:
+        raise mistaken.explained(error, name, mistaken.RECORDING) from error
     columns = _columns(file, name)
     footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
     record = provenance.from_json(footer, name) if footer is not None else None
@@ -119,10 +123,10 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     frame = _decode(file, name)
     rules = schema.suited(kind, frame)
     frame = rules.check(frame, name)
-    content = provenance.content_hash(frame)
+    digest = provenance.content_hash(frame)
     if record is None:
-        return Artefact(kind, frame, Provenance(kind, rules.digest, content))
-    if content != record.content:
+        return Artefact(kind, frame, Provenance(kind, rules.digest, digest))
+    if digest != record.content:
         raise DataError(
             f"{name}: its rows are not those that its footer was written for: make the file again"
         )

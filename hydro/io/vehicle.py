@@ -17,7 +17,7 @@ from hydro.core import toml_text
 from hydro.core.errors import DataError, HydroWarning
 from hydro.core.vehicle import likely_units
 from hydro.core.vehicle.description import Thruster, Vehicle
-from hydro.io import toml
+from hydro.io import mistaken, toml
 from hydro.io.files import shown, write_bytes
 
 RELATIVE = 1e-9
@@ -38,8 +38,11 @@ def read(path: str | Path) -> tuple[Vehicle, str]:
     Raises:
         DataError: the file cannot be read, or is not a vehicle; the line names the path in the file.
     """
-    text = toml.read(path)
-    found = parse(text, os.fspath(path))
+    try:
+        text = toml.read(path)
+        found = parse(text, os.fspath(path))
+    except DataError as error:
+        raise mistaken.explained(error, path, mistaken.VEHICLE) from error
     warn(found, text, os.fspath(path))
     return found, text
 

@@ -31,6 +31,7 @@ from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
+from hydro.core.recording import extent
 from hydro.core.recording.supply import given_commands
 from hydro.core.simulation.dynamics import BODY, afloat, settle
 from hydro.core.simulation.excitation import LOG_RATE, Session, demands, holds_heading, plan
@@ -163,8 +164,9 @@ def collect(
         The raw table: `session`, `t` (float64), pose, velocity and commands (float32).
 
     Raises:
-        DataError: No such programme, no axis to excite, or a motion that diverges.
+        DataError: Too many rows, no such programme, no axis to excite, or a motion that diverges.
     """
+    extent.require_rows(rows)
     flown = programme or Programme()
     sessions = plan(rows, seed, subject.mixing.axes, excitation=flown.excitation)
 

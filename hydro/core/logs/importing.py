@@ -27,6 +27,7 @@ from hydro.core.logs.logmap import (
 )
 from hydro.core.logs.resample import Channel, channel, common, rows, sample_time, spans
 from hydro.core.logs.samples import prepared
+from hydro.core.recording import extent
 from hydro.core.recording.segments import GAP
 from hydro.core.vehicle.frames import euler_from_rotation
 
@@ -100,9 +101,12 @@ def raw_table(
     steps = _steps(logs, meaning)
     _check_voltage(logs, meaning)
     require_plausible(min(steps), meaning.time)
+    if rate is not None:
+        extent.require_rate(rate, min(steps))
     dt = 1.0 / rate if rate is not None else sample_time(steps)
     if rate is None and not fill and min(steps) * SLOWER <= dt:
         dt = sample_time([min(steps)])
+    extent.require_rows(sum(float(log.t[-1] - log.t[0]) for log in logs if len(log.t)) / dt)
     parts = []
     for log, gated in zip(logs, samples.gated, strict=True):
         t = rows(_shared(log, meaning, {} if fill else gated), dt)

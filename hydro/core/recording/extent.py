@@ -1,0 +1,50 @@
+"""How much a recording may be: refused, with an estimate, before hours of work or more than memory holds."""
+
+from __future__ import annotations
+
+from hydro.core.errors import DataError
+
+MOST_ROWS = 100_000_000
+"""Of one table: 23 days at 50 Hz, and some 10 GB at once with all that is made of it."""
+BYTES_PER_ROW = 100
+"""Of a recording: pose, velocity and eight commands in float32, time and session."""
+FINEST = 10.0
+"""Rows to a sample of the fastest sensor: more hold nothing more."""
+
+
+def require_rows(rows: float) -> None:
+    """Refuse more rows than a table may have.
+
+    Raises:
+        DataError: There are more; the line says what they would take.
+    """
+    if rows > MOST_ROWS:
+        raise DataError(
+            f"{rows:,.0f} rows would take {rows * BYTES_PER_ROW / 1e9:,.0f} GB; a table has at most "
+            f"{MOST_ROWS:,}: make several, or ask for less"
+        )
+
+
+def require_rate(rate: float, step: float) -> None:
+    """Refuse rows far closer than any sample.
+
+    Args:
+        rate: Rows per second.
+        step: Median step of the fastest sensor [s].
+
+    Raises:
+        DataError: They are.
+    """
+    if rate * step > FINEST:
+        raise DataError(
+            f"{rate:g} rows per second are {rate * step:.0f} to each sample of the fastest sensor: "
+            f"ask for at most {FINEST / step:.4g}"
+        )
+
+
+def duration(seconds: float) -> str:
+    """An estimate of time in a few words."""
+    for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
