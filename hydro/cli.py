@@ -158,6 +158,9 @@ def _exit_code(error: BaseException) -> int:
         return 130
     if isinstance(error, HydroError):
         return _report(str(error), error.exit_code)
+    if type(error).__name__ == "NoArgsIsHelpError":  # of a family of commands: its help, line by line
+        print(str(error), file=sys.stderr)
+        return 2
     if (usage := _usage_message(error)) is not None:
         return _report(usage, 2)
     if isinstance(error, OSError) and error.filename is not None:

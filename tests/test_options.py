@@ -12,6 +12,7 @@ import torch
 from hydro import cli
 from hydro.core import seeds
 from hydro.core.errors import UsageError
+from hydro.io.files import bundled
 from hydro.learn.train import train
 from hydro.rl.training.config import SACConfig, TrainingConfig
 
@@ -62,3 +63,26 @@ def test_counts_below_one_are_refused_by_name(count: int) -> None:
         with pytest.raises(UsageError, match=rf"sac\.{name} is {count}; give 1 or more"):
             SACConfig(**{name: count})
     assert "batch" not in inspect.signature(train).parameters, "rows of a batch follow from the data"
+
+
+def test_a_family_of_commands_alone_shows_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["rl"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("Usage: hydro rl")
+    assert printed.err.count("\n") > 10
+    assert max(map(len, printed.err.splitlines())) <= 100
+
+
+def test_on_a_terminal_check_says_what_is_sound(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle, recording = bundled("stonefish") / "vehicle.toml", bundled("stonefish") / "replay90.parquet"
+    monkeypatch.setattr("hydro.commands.files.sys.stdout.isatty", lambda: True)
+    assert cli.main(["check", str(vehicle), str(recording), str(bundled("logs") / "map.toml")]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert [line.partition(": sound: ")[2].split(",")[0] for line in told] == [
+        "the vehicle stonefish",
+        "a table of kind raw",
+        "a map of a log",
+    ]

@@ -34,15 +34,18 @@ WHOLE = ("metrics", "ladder", "evaluations")
 def check(files: Files) -> None:
     """Check that artefacts, vehicle files and maps of logs are valid.
 
-    Silent, with exit code 0, when every file conforms to its schema: columns, types, finite values, bounds,
-    order in time, and a content that matches the hash in its footer. Otherwise one line for each file that
-    does not. Of a recording with nulls, a line says how many samples each such column has; of a vehicle file,
-    which values lie beyond what physics leaves to them, and which are likely in another unit.
+    Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,
+    types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise
+    one line for each file that does not. Of a recording with nulls, a line says how many samples each such
+    column has; of a vehicle file, which values lie beyond what physics leaves to them, and which are likely
+    in another unit.
     """
     unsound = 0
     for file in files:
         try:
-            _check(file)
+            told = _check(file)
+            if sys.stdout.isatty():
+                typer.echo(f"{file}: sound: {told}")
         except DataError as error:
             typer.echo(f"hydro: {error}", err=True)
             unsound += 1
@@ -50,8 +53,8 @@ def check(files: Files) -> None:
         raise typer.Exit(1)
 
 
-def _check(file: str) -> None:
-    """Read one file as what it is: by its suffix a vehicle file or a map, else an artefact."""
+def _check(file: str) -> str:
+    """Read one file as what it is, by its suffix a vehicle file or a map, else an artefact; say which."""
     from hydro.core import effects
     from hydro.core.effects.catalogue import implausible
     from hydro.core.recording import segments
@@ -61,12 +64,13 @@ def _check(file: str) -> None:
     if Path(file).suffix == ".toml":
         if logmap.is_map(file):
             logmap.read(file)
-        else:
-            known = vehicle.read(file)[0]
-            effects.validate(known)
-            for words in implausible(known):
-                typer.echo(f"{file}: {words}", err=True)
-        return
+            return "a map of a log"
+        known = vehicle.read(file)[0]
+        effects.validate(known)
+        for words in implausible(known):
+            typer.echo(f"{file}: {words}", err=True)
+        named = ", ".join(str(table["name"]) for table in known.effect) or "none"
+        return f"the vehicle {known.name}, {len(known.thruster)} thrusters; effects: {named}"
     artefact = read(file)
     if artefact.kind == "raw":
         segments.segments(artefact.frame)
@@ -74,6 +78,7 @@ def _check(file: str) -> None:
             typer.echo(f"{file}: {odd}", err=True)
         if rare := _rare(artefact):
             typer.echo(f"{file}: {rare}", err=True)
+    return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
 
 
 def _rare(artefact: Artefact) -> str:

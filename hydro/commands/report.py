@@ -54,6 +54,8 @@ def report(
         for path in draw(found, pictures):
             typer.echo(path, err=True)
     write_bytes(page, sys.stdout.buffer if output == STREAM else output)
+    if output != STREAM and sys.stdout.isatty():
+        typer.echo(f"{output}: {len(page) / 1e6:.1f} MB; open it in a browser")
 
 
 COMMANDS = {
