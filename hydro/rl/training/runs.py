@@ -37,6 +37,7 @@ from hydro.rl.training.train import Training
 RUN, MODEL, POLICY, CHECKPOINT = "run.parquet", "model.parquet", "policy.parquet", "checkpoint.pt"
 CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
 STAGE = "rl train"
+AGAIN = "perhaps an earlier version wrote it: train again with `hydro rl train`"
 RENAMED = {"ladder": "curriculum"}
 """Groups of choices whose name in version 0.1 was another."""
 
@@ -271,7 +272,7 @@ def policy_of(artefact: Artefact) -> Policy:
     Raises:
         DataError: The footer does not describe one.
     """
-    said = models.described(artefact, DescribedPolicy, "train again with `hydro rl train`")
+    said = models.described(artefact, DescribedPolicy, AGAIN)
     return Policy(
         said.widths,
         Encoding(np.array(said.scale, np.float32), np.array(said.fades, np.bool_)),
