@@ -82,7 +82,7 @@ def test_on_a_terminal_check_says_what_is_sound(
     assert cli.main(["check", str(vehicle), str(recording), str(bundled("logs") / "map.toml")]) == 0
     told = capsys.readouterr().out.splitlines()
     assert [line.partition(": sound: ")[2].split(",")[0] for line in told] == [
-        "the vehicle stonefish",
+        "the vehicle stonefish-auv",
         "a table of kind raw",
         "a map of a log",
     ]
