@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
 
-.PHONY: help install demo test kills browser lint types docs site wheel wheel-test clean
+.PHONY: help install demo test fuzz kills browser lint types docs site wheel wheel-test clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -25,6 +25,9 @@ demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo
 # Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
 test: $(STAMP)        ## the whole test suite on two workers
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
+
+fuzz: $(STAMP)        ## almost right files of every kind through every command, some five minutes
+	HYDRO_FUZZ=400 $(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py
 
 kills: $(STAMP)       ## kill every long command at random moments, a hundred times: half an hour
 	$(BIN)/python -m benchmarks.kills
