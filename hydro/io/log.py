@@ -58,6 +58,15 @@ class Log:
         """All its columns, also those that were not read."""
         return list(dict.fromkeys((*self.table.columns, *self.more())))
 
+    def row(self, index: int) -> str:
+        """What error lines call a row: of a CSV from 1 below its header, of other tables from 0 as in polars.
+
+        Args:
+            index: from 0.
+        """
+        csv = isinstance(self.table, pl.DataFrame) and set(self.table.dtypes) <= {pl.String}
+        return f"row {index + 1}" if csv else f"row {index}"
+
     def texts(self) -> frozenset[str]:
         """Columns whose first entry is neither a number nor a time of a typed column."""
         found: list[str] = []
@@ -325,5 +334,5 @@ def refuse(log: Log, name: str, text: pl.Series, read: pl.Series, expected: str,
         verb = "is" if bad.len() == 1 else "are"
         raise DataError(
             f"{log.name}: column {shown(name)} must be {expected}, but {bad.len()} of {len(text)} rows "
-            f"{verb} not (first: row {bad[0]}, {text[int(bad[0])]!r}): {remedy}"
+            f"{verb} not (first: {log.row(int(bad[0]))}, {text[int(bad[0])]!r}): {remedy}"
         )

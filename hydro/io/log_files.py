@@ -147,7 +147,7 @@ def _timed(log: Log, meaning: LogMap) -> tuple[pl.DataFrame, Array]:
     if meaning.session.column is None and (back := np.flatnonzero(np.diff(t) < 0.0)).size:
         raise DataError(
             f"{log.name}: column {shown(meaning.time.column)} goes backwards in {len(back)} of {len(t)} rows "
-            f"(first: row {rows[back[0] + 1]}): sort the log by time, or name a session.column"
+            f"(first: {log.row(int(rows[back[0] + 1]))}): sort the log by time, or name a session.column"
         )
     return log.frame[rows], t
 

@@ -163,9 +163,10 @@ def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows
     values = column(log, meaning.session.column, "session.column").cast(pl.String).gather(rows)
     unnamed = values.is_null() | (values == "")
     if unnamed.any():
+        first = log.row(int(rows[unnamed.arg_true()[0]]))
         raise DataError(
             f"{log.name}: column {shown(meaning.session.column)} names no session in {unnamed.sum()} of "
-            f"{len(values)} rows (first: row {rows[unnamed.arg_true()[0]]}): fill it or drop these rows"
+            f"{len(values)} rows (first: {first}): fill it or drop these rows"
         )
     for name in values.unique(maintain_order=True):
         yield name, (values == name).arg_true().to_numpy().astype(np.int64)
@@ -175,8 +176,9 @@ def _check_order(log: Log, name: str, session: str, t: Array, rows: Rows) -> Non
     """Refuse a session whose time falls; repeated times are messages of several sensors."""
     back = np.flatnonzero(np.diff(t) < 0.0) + 1
     if len(back):
+        first, by = log.row(int(rows[back[0]])), t[back[0] - 1] - t[back[0]]
         raise DataError(
             f"{log.name}: column {shown(name)} goes backwards within session {shown(session)} in {len(back)} "
-            f"of {len(t)} rows (first: row {rows[back[0]]}, by {t[back[0] - 1] - t[back[0]]:g} s): sort the "
-            "log by time, or name a session.column that tells its parts"
+            f"of {len(t)} rows (first: {first}, by {by:g} s): sort the log by time, or name a session.column "
+            "that tells its parts"
         )

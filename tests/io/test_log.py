@@ -154,13 +154,13 @@ def test_sessions_by_column_by_name_and_by_gaps():
     ("changes", "line"),
     [
         ({"u": pl.Series(["1", "fast", "2", "x", "3"])},
-         "column u must be numbers, but 2 of 5 rows are not (first: row 1, 'fast'): correct the log or name "
+         "column u must be numbers, but 2 of 5 rows are not (first: row 2, 'fast'): correct the log or name "
          "another column in velocity"),
         ({"cmd_2": pl.Series(["1", "0", "off", "0", "0"])},
          "column cmd_2 must be numbers, but 1 of 5 rows is not"),
         ({"t": pl.Series(["0", "1", "2", "noon", "4"])}, "column t must be numbers, but 1 of 5 rows is not"),
         ({"t": pl.Series([0.0, 0.1, 0.05, 0.2, 0.15])},
-         "column t goes backwards within session log in 2 of 5 rows (first: row 2, by 0.05 s): sort the log"),
+         "column t goes backwards within session log in 2 of 5 rows (first: row 3, by 0.05 s): sort the log"),
         ({"t": pl.Series([None] * 5, dtype=pl.Float64)}, "column t holds no time"),
     ],
 )  # fmt: skip
@@ -256,3 +256,12 @@ def test_a_draft_of_unknown_names_is_still_a_map_with_blanks():
 def test_a_log_of_text_that_is_no_utf8_map(tmp_path):
     (tmp_path / "map.toml").write_bytes(b"# \xff\n")
     assert "not UTF-8 text" in refused(logmap.read, tmp_path / "map.toml")
+
+
+def test_rows_of_a_csv_are_counted_from_one(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,u\n0.0,1\n0.1,fast\n0.2,3\n")
+    found = log.read(path)
+    assert found.row(1) == "row 2"
+    with pytest.raises(DataError, match=r"1 of 3 rows is not \(first: row 2, 'fast'\)"):
+        log.numbers(found, "u", "velocity")
