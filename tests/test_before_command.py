@@ -175,7 +175,7 @@ def test_a_network_of_another_vehicle_is_refused_in_one_line(command: str, netwo
         (["--model", "net.parquet"], 2, "--model needs --before"),
         (["--before", "after.parquet"], 1, "the same rows as the measured recording"),
         (["--before", "nowhere.parquet"], 1, "nowhere.parquet: no such file"),
-        (["--before", "vehicle.toml"], 1, "not a Parquet file"),
+        (["--before", "vehicle.toml"], 1, "this is a vehicle file"),
         (["--before", "earlier.parquet", "--model", "earlier.parquet"], 1, "but this needs model"),
     ],
 )

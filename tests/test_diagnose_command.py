@@ -89,10 +89,11 @@ def test_the_diagnosis_of_another_vehicle_is_refused(
     diagnosis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text, edited, target = VEHICLE.read_text(), tmp_path / "edited.toml", tmp_path / "vehicle2.toml"
-    mass = re.search(r"^mass = .*$", text, re.MULTILINE)
+    mass = re.search(r"^mass = ([\d.]+)", text, re.MULTILINE)
     assert mass is not None
     more = f'{text}\n[[effect]]\nname = "payload"\nmass = 2.0\nz = 0.1\n'
-    for other, part in ((text.replace(mass[0], "mass = 9.0"), "rigid_body"), (more, "effect payload")):
+    heavier = text.replace(mass[0], f"mass = {1.02 * float(mass[1])}")
+    for other, part in ((heavier, "rigid_body"), (more, "effect payload")):
         edited.write_text(other)
         assert cli.main(["add", str(edited), str(diagnosis), "-o", str(target)]) == 1
         again = f"run `hydro diagnose {edited} RECORDING -o {diagnosis}`"

@@ -64,7 +64,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw, yardstick=yardstick)
         return COMPARED[key]
 
-    def diagnose(vehicle, log, progress, hull, further):
+    def diagnose(vehicle, log, progress, hull, further, file):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(
@@ -270,7 +270,7 @@ def test_pipes(counted, monkeypatch):
         (["--holdout", "seven.parquet", "-o", "study"], "seven.parquet: the table has 7 command columns"),
         (["--holdout", "short.parquet", "-o", "study"], "short.parquet: no session lasts 5 s"),
         (["--holdout", "nowhere.parquet", "-o", "study"], "nowhere.parquet: no such file"),
-        (["--holdout", str(VEHICLE), "-o", "study"], "not a Parquet file"),
+        (["--holdout", str(VEHICLE), "-o", "study"], "this is a vehicle file"),
     ],
 )
 def test_bad_input_is_told_in_one_line(counted, arguments, words, capsys):

@@ -147,7 +147,7 @@ def staged(monkeypatch, known):
         monkeypatch.setattr(module, "_fit_together", together)
         monkeypatch.setattr(module, "compare", compare)
 
-        def diagnose(vehicle, log, progress, hull, further):
+        def diagnose(vehicle, log, progress, hull, further, file):
             return Diagnosis(tuple(left.pop(0)), vehicle, (1.0, 1.0, 1.0))
 
         monkeypatch.setattr(module, "diagnose_log", diagnose)
