@@ -13,6 +13,7 @@ between them leaves nothing wrong. No file holds a clock: the same choices give 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -284,7 +285,7 @@ def policy_of(artefact: Artefact) -> Policy:
 def _write_state(state: dict[str, Any], path: Path) -> None:
     """Keep a state, whole or not at all, with its hash."""
     with sealed.writing(path) as stream:
-        torch.save(_each(state, np.ndarray, torch.from_numpy), stream)
+        torch.save(_interned(_each(state, np.ndarray, torch.from_numpy)), stream)
 
 
 def _read_state(path: Path) -> dict[str, Any]:
@@ -304,6 +305,21 @@ def _read_state(path: Path) -> dict[str, Any]:
         ) from error
     learner = state.pop("learner")
     return {**_each(state, torch.Tensor, torch.Tensor.numpy), "learner": learner}
+
+
+def _interned(nested: Any) -> Any:
+    """The same values with equal texts as one object.
+
+    Pickle writes an object once and refers to it afterwards: texts that were read back are other objects than
+    those of the program, and a training that went on would have other bytes than one that never stopped.
+    """
+    if isinstance(nested, str):
+        return sys.intern(nested)
+    if isinstance(nested, dict):
+        return {_interned(name): _interned(value) for name, value in nested.items()}
+    if isinstance(nested, list | tuple):
+        return type(nested)(_interned(value) for value in nested)
+    return nested
 
 
 def _each(nested: Any, kind: type, convert: Any) -> Any:
