@@ -119,7 +119,8 @@ def _told(message: str, content: Mapping[str, Any], kind: type[msgspec.Struct]) 
     if what.startswith("Invalid enum value"):
         choices = [choice for hint in hints if get_origin(hint) is Literal for choice in get_args(hint)]
         what = f"expected {' or '.join(map(str, choices))}"
-    shown = f", got {value!s:.40}" if isinstance(value, str | int | float) and "got" not in what else ""
+    told = " ".join(str(value).split())  # in one line
+    shown = f", got {told:.40}" if isinstance(value, str | int | float) and "got" not in what else ""
     return f"{path or 'file'}: {what[0].lower()}{what[1:]}{shown}"
 
 
