@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from hydro.commands.shell import STREAM, shows_table
-
-if TYPE_CHECKING:
-    pass
 
 INLINE = ("parameters", "standard_errors")
 """Columns that hold values of an effect as one line of TOML."""

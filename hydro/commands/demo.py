@@ -36,7 +36,6 @@ def demo(
     MuJoCo without water forces, with added mass, and with each network. Every step is an ordinary command,
     printed as it runs.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     root = context.find_root().command
     typer.echo("The first run after an installation also compiles the physics, a minute or two.")
     typer.echo("\nWhat is missing in a vehicle file?\n")

@@ -95,7 +95,6 @@ def explain(
     earlier = learnt(before, model, start, source, logs)
     told = (earlier.inputs, earlier.parameters) if earlier else ()
     study = Study(folder, text, source, other, *told)
-    study.open()
     steps = study.done()
     if study.clear(steps) and not steps:
         typer.echo(f"hydro: {folder}: the files of another study there are replaced", err=True)
@@ -224,8 +223,7 @@ def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) 
     every = pl.concat([step.ladder for step in steps], how="diagonal_relaxed")
     fitted = [{"step": step.number, "added": step.added, "effects": step.tables} for step in steps]
     use = study.folder / f"vehicle-{chosen.number}.toml"
-    left = chosen.diagnosis
-    print_json(use=str(use), ending=reason, steps=fitted, ladder=every, findings=left)
+    print_json(use=str(use), ending=reason, steps=fitted, ladder=every, findings=chosen.diagnosis)
 
 
 COMMANDS = {

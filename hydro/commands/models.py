@@ -214,7 +214,6 @@ def _draw(
     from hydro.report import predictions
     from hydro.report.figures import save
 
-    folder.mkdir(parents=True, exist_ok=True)
     save(predictions.draw_axes(errors), folder / "axes.png")
     if (errors["variant"] != "").any():
         save(predictions.draw_regimes(errors), folder / "regimes.png")

@@ -1,8 +1,8 @@
 """Where a command writes: looked at before it reads or computes anything.
 
 A place that cannot be written to is worth knowing of before an hour's work and not after it, and a command
-that is refused leaves nothing behind.  A folder of results is held while the command runs (`io.lock`): two at
-once would mix theirs.
+that is refused leaves nothing behind.  A folder of results is made and held while the command runs
+(`io.lock`): two at once would mix theirs.
 """
 
 from __future__ import annotations
@@ -97,6 +97,7 @@ def _alone(folder: str) -> AbstractContextManager[None]:
     return alone(folder)
 
 
+@functools.cache
 def _marks(command: Callable[..., None]) -> dict[str, Writes]:
     """The parameters of a command that are places to write to."""
     hints = get_type_hints(command, include_extras=True)

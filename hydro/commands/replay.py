@@ -213,7 +213,6 @@ def _draw(series: pl.DataFrame, errors: pl.DataFrame, folder: Path) -> None:
     from hydro.report import figures
     from hydro.report.tables import replay_errors
 
-    folder.mkdir(parents=True, exist_ok=True)
     figures.save(figures.draw_overlay(figures.overlay_table(series)), folder / "velocities.png")
     figures.save(figures.draw_errors(replay_errors(errors)), folder / "errors.png")
 

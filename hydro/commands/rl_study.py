@@ -62,7 +62,6 @@ def study(
         choices=tuple(choices or ()),
     )
     runs, left = policies.runs(known)
-    output.mkdir(parents=True, exist_ok=True)
     plan = policies.steps(known, runs)
     ran = runner(context, output, workers).run(plan, workers)
     message(f"{ran} of {len(plan)} steps run, the others were done")

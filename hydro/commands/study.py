@@ -116,7 +116,6 @@ def study(
         device=device,
         conditionings=() if quick else CONDITIONINGS,
     )
-    folder.mkdir(parents=True, exist_ok=True)
     steps = runner(context, folder, workers)
     if noise != "none":
         disturb(known, steps, noise_for(noise))

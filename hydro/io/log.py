@@ -268,12 +268,7 @@ def column(log: Log, name: str, where: str) -> pl.Series:
 
 
 def require(log: Log, name: str, where: str) -> None:
-    """Refuse a log without a column.
-
-    Args:
-        log: The log.
-        name: What the map calls the column.
-        where: The place in the map, for the error line.
+    """Refuse a log without a column; arguments as those of `column`.
 
     Raises:
         DataError: there is no such column.

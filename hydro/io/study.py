@@ -18,7 +18,6 @@ from hydro.core.diagnosis.explain import Step
 from hydro.core.errors import DataError
 from hydro.io import covariance, table
 from hydro.io import vehicle as vehicles
-from hydro.io.files import explained
 from hydro.io.table import Artefact
 
 LADDER = "ladder.parquet"
@@ -36,7 +35,7 @@ class Study:
     """One study in its folder.
 
     Attributes:
-        folder: Where its files are.
+        folder: Where its files are; it is there.
         vehicle_text: The vehicle file as given.
         measured: The recording.
         holdout: The held-out one, if there is one.
@@ -50,19 +49,6 @@ class Study:
     holdout: Artefact | None
     beside: tuple[Artefact, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
-
-    def open(self) -> None:
-        """Make the folder where it is not there yet.
-
-        Raises:
-            DataError: The operating system refuses, or there is a file of that name.
-        """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise DataError(f"{self.folder}: a file, not a folder: name a folder for the files of the study")
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise explained(str(self.folder), error) from error
 
     def done(self) -> list[Step]:
         """The steps that are done, from 0 on."""

@@ -99,9 +99,9 @@ def spoilt(draw: st.DrawFn, sound: pl.DataFrame) -> pl.DataFrame:
     return frame
 
 
-def damaged(content: bytes, seed: int) -> bytes:
-    """Bytes cut short, with some bits flipped, with a length made huge, or with a stretch of noise."""
-    rng, changed = np.random.default_rng(seed), bytearray(content)
+def damaged(content: bytes, rng: np.random.Generator) -> bytes:
+    """The bytes cut short, with some bits flipped, with a length made huge, or with a stretch of noise."""
+    changed = bytearray(content)
     kind, place = rng.integers(4), int(rng.integers(len(changed)))
     if kind == 0:
         return bytes(changed[: max(place, 1)])

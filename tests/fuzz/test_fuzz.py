@@ -9,6 +9,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
@@ -19,6 +20,7 @@ from fuzz.workshop import SPOILT, Workshop
 from hydro.io.provenance import content_hash
 
 CASES = int(os.environ.get("HYDRO_FUZZ", "20"))
+GENERATORS = st.integers(0, 2**32).map(np.random.default_rng)
 TRIED = settings(
     max_examples=CASES,
     deadline=None,
@@ -72,7 +74,7 @@ def test_footers(shop: Workshop, data: st.DataObject) -> None:
 @given(st.data())
 def test_logs(shop: Workshop, data: st.DataObject) -> None:
     path = shop.folder / "spoilt.csv"
-    path.write_bytes(damaged((shop.folder / "log.csv").read_bytes(), data.draw(st.integers(0, 2**32))))
+    path.write_bytes(damaged((shop.folder / "log.csv").read_bytes(), data.draw(GENERATORS)))
     shop.hold("log", data.draw(st.sampled_from(workshop.LOG)), path)
 
 
@@ -82,7 +84,7 @@ def test_bytes_of_tables(shop: Workshop, data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from(sorted(workshop.TABLES)))
     path = shop.folder / "spoilt.parquet"
     sound = (shop.folder / f"{kind}.parquet").read_bytes()
-    path.write_bytes(damaged(sound, data.draw(st.integers(0, 2**32))))
+    path.write_bytes(damaged(sound, data.draw(GENERATORS)))
     shop.hold("bytes", data.draw(st.sampled_from((*workshop.TABLES[kind], *workshop.ALWAYS))), path)
 
 

@@ -148,7 +148,7 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     """The effect and the file's own fitted to all shots, from the values of the survey."""
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
-    released = Known(known.file, known.temper, frozenset({rival.effect}))
+    released = known.releasing(rival.effect)
     others = [name for name in baseline.effects if name != rival.effect]
     reach = baseline.log.positions
     return fit_model(rival.model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)

@@ -115,6 +115,10 @@ class Known:
     temper: float
     released: frozenset[str] = frozenset()
 
+    def releasing(self, effect: str) -> Known:
+        """The same, but that one effect may have any plausible values."""
+        return replace(self, released=frozenset({effect}))
+
     def __call__(self, unknown: Free) -> Prior:
         """Normal priors about the values of the file, and about the absence of what it has not."""
         scales = unknown.scales
@@ -153,7 +157,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     for number, (name, table) in enumerate(candidates.items()):
         if progress is not None:
             progress(f"{name} on data that it was not fitted to", number / len(candidates))
-        released = Known(known.file, known.temper, frozenset({name}))
+        released = known.releasing(name)
         try:
             model = fit_model(file, [*own, table], problem, reach, STEPS, known=released)
         except Diverges:

@@ -14,6 +14,7 @@ import logs
 import message_logs as written
 import numpy as np
 import pytest
+from fuzz.mutations import damaged
 
 from hydro import cli
 from hydro.core.errors import DataError
@@ -28,23 +29,6 @@ MOST = 300
 def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder, raw = tmp_path_factory.mktemp("sound"), logs.raw(1.0, 20.0)
     return {name: write(raw, folder / name) for name, (write, _) in written.WRITERS.items()}
-
-
-def damaged(content: bytes, rng: np.random.Generator) -> bytes:
-    """The bytes cut short, with some bits flipped, with a length made huge, or with a stretch of noise."""
-    bytes_ = bytearray(content)
-    kind, place = rng.integers(4), int(rng.integers(len(bytes_)))
-    if kind == 0:
-        return bytes(bytes_[: max(place, 1)])
-    if kind == 1:
-        for _ in range(int(rng.integers(1, 9))):
-            bytes_[int(rng.integers(len(bytes_)))] ^= 1 << int(rng.integers(8))
-    elif kind == 2:
-        bytes_[place : place + 8] = b"\xff" * min(8, len(bytes_) - place)
-    else:
-        noise = rng.bytes(min(64, len(bytes_) - place))
-        bytes_[place : place + len(noise)] = noise
-    return bytes(bytes_)
 
 
 def cases(content: bytes, seed: int) -> Iterator[bytes]:
