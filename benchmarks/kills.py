@@ -74,7 +74,10 @@ def works() -> list[Work]:
         Work("collect", short),
         Work("labels", labels, (short,)),
         Work("train", "train labels.parquet --model mlp --epochs 3 -o model.parquet", (short, labels)),
-        Work("fit", f"fit {hidden}/vehicle.toml {hidden}/measured.parquet -o fitted.toml"),
+        Work(
+            "fit",
+            f"fit {hidden}/vehicle.toml {hidden}/measured.parquet --effect linear_damping -o fitted.toml",
+        ),
         Work("explain", f"explain {hidden}/vehicle.toml {hidden}/measured.parquet -o study"),
         Work("study", f"study models {sample} --replay {replay} --quick -o study"),
         Work("rl train", f"rl train {vehicle} --condition R_effects --steps 320 {few} -o run"),

@@ -94,17 +94,35 @@ def _cache_in_own_folder(function: Callable[..., Any]) -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
-def jit(function: F, *, reorder_sums: bool = False) -> F:
+def jit(function: F, *, reorder_sums: bool = False, counted: bool = True) -> F:
     """`numba.njit` with the cache above; runs uncached where no folder is writable.
 
     `reorder_sums` lets the compiler add in another, fixed order, so that a long sum uses vector instructions:
-    the same bits every time on one machine, rounding that may differ on another.
+    the same bits every time on one machine, rounding that may differ on another.  `counted`: see `kernel`.
     """
     fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
-    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath)
+    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath, _nrt=counted)
     with _cache_in_own_folder(function), contextlib.suppress(RuntimeError):
         dispatcher.enable_caching()
     return dispatcher  # type: ignore[no-any-return]
+
+
+def kernel(function: F, *, reorder_sums: bool = False) -> F:
+    """`jit` for a function that makes no arrays, returns none, and calls none that does.
+
+    Numba counts references to the memory behind every slice, by atomic operations that take longer than the
+    arithmetic of a thruster.  Whoever calls a kernel holds its arrays meanwhile, so nothing need be counted.
+    Making an array in one does not compile; that none returns one, and that all memory is given back, is
+    tested.
+    """
+    return jit(function, reorder_sums=reorder_sums, counted=False)
+
+
+@kernel
+def copy_kernel(values: Any, out: Any) -> None:
+    """Write a vector into another one: a slice that is assigned to a slice may need memory of its own."""
+    for i in range(out.size):
+        out[i] = values[i]
 
 
 def cfunc(signature: Any) -> Callable[[F], F]:

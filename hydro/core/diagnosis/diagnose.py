@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -249,9 +250,9 @@ def weighed_fit(
     model = from_elsewhere(model, problem, log.positions, share)
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
-        problem = problem.weighed(sigma)
+        problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
         names = [one if isinstance(one, str) else str(one["name"]) for one in effects]
-        model, reached = fitted_or_kept(model.vehicle, names, problem, log.positions, share)
+        model, reached = fitted_or_kept(model.vehicle, names, along, log.positions, share)
     return model, problem, reached
 
 

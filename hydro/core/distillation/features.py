@@ -20,7 +20,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import VELOCITY, WRENCH, Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.distillation.labels import labelled
 from hydro.core.errors import DataError
 
@@ -42,7 +42,7 @@ _PHYSFEAT = (
 NAMES: dict[str, tuple[str, ...]] = {"raw": _RAW, "physfeat": _PHYSFEAT}
 
 
-@jit
+@kernel
 def physfeat_kernel(x: Array, out: Array) -> None:
     """Write the 45 features of one state `x` = (nu, nu_dot), shape (12,), to `out`, shape (45,)."""
     for i in range(12):

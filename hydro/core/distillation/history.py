@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import VELOCITY, Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 AXES = 6
@@ -61,14 +61,14 @@ def past(nu: ArrayLike, bounds: ArrayLike, window: int, stride: int) -> Array:
     return np.concatenate(back, axis=1) if back else np.empty((len(velocities), 0))
 
 
-@jit
+@kernel
 def begin(nu: Array, memory: Array) -> None:
     """Fill the memory (6 (window - 1),) of a flight that begins with the velocity nu (6,)."""
     for k in range(memory.size):
         memory[k] = nu[k % AXES]
 
 
-@jit
+@kernel
 def remember(nu: Array, memory: Array) -> None:
     """Move the memory (6 (window - 1),) on by one period: nu (6,) becomes the newest past."""
     for k in range(memory.size - 1, AXES - 1, -1):

@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import COASTING, DRIFT
 from hydro.core.effects.record import ABSORBED, Advice, Effect, Identification, Index, Parameter, Rest, Role
@@ -25,7 +25,7 @@ FRICTION_MATRIX = (FRICTION[0], None, FRICTION[1])
 ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
 
 
-@jit
+@kernel
 def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -D_L nu_r: laminar skin friction and potential damping, what is left of damping at low speed.
 
@@ -41,7 +41,7 @@ def linear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
                 tau[i] -= p[6 * i + j] * s[RELATIVE_VELOCITY + j]
 
 
-@jit
+@kernel
 def quadratic(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -D_Q |nu_r| nu_r, axis by axis: form drag of the separated flow.
 
@@ -52,7 +52,7 @@ def quadratic(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
         tau[i] -= p[i] * abs(n) * n
 
 
-@jit
+@kernel
 def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -D[i,j] nu_r[j] for sway-yaw, heave-pitch and sway-roll, each with its own coefficient.
 
@@ -68,7 +68,7 @@ def coupled(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> No
     tau[3] -= p[5] * v
 
 
-@jit
+@kernel
 def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -D[i,j] |nu_r[j]| nu_r[i]: drag along or about one axis that speed along another one raises.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
 from hydro.core.effects.parting import DRIFT
 from hydro.core.effects.record import (
@@ -28,7 +28,7 @@ COEFFICIENT = between(0.0, MOST_DRAG, "", DRAG_SOURCE)
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))
 
 
-@jit
+@kernel
 def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Drag of every section of the hull in the flow across it, each as if it were alone.
 
@@ -58,7 +58,7 @@ def crossflow_drag(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array
     tau[4] += vertical * pitch
 
 
-@jit
+@kernel
 def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -|u_r| L nu_r with L in sway and yaw (11, 15, 51, 55) and heave and pitch (22, 24, 42, 44).
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import ADDED_MASS as M_A
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP, DRIFT
@@ -46,7 +46,7 @@ def couplings(p: Array, matrix: Array) -> None:
         matrix[j, i] += value
 
 
-@jit
+@kernel
 def coriolis_excess(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -kappa C_A(nu_r) nu_r with the vehicle's whole M_A: -1 removes the Munk moment, 0 leaves it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP
 from hydro.core.effects.record import (
@@ -30,7 +30,7 @@ COARSE_RATES = (0.5, 4.0)
 LEAST_RATE, QUICKEST = 1e-3, 25.0  # 1/s, of what the sample time of a log still shows
 
 
-@jit
+@kernel
 def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Wrench -K (nu_r - a x) with x' = nu_r - a x, for every rate a and axis.
 
@@ -47,7 +47,7 @@ def fluid_memory(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) 
             tau[i] -= p[6 * k + i] * change
 
 
-@jit
+@kernel
 def steady_past(p: Array, c: Array, s: Array, x: Array) -> None:
     """x(0) = nu_r/a: as if the present motion had always been."""
     rates = p.size // 7

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
@@ -175,7 +175,7 @@ def thrusters_of(flat: Array) -> Array:
     return flat[begin : begin + count * COLUMNS].reshape(count, COLUMNS)
 
 
-@jit
+@kernel
 def relative_to_water(flat: Array, s: Array) -> None:
     """Write nu_r = nu - [R^T v_c; 0] from the velocity and rotation in `s`."""
     at = HEADER + layout.CURRENT
@@ -224,7 +224,7 @@ def _dispatcher(name: str, arguments: str, attribute: str, call: str) -> Any:
         source += f"        if which == {i}:\n            effect_{i}{call}\n            continue\n"
     namespace: dict[str, Any] = {"__name__": __name__} | {f"effect_{i}": f for i, f in functions.items()}
     exec(compile(source, __file__, "exec"), namespace)
-    return jit(namespace[name])
+    return kernel(namespace[name])
 
 
 wrench = _dispatcher("wrench", "flat, s, x, dx, tau", "kernel", "(p, c, s, x[begin:end], dx[begin:end], tau)")

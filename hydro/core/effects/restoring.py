@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, ROTATION
 from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
@@ -37,7 +37,7 @@ ON_BOARD = tuple(
 INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull", i) for i in range(3))
 
 
-@jit
+@kernel
 def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) -> None:
     """Add the wrench of a force [N], positive downward in the world, at a point of the body [m]."""
     a, b, d = force * s[ROTATION + 6], force * s[ROTATION + 7], force * s[ROTATION + 8]
@@ -49,14 +49,14 @@ def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) 
     tau[5] += x * b - y * a
 
 
-@jit
+@kernel
 def net_buoyancy(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Force dB upward in the world at the centre of buoyancy: ballast misjudged, water of another density."""
     at = CENTER_OF_BUOYANCY
     push_down(s, -p[0], c[at], c[at + 1], c[at + 2], tau)
 
 
-@jit
+@kernel
 def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Moment d x (R^T [0, 0, -B]): the vehicle's buoyancy B acts at d = (dx, dy, dz) from the file's centre.
 
@@ -67,7 +67,7 @@ def buoyancy_offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     push_down(s, c[BUOYANCY], 0.0, 0.0, 0.0, tau)
 
 
-@jit
+@kernel
 def payload(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Weight in water w, downward in the world, at a point of the body; its dry mass m adds only inertia.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
 from hydro.core.effects.parting import DISTANCES, HEADINGS, TILTS
 from hydro.core.effects.record import (
@@ -48,7 +48,7 @@ def ocean_current(p: Array, current: Array) -> None:
     current += p
 
 
-@jit
+@kernel
 def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Pull k max(0, distance - slack) at the attachment toward the anchor, straight, massless, undamped.
 
@@ -74,7 +74,7 @@ def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     tau[5] += ax * fy - ay * fx
 
 
-@jit
+@kernel
 def surface_suction(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Force A exp(-max(z, 0)/decay) upward in the world at the centre of buoyancy, z the depth of CO.
 

@@ -32,6 +32,7 @@ PRIOR = 10.0
 """Scales by which a parameter may move before the fit asks for evidence: it keeps what is not determined."""
 ITERATIONS = 25
 ENOUGH = 0.01  # a step that lowers the cost by less than this many residuals' worth ends an iteration
+ALONE = 30.0  # times that share: what pieces' own unknowns gain where no value moves, changes no value
 GIVEN_UP = 1e8  # damping at which no step lowers the cost
 WIDEST, NARROWER = 0.2, 0.25  # of a search: distance of its places in scales, and how it shrinks
 PLACES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
@@ -120,7 +121,8 @@ def descend(
         # Without a step the pieces' own unknowns move on alone, while that brings them on.
         if not stride.any():
             cost, along = stay or _stayed(unknown, x, problem, normal)
-            if min(cost - normal.cost, reached - cost) <= max(worth, 1e-9 * cost):
+            little = ALONE * share * (normal.cost - normal.residuals)
+            if min(cost - normal.cost, reached - cost) <= max(worth, little, 1e-9 * cost):
                 break
         reached, x, problem, damping = cost, x + stride, along, max(damping * 0.1, 1e-9)
         normal = linearised(unknown, x, problem)

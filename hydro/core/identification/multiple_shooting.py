@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.effects import sensor
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
@@ -380,7 +380,7 @@ def _displace(first: Array, shift: Array, out: Array) -> None:
         out[m, 7:] = first[m, 7:] + shift[m, 6:]
 
 
-@jit
+@kernel
 def deviate(predicted: Array, measured: Array, weight: Array, out: Array) -> None:
     """Weighted differences; of the attitude, twice the vector part of q_predicted^* q_measured."""
     for m in range(predicted.shape[0]):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.effects import sensor
 from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
 from hydro.core.identification import multiple_shooting
@@ -259,7 +259,7 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
         columns[..., i] = (still - moved) / near.shares[which]
 
 
-@jit
+@kernel
 def _weigh(states: Array, measured: Array, weight: Array, columns: Array, error: Array) -> None:
     """Weighted residuals, and columns as weighted changes of the prediction in their sense.
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -31,6 +32,8 @@ CLEARLY = 0.3
 """How far above the surface nothing under water is [m]."""
 SETTLED = 0.01
 """Share that an identity is said to leave unexplained where the log has not both of its sides."""
+UNFRAMED = {name: getattr(Attitude(), name) for name in ("world", "body")}
+"""Frames make no difference to what a block's own columns say."""
 RESOLUTION: Array = np.array([1e-4, 1e-5])
 """Differences of velocity [m/s] and rate [rad/s] that do not matter."""
 
@@ -76,6 +79,7 @@ class Evidence:
 
     def __init__(self, logs: Sequence[SessionLog], windows: Sequence[Array]) -> None:
         present = [(log, t) for log, t in zip(logs, windows, strict=True) if len(t)]
+        self._logs, self._windows = logs, windows
         self.t: Array = np.concatenate([t for _, t in present])
         self.length = float(np.median(self.t[:, -1] - self.t[:, 0]))
         count, rows = self.t.shape
@@ -91,8 +95,13 @@ class Evidence:
             return gather(lambda log, at: conventions.position(log, block, at))
 
         @cache
+        def own_attitude(unframed: Attitude) -> Array:
+            return gather(lambda log, at: conventions.own_attitude(log, unframed, at))
+
+        @cache
         def attitude(block: Attitude) -> Array:
-            return gather(lambda log, at: conventions.attitude(log, block, at))
+            unframed = msgspec.structs.replace(block, **UNFRAMED)
+            return conventions.in_frames(block, own_attitude(unframed))
 
         @cache
         def turning(block: Attitude) -> Array:
@@ -121,6 +130,11 @@ class Evidence:
 
         self.placed, self.attitude, self.turning = placed, attitude, turning
         self.velocity, self.moving, self.spinning = velocity, moving, spinning
+
+    def some(self, most: int) -> Evidence:
+        """The evidence of at most so many of the windows, spread evenly; itself where it has no more."""
+        every = -(-len(self.t) // most)
+        return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
     def travel(self, block: Position) -> Array:
         """Rate of the position over each window, NED (W, 3) [m/s]."""

@@ -30,6 +30,7 @@ TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard err
 TESTED = 6.0  # standard errors from which a sign counts as tested, for there are many
 UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
 MOSTLY = 0.9
+RANKING = 60  # windows that choose
 STARTS = 8  # best combinations of frames from which single signs are tried
 DEAD_RECKONED = 0.4  # share of the error that the velocity's own noise allows
 STRETCHES = 30  # of the log, for standard errors
@@ -89,10 +90,14 @@ def _best(evidence: Evidence, declared: LogMap) -> LogMap:
 
 
 def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
-    """The best of all combinations of frames and units, each with those signs that help it."""
-    ranked = sorted(_combinations(evidence, declared), key=lambda one: one[0])
+    """The best of all combinations of frames and units, each with those signs that help it.
+
+    They are thousands, so that a few windows tell which of them are worth a look at all windows.
+    """
+    few = evidence.some(RANKING)
+    ranked = sorted(_combinations(few, declared), key=lambda one: one[0])
     starts = [declared, *(given for _, given in ranked[:STARTS])]
-    signed = {_with_signs(evidence, start) for start in starts}
+    signed = {_with_signs(few, start) for start in starts}
     return _least_change(evidence, declared, {*signed, *(given for _, given in ranked[:STARTS])})
 
 

@@ -117,7 +117,16 @@ def position(log: SessionLog, block: Position, at: Array) -> Array:
 
 def attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
     """Rotation from FRD to NED, shape (N, 3, 3)."""
-    turned = _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
+    return in_frames(block, own_attitude(log, block, at))
+
+
+def own_attitude(log: SessionLog, block: Attitude, at: Array) -> Array:
+    """Rotation from the block's own body to its own world axes, shape (N, 3, 3)."""
+    return _quaternions(log, block, at) if block.quaternion is not None else _euler(log, block, at)
+
+
+def in_frames(block: Attitude, turned: Array) -> Array:
+    """Rotation from FRD to NED, shape (..., 3, 3), from that between the block's own axes."""
     return np.asarray(AXES[block.world] @ turned @ AXES[block.body].T)
 
 

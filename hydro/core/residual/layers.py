@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 
 # What a step does with `length` numbers at `to`, from `width` numbers at `source`.
 DENSE = 0  # W x + b
@@ -32,7 +32,7 @@ EPSILON = 1e-5
 """Added to the variance in a layer norm, torch's default."""
 
 
-@jit
+@kernel
 def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
     """Run a program (steps, COLUMNS) on a workspace whose inputs are in place; nu (6,) is the velocity."""
     for step in range(program.shape[0]):
@@ -58,7 +58,7 @@ def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
             _passive(weights, at, work[source : source + 36], nu, out)
 
 
-@jit
+@kernel
 def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -> None:
     """Write W^T x + b to `out`, four inputs per pass over it."""
     length = out.size
@@ -79,7 +79,7 @@ def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -
             out[j] += x[i] * row[j]
 
 
-@jit
+@kernel
 def _activate(function: int, x: Array32) -> None:
     """Apply a function of `FUNCTIONS` in place."""
     one, two = np.float32(1.0), np.float32(2.0)
@@ -104,7 +104,7 @@ def _activate(function: int, x: Array32) -> None:
             x[j] /= total
 
 
-@jit
+@kernel
 def _norm(weights: Array32, start: int, x: Array32, out: Array32) -> None:
     """Write scale (x - mean) / sqrt(variance + EPSILON) + shift to `out`; its weights are scale, shift."""
     length = x.size
@@ -120,7 +120,7 @@ def _norm(weights: Array32, start: int, x: Array32, out: Array32) -> None:
         out[j] = np.float32(value)
 
 
-@jit
+@kernel
 def _mix(shares: Array32, vectors: Array32, out: Array32) -> None:
     """Write the sum of shares[k] vectors[k] to `out`."""
     for j in range(out.size):
@@ -130,7 +130,7 @@ def _mix(shares: Array32, vectors: Array32, out: Array32) -> None:
             out[j] += shares[k] * vectors[k * out.size + j]
 
 
-@jit
+@kernel
 def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
     """Write (nu / v) / (SLOW + |nu|) and 1 / (1 + |nu|) to `out`, |nu| the root mean square of nu / v.
 
@@ -145,7 +145,7 @@ def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
     out[6] = np.float32(1.0 / (1.0 + speed))
 
 
-@jit
+@kernel
 def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) -> None:
     """Write C(nu) nu + D nu to `out`, with the D of `damping`.
 
@@ -170,7 +170,7 @@ def _passive(weights: Array32, start: int, A: Array32, nu: Array, out: Array32) 
         out[3 + k] += np.float32(nu[one] * b - nu[two] * a + nu[3 + one] * d - nu[3 + two] * c)
 
 
-@jit
+@kernel
 def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> None:
     """Write D = (1 + |nu|) R A A^T R to `D` (36,), R = diag(r); |nu| is the root mean square of nu / v."""
     factor = _growth(weights, start, nu)
@@ -182,7 +182,7 @@ def damping(weights: Array32, start: int, A: Array32, nu: Array, D: Array) -> No
             D[6 * i + k] = factor * weights[start + 36 + i] * total * weights[start + 36 + k]
 
 
-@jit
+@kernel
 def _growth(weights: Array32, start: int, nu: Array) -> float:
     """1 + |nu|."""
     square = 0.0
@@ -191,7 +191,7 @@ def _growth(weights: Array32, start: int, nu: Array) -> float:
     return 1.0 + float(np.sqrt(square))
 
 
-@jit
+@kernel
 def _row(weights: Array32, at: int, nu: Array) -> float:
     """One row of a matrix times nu."""
     total = 0.0

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.effects.layout import (
     BALANCE,
     CONSTANTS,
@@ -77,7 +77,7 @@ def afloat(flat: Array, facets: Array) -> Motion:
     return Motion(flat, facets, np.zeros(size), np.zeros(MOTION), np.zeros((4, size)))
 
 
-@jit
+@kernel
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
     """Write the state of motion `s`: R of a quaternion (w, x, y, z) of any length, nu_r of the current."""
     quaternion_kernel(quaternion, s[ROTATION : ROTATION + 9])
@@ -88,27 +88,27 @@ def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array
     relative_to_water(flat, s)
 
 
-@jit
+@kernel
 def observe_state(flat: Array, y: Array, s: Array) -> None:
     """The same of a state y."""
     observe(flat, y[:3], y[3:7], y[7:BODY], s)
 
 
-@jit
+@kernel
 def settle(motion: Motion) -> None:
     """Begin the effects' internal states as if the body had always moved as it does."""
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 
 
-@jit
+@kernel
 def thrust_of(row: Array, rotor: float, s: Array) -> float:
     """Thrust [N] of a thruster (a row of the thruster table) from its lag state, in the water's flow."""
     inflow = inflow_speed(row, s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]) if row[INFLOW] != 0.0 else 0.0
     return state_to_thrust(row, rotor, inflow)
 
 
-@jit
+@kernel
 def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
     """Add tau_prop = B f to `tau`, f the thrusts of the lag states `rotors` (n,) in the water's flow."""
     begin = int(flat[THRUSTER_TABLE])
@@ -119,7 +119,7 @@ def propel(flat: Array, s: Array, rotors: Array, tau: Array) -> None:
             tau[j] += row[j] * thrust
 
 
-@jit
+@kernel
 def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: Array) -> None:
     """Acceleration of CO over ground in the body frame, under tau_prop, restoring forces and all effects.
 
@@ -146,7 +146,7 @@ def accelerate(flat: Array, s: Array, x: Array, dx: Array, tau: Array, nu_dot: A
     _turn_with_body(s, nu_dot)
 
 
-@jit
+@kernel
 def _turn_with_body(s: Array, nu_dot: Array) -> None:
     """From nu_r_dot to nu_dot = nu_r_dot - [omega x R^T v_c; 0]; R^T v_c is v - v_r."""
     x = s[VELOCITY] - s[RELATIVE_VELOCITY]
@@ -158,7 +158,7 @@ def _turn_with_body(s: Array, nu_dot: Array) -> None:
     nu_dot[2] -= p * y - q * x
 
 
-@jit
+@kernel
 def rates_kernel(
     flat: Array, facets: Array, y: Array, s: Array, rotors: Array, tau: Array, rates: Array
 ) -> None:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.effects.program import thrusters_of
-from hydro.core.simulation.dynamics import BODY, Motion, observe_state, rates_kernel
+from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
 from hydro.core.simulation.pilot import Pilot, steer
 from hydro.core.simulation.variational_equation import DEVIATION, Deviations, carry
 from hydro.core.vehicle.thrusters import DELAY, lag_decay, settled_state
@@ -70,7 +70,7 @@ def at_rest(flat: Array) -> Thrusters:
     return Thrusters(table, np.zeros(n), upcoming, np.ones(n), np.zeros((3, n)), np.zeros(2))
 
 
-@jit
+@kernel
 def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None:
     """Take a motion up at row `at` of a segment: late commands from before it are still to be felt.
 
@@ -87,7 +87,7 @@ def resume(thrusters: Thrusters, course: Course, at: int, settled: bool) -> None
     thrusters.due[0], thrusters.due[1] = t[at], 0.0
 
 
-@jit
+@kernel
 def obey(thrusters: Thrusters, course: Course, now: float) -> float:
     """Take up the commands felt at `now` [s]; rows later than `now` are not read.
 
@@ -105,7 +105,7 @@ def obey(thrusters: Thrusters, course: Course, now: float) -> float:
     return change
 
 
-@jit
+@kernel
 def spin(target: Array, decay: Array, rotors: Array) -> None:
     """Lag states at the beginning, middle and end of a step, from those at the end of the last."""
     for i in range(target.size):
@@ -115,7 +115,7 @@ def spin(target: Array, decay: Array, rotors: Array) -> None:
         rotors[2, i] = target[i] + away * decay[i] * decay[i]
 
 
-@jit
+@kernel
 def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: float) -> float:
     """Turn the rotors on from `now`, to `end` or to where the next command takes effect before it.
 
@@ -137,7 +137,7 @@ def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: fl
     return until
 
 
-@jit
+@kernel
 def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Array, h: float) -> None:
     """Advance the state of a motion by one step h [s]; its quaternion is normalised.
 
@@ -146,7 +146,7 @@ def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Ar
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     total[:] = 0.0
-    trial[:] = y
+    copy_kernel(y, trial)
     for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
@@ -161,7 +161,7 @@ def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Ar
         y[i] /= norm
 
 
-@jit
+@kernel
 def advance(
     motion: Motion,
     thrusters: Thrusters,
@@ -188,7 +188,7 @@ def advance(
             now = until
 
 
-@jit
+@kernel
 def march(
     motion: Motion,
     thrusters: Thrusters,
@@ -214,9 +214,10 @@ def march(
     """
     y, t, last = motion.y, course.t, out.shape[0] - 1
     for k in range(last + 1):
-        out[k] = y[:BODY]
+        copy_kernel(y, out[k])
         if deviations is not None:
-            deviations.out[k] = deviations.delta[:DEVIATION]
+            for i in range(DEVIATION):
+                copy_kernel(deviations.delta[i], deviations.out[k, i])
         if not np.isfinite(y.sum()):
             out[k + 1 :] = np.nan
             if deviations is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, kernel
 from hydro.core.effects.layout import POSITION, ROTATION, VELOCITY
 from hydro.core.vehicle.control_allocation import hold_kernel, mixing_kernel
 
@@ -30,10 +30,10 @@ class Pilot(NamedTuple):
     heading: Array
 
 
-@jit
+@kernel
 def steer(pilot: Pilot, row: int, s: Array, tau: Array, commands: Array) -> None:
     """Write the commands (n,) of a row at the state of motion `s`; `tau` (6,) is room for a wrench."""
-    tau[:] = pilot.wrenches[row]
+    copy_kernel(pilot.wrenches[row], tau)
     R, nu = s[ROTATION : ROTATION + 9], s[VELOCITY : VELOCITY + 6]
     hold_kernel(pilot.gains, R, s[POSITION + 2], nu, pilot.depth, pilot.heading, tau)
     mixing_kernel(pilot.allocation, pilot.table, tau, commands)

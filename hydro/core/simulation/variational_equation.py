@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.effects.layout import (
     INVERSE_MASS_MATRIX,
     POSITION,
@@ -25,7 +25,7 @@ from hydro.core.effects.layout import (
     ROTATION,
     VELOCITY,
 )
-from hydro.core.effects.program import HEADER, relative_to_water, thrusters_of, wrench
+from hydro.core.effects.program import HEADER, THRUSTER_COUNT, THRUSTER_TABLE, relative_to_water, wrench
 from hydro.core.simulation.dynamics import (
     BODY,
     Motion,
@@ -36,7 +36,7 @@ from hydro.core.simulation.dynamics import (
     rates_kernel,
 )
 from hydro.core.vehicle.frames import quaternion_product_kernel
-from hydro.core.vehicle.thrusters import INFLOW
+from hydro.core.vehicle.thrusters import COLUMNS, INFLOW
 
 Rows = NDArray[np.int64]
 
@@ -96,7 +96,7 @@ def deviations_of(changes: Changes, ahead: Array, out: Array) -> Deviations:
     return Deviations(changes, delta, np.zeros((size, total)), slope, push, out)
 
 
-@jit
+@kernel
 def carry(motion: Motion, rotors: Array, h: float, deviations: Deviations) -> None:
     """Carry deviations through the step h [s] that a motion is about to make, by the midpoint rule.
 
@@ -107,12 +107,13 @@ def carry(motion: Motion, rotors: Array, h: float, deviations: Deviations) -> No
     _pose_slopes(motion.s, slope)
     _balance_slopes(motion, rotors[1], slope)
     _pushes(motion, rotors[1], deviations.changes, push)
-    middle[:] = delta
+    for i in range(delta.shape[0]):
+        copy_kernel(delta[i], middle[i])
     _add(slope, push, 0.5 * h, delta, middle)
     _add(slope, push, h, middle, delta)
 
 
-@jit
+@kernel
 def _look_ahead(motion: Motion, rotors: Array, h: float) -> None:
     """The state and its rates in the middle of a step, and tau_prop there, into the room of the motion."""
     flat, y, s, work = motion.flat, motion.y, motion.s, motion.work
@@ -123,11 +124,11 @@ def _look_ahead(motion: Motion, rotors: Array, h: float) -> None:
     observe_state(flat, middle, s)
     thrust[:] = 0.0
     propel(flat, s, rotors[1], thrust)
-    tau[:] = thrust
+    copy_kernel(thrust, tau)
     accelerate(flat, s, middle[BODY:], rates[BODY:], tau, rates[7:BODY])
 
 
-@jit
+@kernel
 def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
     """Rows of nu and of the internal states: differences of their rates in the middle of a step."""
     flat, s, work = motion.flat, motion.s, motion.work
@@ -138,7 +139,7 @@ def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
             slope[6:, column] = 0.0
             continue
         _displace(motion, column, LITTLE)
-        tau[:] = thrust
+        copy_kernel(thrust, tau)
         if inflow:
             tau[:] = 0.0
             propel(flat, s, rotors, tau)
@@ -148,7 +149,7 @@ def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
         _displace(motion, column, -LITTLE)
 
 
-@jit
+@kernel
 def _feels_place(motion: Motion) -> bool:
     """Whether any rate in the middle of a step changes with the position; three columns less where none does.
 
@@ -158,7 +159,7 @@ def _feels_place(motion: Motion) -> bool:
     middle, rates, changed, tau, thrust = work[0], work[1], work[2], work[3, :6], work[3, 6:12]
     x, y, z = s[POSITION], s[POSITION + 1], s[POSITION + 2]
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x + LITTLE, y + 1.7 * LITTLE, z + 2.9 * LITTLE
-    tau[:] = thrust
+    copy_kernel(thrust, tau)
     accelerate(motion.flat, s, middle[BODY:], changed[BODY:], tau, changed[7:BODY])
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x, y, z
     feels = False
@@ -167,16 +168,16 @@ def _feels_place(motion: Motion) -> bool:
     return feels
 
 
-@jit
+@kernel
 def _feels_inflow(flat: Array) -> bool:
     """Whether the thrust of any thruster depends on the motion."""
-    table, feels = thrusters_of(flat), False
-    for i in range(table.shape[0]):
-        feels = feels or table[i, INFLOW] != 0.0
+    begin, feels = int(flat[THRUSTER_TABLE]), False
+    for i in range(int(flat[THRUSTER_COUNT])):
+        feels = feels or flat[begin + i * COLUMNS + INFLOW] != 0.0
     return feels
 
 
-@jit
+@kernel
 def _displace(motion: Motion, column: int, little: float) -> None:
     """Displace the state in the middle of a step a little, and by its negative put it back."""
     s, middle, turned = motion.s, motion.work[0], motion.work[2, :4]
@@ -195,7 +196,7 @@ def _displace(motion: Motion, column: int, little: float) -> None:
         middle[BODY + column - DEVIATION] += little
 
 
-@jit
+@kernel
 def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
     """The quaternion of a state turned a little about an axis of the body; of any length."""
     half = 0.5 * angle
@@ -205,7 +206,7 @@ def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
     quaternion_product_kernel(y[3:7], 1.0, a, b, c, quaternion)
 
 
-@jit
+@kernel
 def _pushes(motion: Motion, rotors: Array, changes: Changes, push: Array) -> None:
     """df/dp in the middle of a step, parameter by parameter."""
     flat, s, x = motion.flat, motion.s, motion.work[0, BODY:]
@@ -235,7 +236,7 @@ def _pushes(motion: Motion, rotors: Array, changes: Changes, push: Array) -> Non
         _accelerated(flat, tau, share, push[:, j])
 
 
-@jit
+@kernel
 def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
     """What a wrench changes of nu_dot, for a unit of what it is a share of; internal states feel nothing."""
     out[:] = 0.0
@@ -245,7 +246,7 @@ def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
             out[i] += flat[row + k] * tau[k] / share
 
 
-@jit
+@kernel
 def _pose_slopes(s: Array, slope: Array) -> None:
     """Rows of the pose: p' = R v turns with the body, and of a small rotation."""
     u, v, w = s[VELOCITY], s[VELOCITY + 1], s[VELOCITY + 2]
@@ -277,4 +278,4 @@ def _added(slope: Array, push: Array, h: float, delta: Array, out: Array) -> Non
             out[i, k] += h * push[i - 6, k - DEVIATION]
 
 
-_add = jit(_added, reorder_sums=True)
+_add = kernel(_added, reorder_sums=True)

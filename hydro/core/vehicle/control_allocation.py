@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import balance
 from hydro.core.vehicle.thrusters import (
@@ -91,7 +91,7 @@ def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
     return Mixing(authority, pseudo_inverse, table, gains, (stiffness + restoring)[1:3])
 
 
-@jit
+@kernel
 def hold_kernel(
     gains: Array, R: Array, depth: float, nu: Array, target_depth: float, heading: Array, tau: Array
 ) -> None:
@@ -117,7 +117,7 @@ def hold_kernel(
     tau[5] += gains[3, 0] * (R[0] * heading[1] - R[3] * heading[0]) - held * gains[3, 1] * nu[5]
 
 
-@jit
+@kernel
 def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) -> None:
     """Commands for a wrench: thrusts by the pseudo-inverse, the curve inverted, clipped to [-1, 1].
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 HALF_TURN: Array = np.array([1.0, -1.0, -1.0])
@@ -23,7 +23,7 @@ FRD_FLU: Array = np.concatenate([HALF_TURN, HALF_TURN])
 _LOCK = 1e-8  # below this cos(theta), roll and yaw turn about the same axis
 
 
-@jit
+@kernel
 def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
     """Write R_nb = Rz(psi) Ry(theta) Rx(phi) into `out` (9,), row-major; Fossen (2.18).
 
@@ -43,7 +43,7 @@ def rotation_kernel(phi: float, theta: float, psi: float, out: Array) -> None:
     out[8] = c_theta * c_phi
 
 
-@jit
+@kernel
 def quaternion_kernel(quaternion: Array, out: Array) -> None:
     """Write R_nb of a quaternion (w, x, y, z) of any length but zero into `out` (9,), row-major."""
     w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -59,7 +59,7 @@ def quaternion_kernel(quaternion: Array, out: Array) -> None:
     out[8] = 1.0 - twice * (x * x + y * y)
 
 
-@jit
+@kernel
 def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, out: Array) -> None:
     """Write the product q (w, x, y, z) into `out` (4,): first the turn on the right, then q."""
     out[0] = q[0] * w - q[1] * x - q[2] * y - q[3] * z
@@ -68,7 +68,7 @@ def quaternion_product_kernel(q: Array, w: float, x: float, y: float, z: float, 
     out[3] = q[0] * z + q[1] * y - q[2] * x + q[3] * w
 
 
-@jit
+@kernel
 def _rotation_columns(phi: Array, theta: Array, psi: Array, out: Array) -> None:
     for k in range(phi.size):
         rotation_kernel(phi[k], theta[k], psi[k], out[k])

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.errors import DataError
 
 FORM_DRAG = 1.1
@@ -140,7 +140,7 @@ def loaded_facets(
     return np.ascontiguousarray(np.vstack([hull.table[:6], form * area, friction * area]))
 
 
-@partial(jit, reorder_sums=True)
+@partial(kernel, reorder_sums=True)
 def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
     """Add the panel wrench about CO at one state.
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import skew
 
@@ -30,7 +30,7 @@ def mass_matrix(vehicle: Vehicle) -> Array:
     return matrix
 
 
-@jit
+@kernel
 def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
     """Add C(nu) nu to `out` (6,) for the inertia `matrix` (36,), row-major: omega x p, and v x p + omega x h.
 
@@ -83,7 +83,7 @@ def balance(vehicle: Vehicle) -> Array:
     return np.array([weight - force, *moment])
 
 
-@jit
+@kernel
 def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
     """Add the wrench of weight and buoyancy ON the vehicle to `out` (6,), from the four numbers of `balance`.
 
@@ -97,7 +97,7 @@ def restoring_kernel(balance: Array, down: Array, out: Array) -> None:
     out[5] += balance[1] * down[1] - balance[2] * down[0]
 
 
-@jit
+@kernel
 def _restoring_columns(balance: Array, down: Array, out: Array) -> None:
     for k in range(down.shape[0]):
         restoring_kernel(balance, down[k], out[k])

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.errors import DataError
 from hydro.core.thrust_curves.curve import curve_table
 from hydro.core.thrust_curves.table import ThrustTable
@@ -163,13 +163,13 @@ def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
     return ahead, astern, table.most(nominal) ** (1.0 / curve_power(thruster)) - 1.0
 
 
-@jit
+@kernel
 def raised(size: float, power: float) -> float:
     """Size to a power, by one product where that is 2."""
     return size * size if power == 2.0 else size**power
 
 
-@jit
+@kernel
 def static_thrust(row: Array, n: float) -> float:
     """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
     size: float = abs(n)
@@ -184,7 +184,7 @@ def static_thrust(row: Array, n: float) -> float:
     return size * limit
 
 
-@jit
+@kernel
 def settled_state(row: Array, command: float) -> float:
     """Lag state that a held command (delayed already) leads to; by a plain curve it is clipped to [-1, 1]."""
     most: float = 1.0 + row[BEYOND]
@@ -192,7 +192,7 @@ def settled_state(row: Array, command: float) -> float:
     return n if row[SPEED_LAG] else static_thrust(row, n)
 
 
-@jit
+@kernel
 def lag_decay(row: Array, dt: float) -> float:
     """Share of a distance from the settled state left after dt [s]: exp(-dt/T), or Euler's (1 - h/T)^(dt/h).
 
@@ -206,7 +206,7 @@ def lag_decay(row: Array, dt: float) -> float:
     return math.exp(-dt / constant)
 
 
-@jit
+@kernel
 def advance_state(row: Array, state: float, command: float, dt: float) -> float:
     """Lag state after holding a command (delayed already) for dt [s]: exact, in one step of any length.
 
@@ -216,7 +216,7 @@ def advance_state(row: Array, state: float, command: float, dt: float) -> float:
     return settled + (state - settled) * lag_decay(row, dt)
 
 
-@jit
+@kernel
 def state_derivative(row: Array, state: float, command: float) -> float:
     """Rate of the lag state [1/s of it] whose solution is `advance_state`.
 
@@ -229,7 +229,7 @@ def state_derivative(row: Array, state: float, command: float) -> float:
     return rate * (settled_state(row, command) - state)
 
 
-@jit
+@kernel
 def inflow_speed(row: Array, nu_r: Array) -> float:
     """Speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r."""
     speed = 0.0
@@ -238,7 +238,7 @@ def inflow_speed(row: Array, nu_r: Array) -> float:
     return speed
 
 
-@jit
+@kernel
 def state_to_thrust(row: Array, state: float, inflow: float) -> float:
     """Thrust [N] of a lag state, with gain, asymmetry and the loss to `inflow` [m/s] along the axis."""
     thrust: float = static_thrust(row, state) if row[SPEED_LAG] else state
@@ -283,7 +283,7 @@ def _states_kernel(
             out[m, i] = state[i]
 
 
-@jit
+@kernel
 def _thrust_kernel(table: Array, states: Array, nu_r: Array, out: Array) -> None:
     """Thrusts of lag states; `nu_r` has as many rows, or none for still water around a vehicle at rest."""
     for k in range(states.shape[0]):
