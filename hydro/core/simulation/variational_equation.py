@@ -241,9 +241,10 @@ def _accelerated(flat: Array, tau: Array, share: float, out: Array) -> None:
     """What a wrench changes of nu_dot, for a unit of what it is a share of; internal states feel nothing."""
     out[:] = 0.0
     for i in range(6):
-        row = HEADER + INVERSE_MASS_MATRIX + 6 * i
+        row, total = HEADER + INVERSE_MASS_MATRIX + 6 * i, 0.0
         for k in range(6):
-            out[i] += flat[row + k] * tau[k] / share
+            total += flat[row + k] * tau[k]
+        out[i] = total / share
 
 
 @kernel
