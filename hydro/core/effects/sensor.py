@@ -7,6 +7,9 @@ show in the kinematics, and are inverted once, before any dynamics.
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,6 +22,9 @@ from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.plausible import between, within_box
 
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
 # The log as a row of numbers, filled by the effects.
 SCALE = slice(0, 3)
 ANGLES = slice(3, 6)
@@ -27,6 +33,7 @@ LEVER = slice(7, 10)
 BIAS = slice(10, 13)
 LOG = 13
 
+SHORT = 256  # rows, of which all pairs are few
 LONGEST_DELAY = 0.5
 """Greatest delay of a velocity log that is looked for [s]."""
 SCALE_ERROR = between(
@@ -101,9 +108,25 @@ def _at(moments: Array, t: Array, values: Array) -> Array:
     """Values (..., N, 3) known at t, at other moments: a cubic spline, constant beyond both ends."""
     if len(t) < 2 or np.array_equal(moments, t):
         return values
+    inside = np.clip(moments, t[0], t[-1])
+    if len(t) > SHORT:
+        return np.asarray(_spline(t, values, -2)(inside))
+    by_time = np.moveaxis(values, -2, 0)
+    taken = _weights(t.tobytes(), inside.tobytes()) @ by_time.reshape(len(t), -1)
+    return np.moveaxis(taken.reshape(by_time.shape), 0, -2)
+
+
+@lru_cache(64)
+def _weights(t: bytes, moments: bytes) -> Array:
+    """How the values at some times make up those at other moments, (N, N): all shots of a fit share them."""
+    times = np.frombuffer(t)
+    return np.asarray(_spline(times, np.eye(len(times)), 0)(np.frombuffer(moments)))
+
+
+def _spline(t: Array, values: Array, axis: int) -> CubicSpline:
     from scipy.interpolate import CubicSpline
 
-    return np.asarray(CubicSpline(t, values, axis=-2)(np.clip(moments, t[0], t[-1])))
+    return CubicSpline(t, values, axis=axis)
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
