@@ -60,16 +60,17 @@ class Program:
     effects: tuple[str, ...]
 
 
-def assemble(vehicle: Vehicle) -> Program:
+def assemble(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Program:
     """Compile a vehicle.
 
     Args:
         vehicle: The vehicle; effects of kind `sensor` play no part.
+        listed: Its `entries`, where they are at hand.
 
     Raises:
         DataError: An effect the catalogue does not admit, or a mass matrix that cannot be inverted.
     """
-    listed = entries(vehicle)
+    listed = entries(vehicle) if listed is None else listed
     running = [entry for entry in listed if entry.effect.kernel is not None]
     table, thrusters = np.zeros((len(running), EFFECT_ROW)), thruster_table(vehicle, listed)
     begin = HEADER + layout.CONSTANTS + table.size

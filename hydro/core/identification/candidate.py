@@ -13,6 +13,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
+from hydro.core.effects.catalogue import entries
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
 from hydro.core.effects.program import relative_to_water, start, thrusters_of, wrench
 from hydro.core.recording.arrays import Recording
@@ -47,7 +48,8 @@ def candidate(vehicle: Vehicle) -> Candidate:
     Raises:
         DataError: An effect that the catalogue does not admit.
     """
-    return Candidate(assemble(vehicle), velocity_log(vehicle))
+    listed = entries(vehicle)
+    return Candidate(assemble(vehicle, listed), velocity_log(vehicle, listed))
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:
