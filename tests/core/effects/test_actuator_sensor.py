@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from bench import BARE, equipped
 from hypothesis import given
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from strategies import numbers, vectors
 
-from hydro.core.effects import thruster_table, velocity_log
+from hydro.core.effects import sensor, thruster_table, velocity_log
 from hydro.core.effects.sensor import corrected, measured
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.thrusters import thrusts
@@ -151,3 +152,14 @@ def test_all_together_in_the_designs_order_and_back(scale, angles, lever, bias, 
     np.testing.assert_array_equal(reading[:, 3:], nu[:, 3:])
     known = (T > 0.1) & (T + delay < T[-1] - 0.3) & (delay + 0.3 < T)
     np.testing.assert_allclose(corrected(log, T, reading)[known], nu[known], atol=2e-5)
+
+
+@pytest.mark.parametrize("rows", [7, 100, 400])
+def test_a_late_log_reads_a_cubic_spline_of_every_stretch_at_once(rows):
+    rng, t, late = np.random.default_rng(rows), np.arange(rows) * 0.02, 0.033
+    nu, log = rng.standard_normal((4, 3, rows, 6)), np.zeros(sensor.LOG)
+    log[sensor.DELAY] = late
+    read = sensor.measured(log, t, nu)
+    spline = CubicSpline(t, nu[..., :3], axis=-2)
+    np.testing.assert_allclose(read[..., :3], spline(np.maximum(t - late, 0.0)), atol=1e-12)
+    np.testing.assert_array_equal(read[..., 3:], nu[..., 3:])
