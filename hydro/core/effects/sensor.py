@@ -80,9 +80,13 @@ def measured(log: Array, t: ArrayLike, nu: ArrayLike) -> Array:
         taken to be like it.
     """
     motion = np.array(nu, dtype=np.float64)
-    local = motion[..., :3] + np.cross(motion[..., 3:], log[LEVER])
+    local = motion[..., :3]
+    if log[LEVER].any():
+        local = local + np.cross(motion[..., 3:], log[LEVER])
     local = _at(np.asarray(t, float) - log[DELAY], np.asarray(t, float), local)
-    motion[..., :3] = (1.0 + log[SCALE]) * (local @ rotation(*log[ANGLES])) + log[BIAS]
+    if log[ANGLES].any():
+        local = local @ rotation(*log[ANGLES])
+    motion[..., :3] = (1.0 + log[SCALE]) * local + log[BIAS]
     return motion
 
 
