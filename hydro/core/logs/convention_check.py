@@ -96,9 +96,9 @@ def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
     """
     few = evidence.some(RANKING)
     ranked = sorted(_combinations(few, declared), key=lambda one: one[0])
-    starts = [declared, *(given for _, given in ranked[:STARTS])]
-    signed = {_with_signs(few, start) for start in starts}
-    return _least_change(evidence, declared, {*signed, *(given for _, given in ranked[:STARTS])})
+    starts = [given for _, given in ranked[:STARTS]]
+    signed = {_with_signs(evidence, declared), *(_with_signs(few, start) for start in starts)}
+    return _least_change(evidence, declared, {*signed, *starts})
 
 
 def _combinations(evidence: Evidence, declared: LogMap) -> Iterable[tuple[float, LogMap]]:
