@@ -42,6 +42,12 @@ def test_a_mistake_is_named(name: str, flown: tuple[Vehicle, pl.DataFrame]) -> N
     assert named, lines
 
 
+def test_heave_positive_up_is_not_read_as_other_axes_with_sway_reversed() -> None:
+    """Both explain the motion; reversing one column is the smaller mistake."""
+    ((_, named, lines),) = planted.outcomes(*planted.flown("remus100", 6000), ["heave is up"])
+    assert named, lines
+
+
 def test_a_dead_thruster_is_none_in_reverse(flown: tuple[Vehicle, pl.DataFrame]) -> None:
     vehicle, raw = flown
     still = raw.cast({pl.Float32: pl.Float64}).with_columns(pl.col("cmd_2") * 0.0)
