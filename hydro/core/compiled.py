@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core.cpu import CPUTargetOptions
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -101,7 +102,9 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True) -> F:
     the same bits every time on one machine, rounding that may differ on another.  `counted`: see `kernel`.
     """
     fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
-    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath, _nrt=counted)
+    # said of every function: one that says nothing takes over what its first caller says
+    counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
+    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath, **counts)
     with _cache_in_own_folder(function), contextlib.suppress(RuntimeError):
         dispatcher.enable_caching()
     return dispatcher  # type: ignore[no-any-return]
