@@ -17,6 +17,8 @@ from benchmarks.hidden_effects import cases, report, scoring, study, vehicles
 from benchmarks.hidden_effects.figure import confusions
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.evaluation.replay_error import Ahead
+from hydro.core.logs.axis_faults import axis_faults
+from hydro.core.recording.arrays import recording
 
 ROOT = Path(__file__).resolve().parents[1]
 SLICE = 26  # seed of the studies in the slice
@@ -268,3 +270,9 @@ def test_a_slice_of_the_benchmark(tmp_path):
     assert set(json.loads(one.row["truth"])) == {"hidden", "foreign"}
     assert "### Nothing hidden" in command("report", out, "--plot", tmp_path / "c.png")
     assert (tmp_path / "c.png").exists()
+
+
+def test_a_log_far_from_the_origin_is_not_read_in_knots(tmp_path):
+    """What its lever arm adds is no motion; half of it is less of that, but no better explained."""
+    flown = study.fly(cases.draw("one", 78001), 160.0, tmp_path)
+    assert axis_faults(flown.measured, recording(flown.given, flown.measured)) is None

@@ -20,12 +20,13 @@ from hydro.core.columns import Array
 from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, tested, windows
 from hydro.core.logs.alternatives import Change, cost, difference, exchanges, flips, frame_changes
 from hydro.core.logs.conventions import SessionLog
-from hydro.core.logs.logmap import LogMap, measured
+from hydro.core.logs.logmap import BLOCKS, LogMap, measured
 
 LEAST_WINDOWS = 6  # windows; fewer show nothing
 TIE = 0.05  # relative difference of misfits that is none
 DOUBT = 0.5  # unexplained share of the motion from which every combination of frames is tried
 UNEXPLAINED = 0.7  # share from which a reading explains nothing, so that it cannot be better than another
+UNEXPLAINED_UNIT = 0.5  # the same of a reading in other units
 TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard errors it must be off 1/2
 TESTED = 6.0  # standard errors from which a sign counts as tested, for there are many
 UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
@@ -197,15 +198,23 @@ def _without(declared: LogMap, found: LogMap, change: Change) -> LogMap:
 def _speaks_for(evidence: Evidence, first: LogMap, second: LogMap) -> float | None:
     """Standard errors by which c is above 1/2 where the data demand the second reading; None otherwise.
 
-    It must also explain the motion on which it is better: a smaller unit makes every error smaller.
+    It must also explain the motion on which it is better: a smaller unit makes every error smaller, and what
+    is no motion at all, such as the rates of a lever arm, asks for one.
     """
     before, after = evidence.shares(first), evidence.shares(second)
     better = int(np.argmax(before / after))
-    if not after[better] < min(before[better], UNEXPLAINED):
+    most = UNEXPLAINED_UNIT if _other_units(first, second) else UNEXPLAINED
+    if not after[better] < min(before[better], most):
         return None
     c, error = _contrast(evidence, first, second)
     sureness = (c - 0.5) / error
     return sureness if c > TELLING and sureness > SURE else None
+
+
+def _other_units(first: LogMap, second: LogMap) -> bool:
+    """Whether two readings differ in the unit of a block."""
+    units = [[getattr(getattr(given, name), "unit", None) for name in BLOCKS] for given in (first, second)]
+    return units[0] != units[1]
 
 
 def _contrast(evidence: Evidence, first: LogMap, second: LogMap) -> tuple[float, float]:
