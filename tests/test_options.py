@@ -6,12 +6,14 @@ import inspect
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import polars as pl
 import pytest
 import torch
 
 from hydro import cli
 from hydro.core import seeds
 from hydro.core.errors import UsageError
+from hydro.io import table
 from hydro.io.files import bundled
 from hydro.learn.train import train
 from hydro.rl.training.config import SACConfig, TrainingConfig
@@ -86,3 +88,17 @@ def test_on_a_terminal_check_says_what_is_sound(
         "a table of kind raw",
         "a map of a log",
     ]
+
+
+@pytest.mark.parametrize("said", [{"widths": [4, 4], "training": {"stage": 1}}, {"name": 3}, {"training": 3}])
+def test_a_network_is_shown_whatever_its_footer_says(
+    said: dict, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = pl.DataFrame(
+        {"tensor": ["w"], "shape": [[1]], "data": [[0.5]]}, schema_overrides={"data": pl.List(pl.Float32)}
+    )
+    path = tmp_path / "policy.parquet"
+    table.write(table.make("policy", frame, stage="rl train").of_network(said), path)
+    monkeypatch.setattr("hydro.commands.files.sys.stdout.isatty", lambda: True)
+    assert cli.main(["show", str(path)]) == 0
+    assert "policy: 1 rows" in capsys.readouterr().out

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.recordings import Logs, called
-from hydro.commands.shell import about, dataset_name, read, report
+from hydro.commands.shell import about, dataset_name, network, report
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -73,7 +73,6 @@ def learnt(
     """
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.residual.learnt import Learnt
-    from hydro.io.model import from_artefact
 
     if not before:
         if model is not None:
@@ -85,22 +84,22 @@ def learnt(
     told: dict[str, Any] = {"recording": dataset_name(name)}
     inputs, law = [earlier], None
     if model is not None:
-        network = read(model, "model")
+        artefact, trained = network(model)
         with about(model):
-            law = Learnt.of(from_artefact(network), vehicle)
-        told |= {"network": dataset_name(model), "learnt": _learnt_from(network, earlier)}
+            law = Learnt.of(trained, vehicle)
+        told |= {"network": dataset_name(model), "learnt": _learnt_from(artefact, earlier)}
         if told["learnt"]:
             report(model, f"has learnt from {name}, and leaves less of it than of other motion; {ASIDE}")
-        inputs.append(network)
+        inputs.append(artefact)
     with about(name):
         hull = hull_of(vehicle, earlier.frame, law)
     figures = {"given": float(f"{hull.given:.4g}"), "left": float(f"{hull.left:.4g}")}
     return Earlier(hull, tuple(inputs), {"before": told | figures})
 
 
-def _learnt_from(network: Artefact, recording: Artefact) -> bool:
+def _learnt_from(trained: Artefact, recording: Artefact) -> bool:
     """Whether a network was trained on a recording."""
     from hydro.io.provenance import lineage
 
     content = recording.provenance.content
-    return any(node.content == content for _, node in lineage(network.provenance))
+    return any(node.content == content for _, node in lineage(trained.provenance))

@@ -131,6 +131,7 @@ def split(
     from hydro.core.distillation.split import split as divide
     from hydro.core.distillation.split import split_from
     from hydro.io import table
+    from hydro.io.provenance import parameters_of
 
     refuse_terminal(output)
     inputs = [source := read(labels, "labels")]
@@ -140,7 +141,7 @@ def split(
             frame, made = divide(source.frame, **parameters)
         else:
             inputs.append(given := read(from_, "blocks"))
-            parameters |= given.provenance.parameters
+            parameters |= parameters_of(given.provenance, "split")
             frame, made = split_from(
                 source.frame, given.frame, block=parameters["block"], salt=parameters["salt"]
             )

@@ -158,8 +158,19 @@ def _summary(artefact: Artefact) -> Iterator[str]:
     if record.vehicle is not None:
         yield f"vehicle {vehicle.parse(record.vehicle).name}"
     if record.model is not None:
-        yield f"model {record.model['name']}: {_named(record.model['architecture'])}"
-        yield f"trained: {_named(record.model['training'])}"
+        yield from _network(record.model)
+
+
+def _network(model: dict[str, Any]) -> Iterator[str]:
+    """What the footer of a residual model or a policy says beside its tensors, in two lines."""
+    kept = {name: value for name, value in model.items() if name not in ("training", "architecture")}
+    layers = model.get("architecture")
+    if isinstance(layers, dict):
+        yield f"model {model.get('name', '')}: {_named(layers)}"
+    else:
+        yield f"network: {_named(kept)}"
+    if isinstance(training := model.get("training"), dict):
+        yield f"trained: {_named(training)}"
 
 
 def _lineage(artefact: Artefact) -> Tree:

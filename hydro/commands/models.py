@@ -17,6 +17,7 @@ from hydro.commands.shell import (
     about,
     dataset_name,
     left_out,
+    network,
     print_table,
     progress,
     read,
@@ -179,16 +180,15 @@ def evaluate(
     reach, how many standard deviations of the training data the furthest velocity is from their mean: above
     3 a network extrapolates.
     """
-    from hydro.io.model import from_artefact
     from hydro.io.table import make
     from hydro.learn.evaluate import evaluate as measure
     from hydro.report.tables import prediction_errors, regime_errors
 
-    trained = [read(model, "model") for model in models]
+    trained = [network(model) for model in models]
     source = read(labels, "labels", "split")
     name = dataset_name(labels)
+    known = [model for _, model in trained]
     with about(labels):
-        known = [from_artefact(model) for model in trained]
         errors = measure(known, source.frame, part=part, dataset=name, by=by or ())
     report(labels, left_out(source.frame))
     if figures is not None:
@@ -200,7 +200,7 @@ def evaluate(
         if by:
             print_table(regime_errors(errors), REGIME_TITLE)
     if saves(output, as_json):
-        inputs = [*trained, source]
+        inputs = [*(artefact for artefact, _ in trained), source]
         parameters = {"part": part} | ({"by": list(by)} if by else {})
         write(make("metrics", errors, stage="evaluate", parameters=parameters, inputs=inputs), output)
 
@@ -239,11 +239,10 @@ def export(
     import sys
 
     from hydro.io.files import write_bytes
-    from hydro.io.model import from_artefact
     from hydro.learn.export import to_onnx
 
     refuse_terminal(output)
-    content = to_onnx(from_artefact(read(model, "model")))
+    content = to_onnx(network(model)[1])
     write_bytes(content, sys.stdout.buffer if output == STREAM else output)
 
 

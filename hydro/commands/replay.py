@@ -18,9 +18,9 @@ from hydro.commands.shell import (
     VehicleFile,
     about,
     dataset_name,
+    network,
     print_table,
     progress,
-    read,
     shows_table,
     tell_voltage,
     vehicle_for,
@@ -169,17 +169,16 @@ class _Flown:
 
 def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
     """Read vehicle and models, and fly them as recorded."""
-    from hydro.io import model as models
     from hydro.sim import replay as sim
     from hydro.sim.residual.conditioning import preset
     from hydro.sim.student import Physics
 
     known, text = vehicle_for(source, file)
     tell_voltage(known, source.frame)
-    trained = [read(name, "model") for name in given.models]
-    networks = [models.from_artefact(artefact) for artefact in trained]
-    for name, network in zip(given.models, networks, strict=True):
-        _require_same_effects(name, network, known)
+    trained = [network(name) for name in given.models]
+    networks = [model for _, model in trained]
+    for name, model in zip(given.models, networks, strict=True):
+        _require_same_effects(name, model, known)
     flown = sim.variants(networks, given.variants or None)
     physics = Physics(timestep=given.timestep, integrator=given.integrator)
     setup = sim.Setup(conditioning=preset(given.conditioning, known), lead=given.lead, physics=physics)
@@ -194,7 +193,7 @@ def _flown(given: _Given, source: Artefact, file: Path | None) -> _Flown:
             progress=lambda name, done, total: update(done, total, name),
         )
     parameters = {"variants": [one.name for one in flown]} | given.parameters
-    return _Flown(series, errors, parameters, [source, *trained], text)
+    return _Flown(series, errors, parameters, [source, *(artefact for artefact, _ in trained)], text)
 
 
 def _show(errors: pl.DataFrame, given: _Given) -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
     from hydro.core.vehicle.description import Vehicle
+    from hydro.io.model import Model
     from hydro.io.table import Artefact
     from hydro.study.steps import Runner, Step
 
@@ -96,6 +97,19 @@ def read(source: str, *kinds: str) -> Artefact:
     from hydro.io import table
 
     return table.read(sys.stdin.buffer if source == STREAM else source, kinds or None)
+
+
+def network(source: str) -> tuple[Artefact, Model]:
+    """Read a trained network, as its table and as what that describes.
+
+    Raises:
+        DataError: as for `read`, or its footer does not describe a network.
+    """
+    from hydro.io.model import from_artefact
+
+    artefact = read(source, "model")
+    with about(source):
+        return artefact, from_artefact(artefact)
 
 
 def write(artefact: Artefact, output: str) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -56,17 +58,13 @@ def read_bytes(source: Source) -> bytes:
     """All bytes of a file, or of a stream up to its end.
 
     Raises:
-        DataError: the path cannot be read, or nothing came in.
+        DataError: the path cannot be read or is a device, or nothing came in.
         UsageError: the stream is a terminal.
     """
     name = name_of(source)
     try:
-        if isinstance(source, str | Path):
-            content = Path(source).read_bytes()
-        elif source.isatty():
-            raise UsageError("nothing is piped in: name a file, or pipe a command into this one")
-        else:
-            content = source.read()
+        refuse_device(source)
+        content = Path(source).read_bytes() if isinstance(source, str | Path) else source.read()
     except OSError as error:
         raise explained(name, error) from error
     if not content:
@@ -74,6 +72,28 @@ def read_bytes(source: Source) -> bytes:
             f"{name}: empty, not a single byte: did the command that should have written it fail?"
         )
     return content
+
+
+def refuse_device(source: Source) -> None:
+    """Refuse an input that may never end: a disk, a terminal or /dev/zero; files and pipes pass.
+
+    Raises:
+        DataError: it is a device, and not the null device, which is empty.
+        UsageError: the stream is a terminal.
+        OSError: there is no such path.
+    """
+    if isinstance(source, str | Path):
+        found = os.stat(source)
+    elif source.isatty():
+        raise UsageError("nothing is piped in: name a file, or pipe a command into this one")
+    else:
+        try:
+            found = os.fstat(source.fileno())
+        except io.UnsupportedOperation:  # bytes in memory
+            return
+    device = stat.S_ISBLK(found.st_mode) or stat.S_ISCHR(found.st_mode)
+    if device and not os.path.samestat(found, os.stat(os.devnull)):
+        raise DataError(f"{name_of(source)}: a device, not a file: name a file, or pipe a command into -")
 
 
 def check_file(destination: str | Path) -> None:

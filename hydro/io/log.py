@@ -17,8 +17,8 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import Array
-from hydro.core.errors import DataError, UsageError
-from hydro.io.files import Source, explained, name_of, shown
+from hydro.core.errors import DataError
+from hydro.io.files import Source, explained, name_of, refuse_device, shown
 from hydro.io.logmap import listed
 from hydro.io.readers import collect, registry
 from hydro.io.readers.messages import Options, Selection
@@ -185,14 +185,14 @@ def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]
     """A log ready to be read; a stream is put into a temporary file first.
 
     Raises:
-        DataError: the path cannot be read, nothing came in, or no reader knows the format.
+        DataError: the path cannot be read or is a device, nothing came in, or no reader knows the format.
         UsageError: the stream is a terminal.
     """
     name = name_of(source)
     with tempfile.TemporaryDirectory() as folder:
         try:
+            refuse_device(source)
             path = Path(source) if isinstance(source, str | Path) else _spooled(source, Path(folder))
-            path.stat()
             if path.is_file() and not path.stat().st_size:
                 raise DataError(
                     f"{name}: empty, not a single byte: did the command that should have written it fail?"
@@ -208,8 +208,6 @@ def opened(source: Source, definitions: Path | None = None) -> Iterator[LogFile]
 
 def _spooled(stream: BinaryIO, folder: Path) -> Path:
     """The bytes of a stream in a file, for readers that go back and forth."""
-    if stream.isatty():
-        raise UsageError("nothing is piped in: name a file, or pipe a command into this one")
     path = folder / "stream"
     with path.open("wb") as file:
         shutil.copyfileobj(stream, file)

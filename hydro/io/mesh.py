@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
+from hydro.io.files import refuse_device
 
 
 def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -26,6 +27,7 @@ def read_obj(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         DataError: The file cannot be read, holds no faces, or has a line that is not as above.
     """
     try:
+        refuse_device(path)
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not a text file"

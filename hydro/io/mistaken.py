@@ -29,6 +29,8 @@ _NEEDED = {
 def kind(path: object) -> str:
     """What a file is by its first bytes; empty where they do not say, or it cannot be read."""
     try:
+        if not Path(str(path)).is_file():  # of a pipe nothing is left to read
+            return ""
         with open(Path(str(path)), "rb") as file:
             head = file.read(_BEGINNING)
     except (OSError, ValueError):

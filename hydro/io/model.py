@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypedDict, TypeVar
 
 import msgspec
 import numpy as np
@@ -23,11 +23,35 @@ SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 """Names of the scalers: inputs are (x - mean) / scale, outputs mean + scale * network."""
 
 
+Width = Annotated[int, msgspec.Meta(ge=1, le=16384)]
+"""Numbers that a layer has, or how many parts: a footer with more asks for more memory than there is."""
+Widths = Annotated[list[Width], msgspec.Meta(min_length=2, max_length=64)]
+Several = Annotated[int, msgspec.Meta(ge=1, le=1024)]
+
+
+class Architecture(TypedDict, total=False):
+    """What layers are built from, as far as the networks here ask for it; others may ask for more."""
+
+    model: str
+    features: str
+    layers: Widths
+    trunk: Widths
+    gate: Widths
+    width: Width
+    hidden: Width
+    head: Width
+    blocks: Several
+    experts: Several
+    activation: str
+    window: Several
+    period: Annotated[float, msgspec.Meta(gt=0.0)]
+
+
 class Described(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a model's footer says beside its tensors; see `Model`."""
 
     name: str
-    architecture: dict[str, Any]
+    architecture: Architecture
     features: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -124,9 +148,11 @@ def from_artefact(artefact: Artefact) -> Model:
         raise DataError("model: the footer's scalers do not fit its inputs and outputs: train it again")
     if not all((values > 0.0).all() for name, values in scalers.items() if name.endswith("_scale")):
         raise DataError("model: the footer's scales must be above 0: train it again")
+    if said.architecture.get("window", 1) > 1 and "period" not in said.architecture:
+        raise DataError("model: the footer's architecture has a window without its period: train it again")
     return Model(
         name=said.name,
-        architecture=said.architecture,
+        architecture=(artefact.provenance.model or {})["architecture"],  # with what others ask for
         tensors=tensors(artefact),
         features=said.features,
         scalers=scalers,
@@ -165,7 +191,7 @@ def tensors(artefact: Artefact) -> dict[str, NDArray[Any]]:
     dtype = np.float32 if artefact.frame.schema["data"] == pl.List(pl.Float32) else np.float64
     found: dict[str, NDArray[Any]] = {}
     for name, shape, data in artefact.frame.select("tensor", "shape", "data").iter_rows():
-        if np.prod(shape, dtype=np.int64) != len(data):
+        if min(shape, default=0) < 0 or np.prod(shape, dtype=np.int64) != len(data):
             raise DataError(
                 f"{artefact.kind}: tensor {name} has {len(data)} numbers, which do not fit its shape {shape}"
             )

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
-from typing import Any
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import msgspec
 import numpy as np
@@ -23,6 +23,39 @@ from hydro.io.schema import storage_type
 FOOTER_KEY = b"hydro"
 """The key of the record in a Parquet file's footer."""
 _BEGIN = b'{"check":"'
+
+
+class Before(TypedDict):
+    """What a table says of a recording before; see `report.change`."""
+
+    recording: str
+    given: float
+    left: float
+    network: NotRequired[str]
+    learnt: NotRequired[bool]
+
+
+class _Any(TypedDict, total=False):
+    """Parameters that are read again from a table of any stage."""
+
+    before: Before
+    chi2: list[float]
+    part: str
+
+
+class _Labelled(_Any, total=False):
+    noise: Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
+    subtract: Literal["inertia", "effects"]
+
+
+class _Divided(_Any, total=False):
+    block: Annotated[int, msgspec.Meta(ge=1)]
+    test: float
+    salt: str
+
+
+_PARAMETERS: dict[str | None, type] = {"labels": _Labelled, "split": _Divided}
+"""Those of some stages alone; a table may have others beside them."""
 
 
 class Input(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
@@ -92,6 +125,8 @@ def from_json(text: bytes, source: str) -> Provenance:
     """
     try:
         record = msgspec.json.decode(text, type=Provenance)
+        for _, node in lineage(record):
+            _check_parameters(node.stage, node.parameters)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise DataError(
             f"{source}: its `hydro` footer cannot be read ({error}): write the file again"
@@ -102,6 +137,18 @@ def from_json(text: bytes, source: str) -> Provenance:
     if text[:start] != _BEGIN + _digest(b"{" + text[start:]) + b'",':
         raise DataError(f"{source}: its `hydro` footer was changed after it was written: make the file again")
     return msgspec.structs.replace(record, check=None)
+
+
+def _check_parameters(stage: str | None, parameters: Mapping[str, Any]) -> None:
+    """Refuse parameters that are read again and are of another type.
+
+    Raises:
+        msgspec.ValidationError: One is.
+    """
+    try:
+        msgspec.convert(parameters, _PARAMETERS.get(stage, _Any))
+    except msgspec.ValidationError as error:
+        raise msgspec.ValidationError(f"parameters: {error}") from None
 
 
 def _digest(content: bytes) -> bytes:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hydro.core.errors import DataError
-from hydro.io.files import explained, whole_file
+from hydro.io.files import explained, refuse_device, whole_file
 
 _MARK = b"hydro-sealed/1 sha256:"
 _LENGTH = len(_MARK) + 64 + 1
@@ -43,6 +43,7 @@ def reading(path: str | Path) -> Iterator[BinaryIO]:
     """
     name = os.fspath(path)
     try:
+        refuse_device(path)
         with open(path, "rb") as stream:
             line = stream.read(_LENGTH)
             if not line.startswith(_MARK) or line != _first_line(stream):

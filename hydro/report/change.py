@@ -30,8 +30,8 @@ def section(sources: Sources) -> dict[str, Any] | None:
     lines = [learnt(told)]
     if sources.ladder is not None:
         lines += fall(sources.ladder.frame)
-    elif sources.diagnoses and "chi2" in (given := sources.diagnoses[-1].artefact.provenance.parameters):
-        lines.append(left(tuple(given["chi2"])))
+    elif sources.diagnoses and (chi2 := sources.diagnoses[-1].artefact.provenance.parameters.get("chi2")):
+        lines.append(left(tuple(chi2)))
     table = errors(sources.comparisons[0].frame) if sources.comparisons else pl.DataFrame()
     return {
         "recording": told["recording"],
@@ -51,7 +51,7 @@ def learnt(before: Mapping[str, Any]) -> str:
     """
     model = "with the model of the hull, on stretches that it was not fitted to"
     if "network" in before:
-        learns = "has" if before["learnt"] else "has not"
+        learns = "has" if before.get("learnt") else "has not"
         model = f"with the network {before['network']}, which {learns} learnt from it"
     return (
         f"Recording before, {before['recording']}: mean squared residual (1: noise alone) "

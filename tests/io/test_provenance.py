@@ -182,3 +182,31 @@ def test_parameters_of_a_stage_are_found_in_the_lineage() -> None:
     newer = Input("labels", "sha256:4", "labels", {"subtract": "effects"})
     both = msgspec.structs.replace(record, inputs=(split, newer))
     assert parameters_of(both, "labels") == {"subtract": "effects"}
+
+
+@pytest.mark.parametrize(
+    ("stage", "parameters", "where"),
+    [
+        ("diagnose", {"chi2": 3}, "`array`, got `int` - at `$.chi2`"),
+        ("explain", {"chi2": [1.0, "x"]}, "`float`, got `str` - at `$.chi2[1]`"),
+        ("compare", {"before": []}, "`object`, got `array` - at `$.before`"),
+        ("compare", {"before": {"recording": "a", "given": 1.0}}, "missing required field `left`"),
+        ("compare", {"before": {"recording": "a", "given": "x", "left": 1.0}}, "`$.before.given`"),
+        ("labels", {"noise": [0.1]}, "length >= 6"),
+        ("labels", {"subtract": 1}, "`$.subtract`"),
+        ("split", {"block": "x"}, "`int`, got `str` - at `$.block`"),
+    ],
+)
+def test_parameters_that_are_read_again_have_their_types(stage: str, parameters: dict, where: str) -> None:
+    """In the record itself, and in what its table was made from."""
+    made = {"kind": "labels", "content": "b", "stage": stage, "parameters": parameters}
+    for said in ({**made, "schema": "s"}, {"kind": "raw", "schema": "s", "content": "c", "inputs": [made]}):
+        with pytest.raises(DataError) as refused:
+            from_json(json.dumps(said).encode(), "a.parquet")
+        assert where in str(refused.value)
+        assert "write the file again" in str(refused.value)
+
+
+def test_other_parameters_are_free() -> None:
+    said = {"kind": "raw", "schema": "s", "content": "c", "stage": "collect", "parameters": {"noise": "dvl"}}
+    assert from_json(json.dumps(said).encode(), "a.parquet").parameters == {"noise": "dvl"}

@@ -137,6 +137,10 @@ def test_tables_say_where_they_come_from(tmp_path, auv151):
     )
     with pytest.raises(DataError, match="an earlier version wrote it: train again with"):
         policy_of(replace(artefact, provenance=provenance))
+    for name, junk in (("widths", ["x"]), ("widths", [2**53]), ("training", {"stage": [1]}), ("training", 3)):
+        said = {**(artefact.provenance.model or {}), name: junk}
+        with pytest.raises(DataError, match=rf"at `\$\.{name}.*train again with"):
+            policy_of(replace(artefact, provenance=msgspec.structs.replace(artefact.provenance, model=said)))
     fleet = Builder(config, vehicle)(3, 7)
     assert fly(policy, fleet).equals(fly(training.policy(), Builder(config, vehicle)(3, 7)))
 

@@ -125,7 +125,16 @@ class Writer:
         return self.affine(x, weight, self.tensor(f"{name}.bias", (length,)), self.place(length))
 
     def affine(self, x: Place, weight: Array32, bias: Array32, to: Place) -> Place:
-        """W x + b, of these weights."""
+        """W x + b, of these weights.
+
+        Raises:
+            DataError: W has not as many columns as x has numbers.
+        """
+        if weight.shape[1] != x.length:
+            raise DataError(
+                f"model {self.model.name}: a layer of {weight.shape[1]} inputs is given {x.length}; "
+                "train the model again"
+            )
         at = self._keep(weight.T.ravel(), bias)
         return self._step(layers.DENSE, x, to, weights=at)
 

@@ -22,6 +22,7 @@ from hydro.core.residual import layers
 from hydro.core.residual.lowering import TrainedModel, lower
 
 _STATES, _AXES = 12, 6
+_SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 
 @dataclass(frozen=True)
@@ -65,16 +66,13 @@ class Network:
         feature_set = description.get("features", "")
         memory = history.remembered(description.get("window", 1))
         inputs = len(names(feature_set)) + memory
-        written = lower(model, inputs)
-        scalers = {
-            key: np.asarray(model.scalers[key], dtype=np.float64).reshape(length)
-            for key, length in (
-                ("input_mean", inputs),
-                ("input_scale", inputs),
-                ("output_mean", _AXES),
-                ("output_scale", _AXES),
+        scalers = {key: np.asarray(model.scalers[key], dtype=np.float64).ravel() for key in _SCALERS}
+        if (found := [values.size for values in scalers.values()]) != [inputs, inputs, _AXES, _AXES]:
+            raise DataError(
+                f"model {model.name}: its scalers are of {found[0]} inputs and {found[2]} outputs, its "
+                f"architecture is of {inputs} and {_AXES}; train the model again"
             )
-        }
+        written = lower(model, inputs)
         if written.passive is not None:  # its wrench is in N and N m already, with no mean added
             scalers |= {"output_mean": np.zeros(_AXES), "output_scale": np.ones(_AXES)}
         return Network(

@@ -105,11 +105,12 @@ def build(architecture: Mapping[str, Any]) -> Residual:
     options = dict(architecture)
     name = options.pop("model", None)
     if name not in NETWORKS:
-        raise DataError(f"model architecture: unknown model '{name}': known are {', '.join(NETWORKS)}")
+        raise DataError(f"model architecture: unknown model {name!r}: known are {', '.join(NETWORKS)}")
     try:
         return NETWORKS[name](**options)
     except (TypeError, ValueError, RuntimeError, IndexError) as error:
-        raise DataError(f"model architecture: the description of '{name}' does not fit: {error}") from None
+        said = " ".join(str(error).split())
+        raise DataError(f"model architecture: the description of '{name}' does not fit: {said}") from None
 
 
 def load(model: Model) -> Residual:
@@ -118,8 +119,9 @@ def load(model: Model) -> Residual:
     Raises:
         DataError: If the tensors are not those that the architecture requires.
     """
-    network = build(model.architecture)
-    wanted = {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()}
+    with torch.device("meta"):  # shapes alone: a broken footer may ask for more memory than there is
+        shapes = build(model.architecture)
+    wanted = {name: tuple(tensor.shape) for name, tensor in shapes.state_dict().items()}
     found = {name: tensor.shape for name, tensor in model.tensors.items()}
     for name in sorted(wanted.keys() | found.keys()):
         shape, asked = found.get(name, "missing"), wanted.get(name, "none")
@@ -128,6 +130,7 @@ def load(model: Model) -> Residual:
                 f"model {model.name}: tensor {name} is {shape}, the architecture requires {asked}: "
                 "train the model again"
             )
+    network = build(model.architecture)
     network.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in model.tensors.items()})
     network.standardise(model.scalers)
     return network.eval()

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
 import msgspec
 import numpy as np
@@ -238,13 +238,21 @@ class Folder:
         return policy_of(found), found
 
 
+class Reached(TypedDict):
+    """What a training has come to, as far as it is read again."""
+
+    steps: int
+    stage: int
+    pillars: int
+
+
 class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a policy's footer says beside its tensors: layers, encoding and training; see `Policy`."""
 
-    widths: tuple[int, ...]
+    widths: Annotated[tuple[models.Width, ...], msgspec.Meta(max_length=64)]
     scale: tuple[float, ...]
     fades: tuple[bool, ...]
-    training: dict[str, Any]
+    training: Reached
 
 
 def policy_artefact(policy: Policy, run: Artefact, seed: int) -> Artefact:
@@ -278,7 +286,7 @@ def policy_of(artefact: Artefact) -> Policy:
         said.widths,
         Encoding(np.array(said.scale, np.float32), np.array(said.fades, np.bool_)),
         models.tensors(artefact),
-        said.training,
+        (artefact.provenance.model or {})["training"],
     )
 
 
@@ -297,13 +305,13 @@ def _read_state(path: Path) -> dict[str, Any]:
     try:
         with sealed.reading(path) as stream:
             state = torch.load(stream, weights_only=True)
+        learner = state.pop("learner")
     except DataError as error:
         raise DataError(f"{error}: remove it to train again") from error
-    except Exception as error:  # whatever torch's unpickler comes across
+    except Exception as error:  # whatever torch's unpickler comes across, or a state without a learner
         raise DataError(
             f"{path}: cannot be read: remove it to train again ({type(error).__name__})"
         ) from error
-    learner = state.pop("learner")
     return {**_each(state, torch.Tensor, torch.Tensor.numpy), "learner": learner}
 
 
