@@ -23,6 +23,7 @@ from hydro.commands import (
     files,
     fit,
     imports,
+    interrupts,
     models,
     physics,
     places,
@@ -113,7 +114,7 @@ for family in FAMILIES:
 def main(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; `arguments` defaults to the process's own."""
     streams.replace_closed()
-    with streams.warnings_in_one_line():
+    with streams.warnings_in_one_line(), interrupts.noted():
         return _main(arguments)
 
 
@@ -154,7 +155,7 @@ def _exit_code(error: BaseException) -> int:
         return 0
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else 1
-    if isinstance(error, KeyboardInterrupt):
+    if isinstance(error, KeyboardInterrupt) or interrupts.seen():
         return 130
     if isinstance(error, HydroError):
         return _report(str(error), error.exit_code)

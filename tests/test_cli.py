@@ -11,8 +11,10 @@ import re
 import runpy
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -459,6 +461,25 @@ def test_an_interruption_is_exit_code_130(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr("hydro.io.table.read", interrupt)
     assert cli.main(["show", "raw.parquet"]) == 130
+
+
+def test_an_interruption_that_a_module_makes_something_else_of_is_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A module written in C that is interrupted while it is loaded says that it could not be."""
+
+    def load(*_: Any) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(1.0)
+        except KeyboardInterrupt:
+            pass
+        raise ImportError("initialization failed")
+
+    monkeypatch.setattr("hydro.io.table.read", load)
+    assert cli.main(["show", "raw.parquet"]) == 130
+    assert "bug" not in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_debug_anywhere_adds_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
