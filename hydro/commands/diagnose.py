@@ -19,13 +19,13 @@ from hydro.commands.shell import (
     ModelFile,
     about,
     estimates_beside,
-    person,
     progress,
     read,
     tell_not_shown,
     vehicle_to_fit,
     write,
 )
+from hydro.commands.tables import person
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:

@@ -11,16 +11,8 @@ from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import (
-    Known,
-    ModelFile,
-    about,
-    person,
-    print_table,
-    progress,
-    tell_not_shown,
-    vehicle_to_fit,
-)
+from hydro.commands.shell import Known, ModelFile, about, progress, tell_not_shown, vehicle_to_fit
+from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:

@@ -18,7 +18,6 @@ from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     import polars as pl
-    from rich.console import Console
 
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
@@ -296,39 +295,3 @@ def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
 
     if words := unknown_voltage(vehicle, frame):
         typer.echo(f"hydro: {words}", err=True)
-
-
-def person(aside: bool = False) -> Console:
-    """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
-    from rich.console import Console
-
-    return Console(stderr=aside or not sys.stdout.isatty(), highlight=False, markup=False)
-
-
-def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = None) -> None:
-    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes.
-
-    Where the terminal is narrow, sentences wrap first: numbers and names stay whole.
-    """
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for name, dtype in frame.schema.items():
-        words = not any(" " in _cell(value) for value in frame[name])
-        table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=words)
-    for row in frame.iter_rows():
-        table.add_row(*[_cell(value) for value in row])
-    console = console or Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 160)
-    console.print(*["", title] if title else [""], sep="\n", style="bold")
-    console.print(table)
-
-
-def _cell(value: Any) -> str:
-    """A value as three significant figures at most, in plain notation where that is short."""
-    if value is None:
-        return "–"
-    if not isinstance(value, float):
-        return f"{value:,}" if isinstance(value, int) else str(value)
-    return f"{value:#.3g}".rstrip(".") if 1e-4 <= abs(value) < 1e4 else f"{value:.3g}"
