@@ -21,6 +21,7 @@ from hydro.commands.shell import (
     estimates_beside,
     progress,
     read,
+    tell_duration,
     tell_not_shown,
     vehicle_to_fit,
     write,
@@ -129,6 +130,8 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(name):
         tell_not_shown(start, source.frame)
+        if not before:
+            tell_duration(start, source.frame)
     earlier = learnt(before, model, start, source, logs)
     with about(name), progress("diagnose") as update:
         found = diagnose_log(

@@ -11,7 +11,15 @@ from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import Known, ModelFile, about, progress, tell_not_shown, vehicle_to_fit
+from hydro.commands.shell import (
+    Known,
+    ModelFile,
+    about,
+    progress,
+    tell_duration,
+    tell_not_shown,
+    vehicle_to_fit,
+)
 from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
@@ -84,6 +92,8 @@ def explain(
     other = _held_out(holdout, logs, source, start, beside=bool(before)) if holdout else None
     with about(name):
         tell_not_shown(start, source.frame)
+        if not before:
+            tell_duration(start, source.frame, steps=True)
     earlier = learnt(before, model, start, source, logs)
     told = (earlier.inputs, earlier.parameters) if earlier else ()
     study = Study(folder, text, source, other, *told)

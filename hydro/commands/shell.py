@@ -35,6 +35,9 @@ CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
 )
 
+LONG = 30.0
+"""Seconds from which on it is said how long something takes."""
+
 ModelFile = Annotated[
     Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
 ]
@@ -266,6 +269,33 @@ def progress(label: str) -> Iterator[Callable[..., None]]:
 def message(text: str) -> None:
     """Say a line on stderr, where it does not disturb what is piped on."""
     typer.echo(text, err=True)
+
+
+def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> None:
+    """How long a diagnosis takes, about, where that is long and a person waits for it at a terminal.
+
+    Args:
+        vehicle: What is diagnosed.
+        frame: The recording.
+        steps: Whether it is the first of several, as in `explain`.
+    """
+    if not sys.stderr.isatty():
+        return
+    import os
+
+    from hydro.core.effects.catalogue import own_effects
+    from hydro.core.identification.parameters import free
+    from hydro.core.recording import extent
+
+    own, processors = own_effects(vehicle), os.cpu_count() or 1
+    values = len(free(vehicle, own).entries) if own else 0
+    seconds = extent.diagnosis_seconds(frame.height, values, processors)
+    seconds *= extent.EXPLAINED if steps else 1.0
+    if seconds > LONG:
+        what = "a first step takes about" if steps else "about"
+        on = "one processor" if processors == 1 else f"{processors} processors"
+        spread = "half or twice that is possible" + (", later steps take less" if steps else "")
+        message(f"hydro: {frame.height:,} rows: {what} {extent.duration(seconds)} on {on}; {spread}")
 
 
 def here(root: Any) -> Callable[[Step], None]:
