@@ -14,6 +14,7 @@ import pytest
 from tables import raw
 
 from hydro import cli
+from hydro.commands import shell
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question
@@ -185,6 +186,27 @@ def test_no_room_to_fly_is_told_in_one_line_and_the_diagnosis_kept(unsure, tmp_p
     assert not next_.exists()
     assert cli.main([*map(str, [*line, "--thrust", 2, "-o", out])]) == 1
     assert "no share of full thrust" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "terminal"), [("sample", True), ("sample", False), ("replay90", True)])
+def test_a_long_diagnosis_says_first_how_long(name, terminal, unsure, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    line = ["diagnose", STONEFISH / "vehicle.toml", STONEFISH / f"{name}.parquet", "-o", tmp_path / "d"]
+    assert cli.main([*map(str, line)]) == 0
+    told = "hydro: 59,914 rows: about 64 s on 2 processors; half or twice that is possible\n"
+    assert capsys.readouterr().err.startswith(told) == (terminal and name == "sample")
+
+
+def test_a_study_says_it_of_its_first_step(capsys, monkeypatch) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    known, frame = vehicles.read(VEHICLE)[0], table.read(STONEFISH / "replay90.parquet").frame
+    shell.tell_duration(known, frame, steps=True)
+    assert capsys.readouterr().err == (
+        "hydro: 4,500 rows: a first step takes about 34 s on one processor; half or twice that is possible, "
+        "later steps take less\n"
+    )
 
 
 def test_a_person_reads_one_line_per_finding(diagnosis: Path) -> None:

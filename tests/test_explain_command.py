@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import polars as pl
 import pytest
+from terminal import fits, on_terminal
 
 import hydro
 from hydro import cli
@@ -28,6 +29,7 @@ from hydro.report.sources import gather
 VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
 CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
 SPREAD = {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
+LINE = ("explain", str(VEHICLE), "measured.parquet", "--holdout", "held.parquet", "-o", "study")
 FILES = [
     f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
 ]
@@ -86,9 +88,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
 
 
 def run(*more: str) -> int:
-    return cli.main(
-        ["explain", str(VEHICLE), "measured.parquet", "--holdout", "held.parquet", "-o", "study", *more]
-    )
+    return cli.main([*LINE, *more])
 
 
 def contents() -> dict[str, bytes]:
@@ -117,6 +117,12 @@ def test_the_files_of_a_study(counted, capsys):
     ):
         assert words in told
     assert told.index("held-out") < told.index("It ends here: nothing more is found.")
+
+
+def test_its_tables_keep_to_a_terminal_of_80_columns(counted, capsys, monkeypatch):
+    text = on_terminal([*LINE], 80, monkeypatch)
+    assert "1 ocean_current" in text
+    assert fits(text), text
 
 
 def test_a_study_has_the_bands_of_its_best_step(counted):

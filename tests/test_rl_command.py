@@ -9,6 +9,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from terminal import fits, on_terminal
 
 from hydro import cli
 from hydro.io import table
@@ -106,6 +107,13 @@ def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simula
     again = tmp_path / "again.parquet"
     assert rl("eval", run, "--in", simulator, "--episodes", 5, "-o", again) == 0
     assert again.read_bytes() == out.read_bytes()
+
+
+def test_what_was_flown_is_a_table_that_fits_a_terminal(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(run.parent)
+    text = on_terminal(["rl", "eval", run.name, "--episodes", "3"], 80, monkeypatch)
+    assert "success" in text
+    assert fits(text), text
 
 
 def test_pictures_of_a_flight_and_of_curves(run: Path, tmp_path: Path) -> None:

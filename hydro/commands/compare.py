@@ -10,17 +10,8 @@ from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import (
-    STREAM,
-    ModelFile,
-    about,
-    person,
-    print_table,
-    progress,
-    read,
-    tell_not_shown,
-    write,
-)
+from hydro.commands.shell import STREAM, ModelFile, about, progress, read, tell_not_shown, write
+from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from hydro.commands.places import FOLDER
-from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, print_table, read
+from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, read
+from hydro.commands.tables import print_table
 from hydro.io.files import bundled
 
 EPOCHS = 20

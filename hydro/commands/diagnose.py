@@ -19,13 +19,14 @@ from hydro.commands.shell import (
     ModelFile,
     about,
     estimates_beside,
-    person,
     progress,
     read,
+    tell_duration,
     tell_not_shown,
     vehicle_to_fit,
     write,
 )
+from hydro.commands.tables import person
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -129,6 +130,8 @@ def diagnose(
     start, text = vehicle_to_fit(vehicle, known, source)
     with about(name):
         tell_not_shown(start, source.frame)
+        if not before:
+            tell_duration(start, source.frame)
     earlier = learnt(before, model, start, source, logs)
     with about(name), progress("diagnose") as update:
         found = diagnose_log(

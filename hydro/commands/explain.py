@@ -15,12 +15,12 @@ from hydro.commands.shell import (
     Known,
     ModelFile,
     about,
-    person,
-    print_table,
     progress,
+    tell_duration,
     tell_not_shown,
     vehicle_to_fit,
 )
+from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:
@@ -92,6 +92,8 @@ def explain(
     other = _held_out(holdout, logs, source, start, beside=bool(before)) if holdout else None
     with about(name):
         tell_not_shown(start, source.frame)
+        if not before:
+            tell_duration(start, source.frame, steps=True)
     earlier = learnt(before, model, start, source, logs)
     told = (earlier.inputs, earlier.parameters) if earlier else ()
     study = Study(folder, text, source, other, *told)

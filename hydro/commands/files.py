@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.diagnose import print_findings
-from hydro.commands.shell import STREAM, print_table, read
+from hydro.commands.shell import STREAM, read
+from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:

@@ -171,7 +171,7 @@ def _show(found: Fit) -> None:
     title = f"Fitted by {found.method} error; mean squared residual {found.chi2:.3g} (1: noise alone)"
     shown = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     for name, justify in (("parameter", "left"), ("value", "right"), ("±", "right"), ("", "left")):
-        shown.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+        shown.add_column(name, justify=justify, no_wrap=bool(name))  # type: ignore[arg-type]
     for name, value, error, unit, determined in found.frame().iter_rows():
         remark = unit if unit != "1" else ""
         shown.add_row(

@@ -18,7 +18,6 @@ from hydro.commands.shell import (
     dataset_name,
     left_out,
     network,
-    print_table,
     progress,
     read,
     refuse_terminal,
@@ -27,6 +26,7 @@ from hydro.commands.shell import (
     shows_table,
     write,
 )
+from hydro.commands.tables import print_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,16 +10,8 @@ import typer
 
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
-from hydro.commands.shell import (
-    STREAM,
-    about,
-    print_table,
-    progress,
-    refuse_terminal,
-    seed_option,
-    tell_voltage,
-    write,
-)
+from hydro.commands.shell import STREAM, about, progress, refuse_terminal, seed_option, tell_voltage, write
+from hydro.commands.tables import person, print_table
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -177,7 +169,10 @@ def _print_effect(effect: Effect) -> None:
 
     from hydro.core.effects import describe
 
-    typer.echo(f"{effect.name} ({effect.kind}, {effect.family}): {effect.definition}\n\n{effect.description}")
+    console = person()
+    console.print(
+        f"{effect.name} ({effect.kind}, {effect.family}): {effect.definition}\n\n{effect.description}"
+    )
     parameters: list[dict[str, Any]] = [
         {
             "parameter": parameter.name,
@@ -192,10 +187,10 @@ def _print_effect(effect: Effect) -> None:
     ]
     print_table(pl.DataFrame(parameters), "")
     sources = dict.fromkeys(one.plausible.source for one in effect.parameters if one.plausible)
-    typer.echo(f"\nplausible by: {'; '.join(sources)}")
-    typer.echo(f"needs: {effect.excitation}")
-    typer.echo(f"easily mistaken for: {', '.join(effect.lookalikes)}")
-    typer.echo(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
+    console.print(f"\nplausible by: {'; '.join(sources)}")
+    console.print(f"needs: {effect.excitation}")
+    console.print(f"easily mistaken for: {', '.join(effect.lookalikes)}")
+    console.print(f"source: {effect.source}\n\nin a vehicle file (0 is no effect):\n")
     typer.echo(describe.toml(effect), nl=False)
 
 

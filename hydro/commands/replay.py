@@ -19,13 +19,13 @@ from hydro.commands.shell import (
     about,
     dataset_name,
     network,
-    print_table,
     progress,
     shows_table,
     tell_voltage,
     vehicle_for,
     write,
 )
+from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ import typer
 
 from hydro.commands.places import FILE, FOLDER, Output
 from hydro.commands.rl_study import study
-from hydro.commands.shell import STREAM, ModelFile, print_table, progress, seed_option, shows_table, write
+from hydro.commands.shell import STREAM, ModelFile, progress, seed_option, shows_table, write
+from hydro.commands.tables import print_table
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from hydro.commands.places import FOLDER
-from hydro.commands.shell import ModelFile, message, print_table, runner
+from hydro.commands.shell import ModelFile, message, runner
+from hydro.commands.tables import print_table
 
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
 Models = Annotated[

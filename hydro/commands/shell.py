@@ -18,7 +18,6 @@ from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     import polars as pl
-    from rich.console import Console
 
     from hydro.core.simulation.estimates import Estimates
     from hydro.core.simulation.sensor_noise import Noise
@@ -35,6 +34,9 @@ REPLAY_TITLE = "Open-loop replay, RMSE: u v w [m/s], p q r [rad/s]"
 CONDITIONING_TITLE = (
     "Conditioning {}: shares of control steps with an axis clipped, with the dead band at work"
 )
+
+LONG = 30.0
+"""Seconds from which on it is said how long something takes."""
 
 ModelFile = Annotated[
     Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file: the model.")
@@ -269,6 +271,33 @@ def message(text: str) -> None:
     typer.echo(text, err=True)
 
 
+def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False) -> None:
+    """How long a diagnosis takes, about, where that is long and a person waits for it at a terminal.
+
+    Args:
+        vehicle: What is diagnosed.
+        frame: The recording.
+        steps: Whether it is the first of several, as in `explain`.
+    """
+    if not sys.stderr.isatty():
+        return
+    import os
+
+    from hydro.core.effects.catalogue import own_effects
+    from hydro.core.identification.parameters import free
+    from hydro.core.recording import extent
+
+    own, processors = own_effects(vehicle), os.cpu_count() or 1
+    values = len(free(vehicle, own).entries) if own else 0
+    seconds = extent.diagnosis_seconds(frame.height, values, processors)
+    seconds *= extent.EXPLAINED if steps else 1.0
+    if seconds > LONG:
+        what = "a first step takes about" if steps else "about"
+        on = "one processor" if processors == 1 else f"{processors} processors"
+        spread = "half or twice that is possible" + (", later steps take less" if steps else "")
+        message(f"hydro: {frame.height:,} rows: {what} {extent.duration(seconds)} on {on}; {spread}")
+
+
 def here(root: Any) -> Callable[[Step], None]:
     """Run steps of a study in this process, by a Click command."""
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
@@ -296,39 +325,3 @@ def tell_voltage(vehicle: Vehicle, frame: pl.DataFrame) -> None:
 
     if words := unknown_voltage(vehicle, frame):
         typer.echo(f"hydro: {words}", err=True)
-
-
-def person(aside: bool = False) -> Console:
-    """Where a command whose results are files talks to a person: stdout on a terminal, else stderr."""
-    from rich.console import Console
-
-    return Console(stderr=aside or not sys.stdout.isatty(), highlight=False, markup=False)
-
-
-def print_table(frame: pl.DataFrame, title: str = "", console: Console | None = None) -> None:
-    """Print a table for a person: numbers to the right with three significant figures, gaps as dashes.
-
-    Where the terminal is narrow, sentences wrap first: numbers and names stay whole.
-    """
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for name, dtype in frame.schema.items():
-        words = not any(" " in _cell(value) for value in frame[name])
-        table.add_column(name, justify="right" if dtype.is_numeric() else "left", no_wrap=words)
-    for row in frame.iter_rows():
-        table.add_row(*[_cell(value) for value in row])
-    console = console or Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 160)
-    console.print(*["", title] if title else [""], sep="\n", style="bold")
-    console.print(table)
-
-
-def _cell(value: Any) -> str:
-    """A value as three significant figures at most, in plain notation where that is short."""
-    if value is None:
-        return "–"
-    if not isinstance(value, float):
-        return f"{value:,}" if isinstance(value, int) else str(value)
-    return f"{value:#.3g}".rstrip(".") if 1e-4 <= abs(value) < 1e4 else f"{value:.3g}"

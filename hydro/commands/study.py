@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from hydro.commands.places import FOLDER
-from hydro.commands.shell import (
-    PREDICTION_TITLE,
-    REPLAY_TITLE,
-    Device,
-    message,
-    noise_for,
-    print_table,
-    runner,
-)
+from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, Device, message, noise_for, runner
+from hydro.commands.tables import print_table
 
 if TYPE_CHECKING:
     import polars as pl

@@ -1,4 +1,7 @@
-"""How much a recording may be: refused, with an estimate, before hours of work or more than memory holds."""
+"""How much a recording may be: refused, with an estimate, before hours of work or more than memory holds.
+
+And how long a diagnosis of it takes, about.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,15 @@ BYTES_PER_ROW = 100
 """Of a recording: pose, velocity and eight commands in float32, time and session."""
 FINEST = 10.0
 """Rows to a sample of the fastest sensor: more hold nothing more."""
+
+FIRST_SECONDS, DIAGNOSED_ROWS, DIAGNOSED_VALUES = 16.0, 750.0, 50.0
+"""Of a diagnosis: seconds of one processor (2.8 GHz) whatever there is; rows to a second more; values to fit
+to as much again.  Laid through the nine measured ones of `tests/core/recording/test_extent.py`: how much is
+found, which nobody knows beforehand, makes the rest, up to a factor of two."""
+SERIAL = 1.0 / 3.0
+"""Share of a diagnosis that one processor alone does."""
+EXPLAINED = 1.25
+"""A first step of `explain`, in diagnoses: 40 s of 32 s; later steps look for less and took 25 s and 18 s."""
 
 
 def require_rows(rows: float) -> None:
@@ -48,3 +60,15 @@ def duration(seconds: float) -> str:
         if seconds >= 2.0 * size:
             return f"{seconds / size:.0f} {unit}"
     return f"{seconds:.0f} s"
+
+
+def diagnosis_seconds(rows: int, values: int, processors: int) -> float:
+    """How long a diagnosis takes, to a factor of two [s].
+
+    Args:
+        rows: Of the recording.
+        values: Numbers of the vehicle file that are fitted anew.
+        processors: Of this machine.
+    """
+    alone = (FIRST_SECONDS + rows / DIAGNOSED_ROWS) * (1.0 + values / DIAGNOSED_VALUES)
+    return alone * (SERIAL + (1.0 - SERIAL) / processors)
