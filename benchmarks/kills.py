@@ -112,6 +112,7 @@ def finished(line: str, folder: Path) -> float:
 
 def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[bool, str]:
     """Run a command and send it a signal after so many seconds; whether it had ended, and what was wrong."""
+    before = {path for path in files(folder) if unfinished(path)}  # of a kill, swept when next written
     process = hydro(line, folder)
     try:
         said, ended = process.communicate(timeout=after)[1], True
@@ -127,7 +128,7 @@ def killed(line: str, folder: Path, after: float, how: signal.Signals) -> tuple[
         return False, ""
     if ("Traceback" in said and "cli.py" in said) or "bug" in said:  # else the interpreter was still loading
         return False, f"interrupted: {said.strip()}"
-    left = [path.name for path in files(folder) if unfinished(path)]
+    left = [path.name for path in files(folder) if unfinished(path) and path not in before]
     return False, f"left behind: {', '.join(left)}" if left else ""
 
 

@@ -187,6 +187,7 @@ class Learner:
             batch_size=config.batch,
             generator=self._generators["batches"],
         )
+        self._capacity = config.capacity
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
@@ -262,17 +263,27 @@ class Learner:
         return Losses(*(loss.detach() for loss in losses))
 
     def state(self) -> dict[str, Any]:
-        """Everything that the future depends on, for `torch.save`; not a copy."""
+        """Everything that the future depends on, for `torch.save`; a copy of a memory not yet full alone."""
         return {
             "loss": self.loss.state_dict(),
             "average": self._average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "generators": {name: each.get_state() for name, each in self._generators.items()},
-            "transitions": self._replay[:].flatten_keys(".").to_dict() if len(self._replay) else {},
+            "transitions": self._transitions(),
             "writer": self._replay.writer.state_dict(),
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
+
+    def _transitions(self) -> dict[str, Any]:
+        """What the memory holds; of one that is not full a copy, for a view is saved with all behind it."""
+        if not len(self._replay):
+            return {}
+        kept = self._replay[:]
+        if len(kept) < self._capacity:
+            kept = kept.clone()
+        transitions: dict[str, Any] = kept.flatten_keys(".").to_dict()
+        return transitions
 
     def begin_with(self, learnt: Mapping[str, Any]) -> None:
         """Take over what another learner has learnt, of its `state`: policy, critics, temperature.

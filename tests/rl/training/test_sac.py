@@ -160,6 +160,13 @@ def test_a_learner_goes_on_from_its_state_bit_for_bit(rows):
     np.testing.assert_array_equal(made.act(observations), other.act(observations))
 
 
+@pytest.mark.parametrize("rows", [160, 1200], ids=["filling", "overwriting"])
+def test_a_state_holds_what_the_memory_does_and_nothing_behind_it(rows):
+    """A saved view takes all of its storage along, with rows that were never written."""
+    kept = transitions(learner(rows=rows))
+    assert all(each.untyped_storage().nbytes() == each.nbytes for each in kept.values())
+
+
 def test_memory_keeps_the_last_transitions_scaled():
     made = learner(replace(SMALL, horizon=1), rows=0)
     feed(made, 1200)
