@@ -477,9 +477,13 @@ def test_an_interruption_that_a_module_makes_something_else_of_is_one(
         raise ImportError("initialization failed")
 
     monkeypatch.setattr("hydro.io.table.read", load)
-    assert cli.main(["show", "raw.parquet"]) == 130
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # workers of a test run ignore it
+    try:
+        assert cli.main(["show", "raw.parquet"]) == 130
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert "bug" not in capsys.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_debug_anywhere_adds_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
