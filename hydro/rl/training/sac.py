@@ -187,7 +187,6 @@ class Learner:
             batch_size=config.batch,
             generator=self._generators["batches"],
         )
-        self._capacity = config.capacity
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
@@ -280,7 +279,7 @@ class Learner:
         if not len(self._replay):
             return {}
         kept = self._replay[:]
-        if len(kept) < self._capacity:
+        if len(kept) < self._replay.storage.max_size:
             kept = kept.clone()
         transitions: dict[str, Any] = kept.flatten_keys(".").to_dict()
         return transitions
