@@ -45,7 +45,7 @@ LEVELS = {
         ("thrust_curves",),
         ("columns",),
         ("toml_text", "seeds"),
-        ("errors", "compiled"),
+        ("errors", "compiled", "progress"),
     ),
     "hydro.sim": (
         ("film", "replay", "teacher_plant"),

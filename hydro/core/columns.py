@@ -6,7 +6,7 @@ in body axes (FRD).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ Array32 = NDArray[np.float32]
 Rows = NDArray[np.int64]
 """Row numbers, or bounds [start, stop) of runs of rows."""
 Mask = NDArray[np.bool_]
-Progress = Callable[[str, float], None]
-"""Told what is being done, in a few words, and the share of the work that is behind."""
 
 POSE = ("x", "y", "z", "phi", "theta", "psi")
 VELOCITY = ("u", "v", "w", "p", "q", "r")

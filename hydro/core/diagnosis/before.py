@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hydro.core.columns import Array, Progress
+from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
@@ -25,6 +25,7 @@ from hydro.core.experiment import advice
 from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
+from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
@@ -138,8 +139,9 @@ def find(compared: Compared, first: Model, progress: Progress, further: bool = F
     """
     last, changes = first, list[Change]()
     while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
-        progress(f"{len(changes)} changes found, looking for more", 0.3 + 0.2 * len(changes))
-        rivals = contend(compared, last, [one.best.effect for one in changes])
+        here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
+        here(f"{len(changes)} changes found, looking for more", 0.0)
+        rivals = contend(compared, last, [one.best.effect for one in changes], here)
         change = Change.of(compared, last, rivals)
         if change is None or not change.seen(further=further or bool(changes)):
             break

@@ -23,6 +23,7 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
+from hydro.core.progress import Progress
 from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
 from hydro.core.residual.regression import robust
@@ -110,13 +111,16 @@ class Compared:
         return OutputError(transitions.corrected(wrench)).at_measured_states(vehicle)
 
 
-def contend(compared: Compared, last: Model, chosen: Sequence[str]) -> dict[str, Contender]:
+def contend(
+    compared: Compared, last: Model, chosen: Sequence[str], progress: Progress
+) -> dict[str, Contender]:
     """Fit the suspects that score most by one Gauss-Newton step, and all that move the water.
 
     Args:
         compared: The recordings.
         last: The vehicle so far.
         chosen: Effects that are in it as changes already.
+        progress: Called with a few words and the share of the work done.
     """
     vehicle, log = last.vehicle, compared.log
     tried = suspects(vehicle, without=chosen, reach=log.positions)
@@ -125,10 +129,11 @@ def contend(compared: Compared, last: Model, chosen: Sequence[str]) -> dict[str,
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = float(compared.weight @ last.normal.freedoms)
     fits: dict[str, Contender] = {}
-    for name in list(dict.fromkeys([*always, *ranked]))[:MOST_CONTENDERS]:
+    for number, name in enumerate(list(dict.fromkeys([*always, *ranked]))[:MOST_CONTENDERS]):
         left = min((float(fit.costs.sum()) for fit in fits.values()), default=np.inf)
         if name not in always and left <= POOR * floor:
             break
+        progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
         fine = shapes(vehicle, name, reach=log.positions)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         try:

@@ -18,7 +18,6 @@ import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
-from hydro.core.columns import Progress
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
@@ -65,6 +64,7 @@ from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_
 from hydro.core.identification.suspects import CURVED, choice
 from hydro.core.identification.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
+from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.vehicle.description import Vehicle
 
@@ -107,7 +107,7 @@ def diagnose(
     """
     hull = None
     if before is not None:
-        (progress or (lambda words, share: None))("the recording before", 0.0)
+        (progress or silent)("the recording before", 0.0)
         hull = hull_of(vehicle, before)
     return diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
 
@@ -141,7 +141,7 @@ def diagnose_log(
     With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
     What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
     """
-    progress = progress or (lambda words, share: None)
+    progress = progress or silent
     progress("shots", 0.0)
     if hull is not None:
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
@@ -152,17 +152,19 @@ def diagnose_log(
     outcome = search.grow(progress)
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, progress)
-    progress("looking back", 0.8)
-    outcome = refine(baseline, search.reconsider(outcome))
+    outcome = search.reconsider(outcome, part(progress, 0.8, 0.85))
+    progress("all that was found, fitted together", 0.85)
+    outcome = refine(baseline, outcome)
     progress("verdicts", 0.9)
     findings = verdicts(baseline, outcome)
-    progress("done", 1.0)
+    progress("what to fly next", 0.95)
     models = (baseline.given, baseline.refitted, outcome.model)
     given, refitted, found = (model.normal.chi2 for model in models)
     fitted = outcome.fit.vehicle if outcome.fit else vehicle
     findings = [with_implausible(finding, vehicle) for finding in findings]
     estimates = outcome.fit.estimates() if outcome.fit else None
     question = left_open(baseline, outcome, findings)
+    progress("done", 1.0)
     return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question)
 
 

@@ -21,7 +21,6 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.columns import Progress
 from hydro.core.diagnosis.beside import BESIDE, FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.beside import LEVEL as OF_HULL
 from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
@@ -38,6 +37,7 @@ from hydro.core.identification.fit import Fit
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
 from hydro.core.identification.tracking import tracked
+from hydro.core.progress import Progress, part, silent
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
@@ -172,7 +172,7 @@ def explain(
     steps = list(done)
     if steps and ending(steps):
         return
-    recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or (lambda words, share: None)
+    recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or silent
     while not (steps and ending(steps)):
         steps.append(_next(steps, vehicle, recordings, progress))
         yield steps[-1]
@@ -286,14 +286,14 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
             fit = fit_changes(file, log, hull, [_bare(one) for one in (*last.tables, *found.values())])
     fitted = fit.tables() if fit else ()
     vehicle = extended(file, fitted)
-    compared = [recordings.compared(vehicle, log, _part(progress, 0.3, 0.5))]
+    compared = [recordings.compared(vehicle, log, part(progress, 0.3, 0.5))]
     if recordings.holdout is not None:
-        compared.append(recordings.compared(vehicle, recordings.holdout, _part(progress, 0.5, 0.6)))
+        compared.append(recordings.compared(vehicle, recordings.holdout, part(progress, 0.5, 0.6)))
     # Standard errors from this recording are no second opinion on it.
     plain = extended(file, [_bare(table) for table in fitted])
     rungs = [_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     rungs += [_rung(number, added, row) for row in recordings.left_out(vehicle, fitted)]
-    rest = _part(progress, 0.6, 1.0)
+    rest = part(progress, 0.6, 1.0)
     diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
     return Step(
         number,
@@ -357,8 +357,3 @@ def _rung(number: int, added: Sequence[str], row: Mapping[str, Any]) -> pl.DataF
     """A rung that no comparison has."""
     known: dict[str, Any] = {"step": number, "effect": ", ".join(added)}
     return pl.DataFrame([{**known, **row}], schema_overrides={"low": pl.Float64, "high": pl.Float64})
-
-
-def _part(progress: Progress, begin: float, end: float) -> Progress:
-    """The progress of one part of the work."""
-    return lambda words, share: progress(words, begin + (end - begin) * share)

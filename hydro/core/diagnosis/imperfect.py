@@ -13,7 +13,6 @@ from typing import cast
 
 import numpy as np
 
-from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
@@ -26,6 +25,7 @@ from hydro.core.identification.normal_equations import block_length
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import shown
+from hydro.core.progress import Progress, part
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""
@@ -62,7 +62,7 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in misread])
     rest = tuple(name for name in baseline.effects if name not in {one.effect for one in misread})
     there = replace(baseline, vehicle=read, effects=rest)
-    named = by_transfer(there, lambda words, share: progress(words, 0.4 + 0.5 * share))
+    named = by_transfer(there, part(progress, 0.4, 0.9))
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
     known = contradicted(baseline, outcome)

@@ -17,7 +17,6 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from hydro.core.columns import Progress
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -33,6 +32,7 @@ from hydro.core.identification.levenberg_marquardt import (
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import KinematicTest, shown, vetoed
+from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
 
 MATERIAL = 0.05
@@ -195,6 +195,7 @@ class Search:
         model: Model,
         chosen: Sequence[str],
         screening: Screening,
+        progress: Progress,
         known: Mapping[str, Model] | None = None,
     ) -> dict[str, Model]:
         """Fit the most telling suspects in earnest, each with all that is in the model.
@@ -214,14 +215,15 @@ class Search:
         gains, sensors = screening.gains, self.baseline.sensors
         sure = [name for name, test in sensors.items() if shown(test) and name in gains]
         material = {name: gains[name] for name in sure if self.material(gains[name], model)}
-        fits = self.quick_fits(chosen, screening, material, rivals)
+        fits = self.quick_fits(chosen, screening, material, rivals, progress)
         if fits.keys() == known.keys():
             # All refuted: what else is missing spoils what the dynamics say of the log.
             rest = {name: gain for name, gain in gains.items() if name not in material}
-            fits = self.quick_fits(chosen, screening, rest, rivals)
+            fits = self.quick_fits(chosen, screening, rest, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
-        for name in (not_ruled_out(fits) if few else order)[:CLOSEST]:
+        for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
+            progress(f"{name}, fitted to the end", 0.6 + 0.4 * number / CLOSEST)
             if beyond_noise(fits[name]) > FAR * least:
                 continue
             if name not in known:
@@ -238,6 +240,7 @@ class Search:
         screening: Screening,
         gains: Mapping[str, float],
         known: Mapping[str, Model],
+        progress: Progress,
     ) -> dict[str, Model]:
         """Quick fits of those suspects that tell nearly as much as the most telling of them."""
         most, fits, vehicle = max(gains.values(), default=0.0), dict(known), screening.model.vehicle
@@ -248,6 +251,7 @@ class Search:
             near = (NEAR_CURVED if name in CURVED and not all_explained else NEAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
+            progress(f"{name} against what is left", 0.6 * len(fits) / CONTENDERS)
             fine = shapes(vehicle, name, reach=self.baseline.log.positions)
             try:
                 finer = self.screened(screening.model, fine) if fine else screening
@@ -313,14 +317,15 @@ class Search:
         model, found = self.baseline.refitted, list[Found]()
         while True:
             chosen = [one.effect for one in found]
-            progress(f"{len(found)} found, looking for more", 0.2 + 0.15 * len(found))
+            told = part(progress, 0.2 + 0.12 * len(found), 0.32 + 0.12 * len(found))
+            told(f"{len(found)} found, looking for more", 0.0)
             screening = self.screen(self.fewer(model), chosen)
             if screening.model is not model and not screening.significant:
                 screening = self.screen(model, chosen)
             telling = any(self.belongs(name, gain, model) for name, gain in screening.gains.items())
             if len(found) == MOST_FINDINGS or not telling:
                 break
-            fits = self.contend(model, chosen, screening)
+            fits = self.contend(model, chosen, screening, part(told, 0.3, 1.0))
             best = leader(fits)
             if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
                 break
@@ -332,11 +337,13 @@ class Search:
             screening = self.screen(model, [one.effect for one in found])
         return Outcome(model, tuple(found), screening)
 
-    def reconsider(self, outcome: Outcome) -> Outcome:
+    def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
         """Drop what the others have made needless, and swap what another effect does better in its place."""
         model, first, kept = outcome.model, self.baseline.refitted, list(outcome.found)
         without: dict[str, Model] = {}
-        for one in outcome.found:
+        for number, one in enumerate(outcome.found):
+            told = part(progress, number / len(outcome.found), (number + 1) / len(outcome.found))
+            told(f"without {one.effect}", 0.0)
             others = [other.effect for other in kept if other is not one]
             if not others:
                 without[one.effect] = first
@@ -349,7 +356,7 @@ class Search:
             place = kept.index(one)
             if one is not outcome.found[-1] or len(kept) < len(outcome.found):
                 screening = self.screen(self.fewer(lesser), others)
-                fits = self.contend(lesser, others, screening, {one.effect: model})
+                fits = self.contend(lesser, others, screening, part(told, 0.3, 1.0), {one.effect: model})
                 best = leader(fits) or one.effect
                 kept[place] = Found(best, min(screening.p_value, one.p_value), fits)
                 model = fits[best]

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.columns import Array, Progress, Rows
+from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Baseline, Search
@@ -32,6 +32,7 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free
 from hydro.core.identification.prior import deviations, in_file
 from hydro.core.identification.suspects import suspects
+from hydro.core.progress import Progress
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0

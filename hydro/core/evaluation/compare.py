@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Progress, Rows
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.block_resampling import SAMPLES, draws, interval
@@ -29,6 +29,7 @@ from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.tracking import tracked
+from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
@@ -77,7 +78,7 @@ def compare(
     Raises:
         DataError: The recording or the vehicle is at fault, or `against` is no comparison.
     """
-    report = progress or (lambda words, share: None)
+    report = progress or silent
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
     record, model = tracked(vehicle, recording(vehicle, raw)), candidate(vehicle)

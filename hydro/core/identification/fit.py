@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Progress
+from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
@@ -41,6 +41,7 @@ from hydro.core.identification.prior import combined, stated
 from hydro.core.identification.tracking import shot_seconds, tracked
 from hydro.core.identification.visibility import of_recording
 from hydro.core.logs.axis_faults import require_as_called
+from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.sensor_faults import (
@@ -205,7 +206,7 @@ def fit(
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
-    progress = progress or (lambda words, share: None)
+    progress = progress or silent
     log = sound(vehicle, raw)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
@@ -326,7 +327,7 @@ def _begun_anew(
             break
         first = np.where(better[:, None], found.shots.first, old.first)
         begun = OutputError(replace(old, first=first, sigma=sigma))
-        values, normal, problem = _settle(unknown, values, begun, lambda words, share: None)
+        values, normal, problem = _settle(unknown, values, begun, silent)
     return values, normal, problem
 
 
@@ -356,7 +357,7 @@ def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> 
     rest = unknown.holding(kept, held)
     _, problem = problem.cost(unknown.at(kept), (kept - values) / unknown.scales, normal)
     if rest.entries:
-        kept[~held], _, problem = _settle(rest, rest.starts[0], problem, lambda words, share: None)
+        kept[~held], _, problem = _settle(rest, rest.starts[0], problem, silent)
     return kept, linearised(unknown, kept / unknown.scales, problem), problem
 
 

@@ -12,8 +12,9 @@ from collections.abc import Callable
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import POSE, VELOCITY, Array, Progress
+from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.errors import DataError
+from hydro.core.progress import Progress
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle

@@ -23,6 +23,7 @@ from hydro.core.experiment import advice
 from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free
+from hydro.core.progress import silent
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -96,6 +97,21 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
     given, own, end = found.chi2
     assert given > own > 2.0
     assert end == pytest.approx(1.0, abs=0.05)
+
+
+def test_progress_goes_on_and_tells_which_effect_is_tried(known):
+    heard: list[tuple[str, float]] = []
+    diagnose(
+        known,
+        recorded(hiding(known, CURRENT), rows=1000),
+        progress=lambda words, share: heard.append((words, share)),
+    )
+    shares = [share for _, share in heard]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert {"ocean_current against what is left", "ocean_current, fitted to the end"} <= {
+        words for words, _ in heard
+    }
 
 
 def test_a_known_value_that_the_recording_contradicts_is_told_and_kept(known):
@@ -184,7 +200,7 @@ def test_a_contender_that_diverges_is_passed_over(known, monkeypatch):
         return true(self, chosen, screening, name)
 
     monkeypatch.setattr(Search, "joined", joined)
-    fits = search.contend(first, [], screening)
+    fits = search.contend(first, [], screening, silent)
     assert fits
     assert "net_buoyancy" not in fits
 
@@ -229,7 +245,7 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     first = search.baseline.refitted
     screening = search.screen(first, [])
     assert search.material(screening.gains["sensor_bias"], first)
-    fits = search.contend(first, [], screening)
+    fits = search.contend(first, [], screening, silent)
     assert "net_buoyancy" in fits
     assert "sensor_bias" not in fits
 
@@ -321,7 +337,7 @@ def test_what_is_far_from_the_noise_is_told_apart_on_few_shots_and_fitted_to_all
     assert [len(few.model.costs), few.model.normal.chi2 > 2.0] == [FEW, True]
     assert next(iter(few.ranked)) == next(iter(whole.ranked)) == "ocean_current"
     assert few.gains["ocean_current"] == pytest.approx(whole.gains["ocean_current"], rel=0.3)
-    fits = search.contend(first, [], few)
+    fits = search.contend(first, [], few, silent)
     assert {len(fit.costs) for fit in fits.values()} == {len(first.costs)}
     assert leader(fits) == "ocean_current"
 
