@@ -128,6 +128,7 @@ def diagnose(
     *,
     before: pl.DataFrame | None = None,
     model: Model | None = None,
+    discover: bool = False,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
@@ -137,6 +138,8 @@ def diagnose(
         raw: raw table.
         before: raw table of the same vehicle before a change: then findings are of what has changed since.
         model: with `before`: a network of `hydro.train` in the place of the built-in regression.
+        discover: whether a formula of sparse terms is looked for where no effect of the catalogue explains
+            the recording; not with `before`.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -144,14 +147,17 @@ def diagnose(
 
     Raises:
         hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
-        hydro.core.errors.UsageError: there is a model without a recording before.
+        hydro.core.errors.UsageError: there is a model without a recording before, or one before to discover.
     """
     from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
 
-    hull = _hull(vehicle, before, model)
-    found = diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
+    hull, log = _hull(vehicle, before, model, discover=discover), preprocess(vehicle, raw)
+    found = diagnose_log(vehicle, log, hull=hull, progress=progress)
+    if discover:
+        found = discovered(vehicle, log, found, progress)
     return conform("diagnosis", found.frame())
 
 
@@ -191,6 +197,7 @@ def explain(
     holdout: pl.DataFrame | None = None,
     before: pl.DataFrame | None = None,
     model: Model | None = None,
+    discover: bool = False,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
@@ -202,6 +209,8 @@ def explain(
         before: raw table of the same vehicle before a change: what the hull does beside the file is learnt
             from it and held fixed; steps then add what has changed since.
         model: with `before`: a network of `hydro.train` in the place of the built-in regression.
+        discover: whether a formula of sparse terms is added where no effect of the catalogue explains what
+            is left; not with `before`.
         progress: called with a few words and the share of the present step that is done.
 
     Yields:
@@ -214,10 +223,11 @@ def explain(
     from dataclasses import replace
 
     from hydro.core.diagnosis.explain import explain as steps
+    from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
 
-    hull = _hull(vehicle, before, model)
-    for step in steps(vehicle, raw, holdout=holdout, hull=hull, progress=progress):
+    hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
+    for step in steps(vehicle, raw, holdout=holdout, hull=hull, beyond=beyond, progress=progress):
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),
@@ -226,7 +236,9 @@ def explain(
         )
 
 
-def _hull(vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None) -> Hull | None:
+def _hull(
+    vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None, *, discover: bool = False
+) -> Hull | None:
     """What a recording from before, or a network, says of the hull; None without a recording."""
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.errors import UsageError
@@ -236,4 +248,6 @@ def _hull(vehicle: Vehicle, before: pl.DataFrame | None, model: Model | None) ->
         if model is not None:
             raise UsageError("model needs before, which says how much the network leaves unexplained")
         return None
+    if discover:
+        raise UsageError("discover is for one recording: leave out before, whose hull has a law already")
     return hull_of(vehicle, before, None if model is None else Learnt.of(model, vehicle))

@@ -26,6 +26,13 @@ Before = Annotated[
         "of one dive.",
     ),
 ]
+Discover = Annotated[
+    bool,
+    typer.Option(
+        "--discover",
+        help="Where no effect of the catalogue explains what is left, look for a formula of sparse terms.",
+    ),
+]
 Network = Annotated[
     str | None,
     typer.Option(
@@ -55,7 +62,13 @@ class Earlier:
 
 
 def learnt(
-    before: list[str] | None, model: str | None, vehicle: Vehicle, source: Artefact, logs: Logs
+    before: list[str] | None,
+    model: str | None,
+    vehicle: Vehicle,
+    source: Artefact,
+    logs: Logs,
+    *,
+    discover: bool = False,
 ) -> Earlier | None:
     """Learn a hull from --before, or ask --model for it; None without a recording before.
 
@@ -65,11 +78,12 @@ def learnt(
         vehicle: The file that the hull's model stands beside.
         source: The recording after.
         logs: How the recording is read.
+        discover: Whether --discover was asked for, which is for one recording.
 
     Raises:
         DataError: It is the recording after itself, does not fit the vehicle or is too short; or the network
             cannot stand beside the file.
-        UsageError: There is a network alone.
+        UsageError: There is a network alone, or something to discover beside a hull whose law is known.
     """
     from hydro.core.diagnosis.diagnose import hull_of
     from hydro.core.residual.learnt import Learnt
@@ -78,6 +92,8 @@ def learnt(
         if model is not None:
             raise UsageError("--model needs --before, which says how much the network leaves unexplained")
         return None
+    if discover:
+        raise UsageError("--discover is for one recording: leave out --before, whose hull has a law already")
     earlier, name = logs.read(before), called(before)
     if earlier.provenance.content == source.provenance.content:
         raise DataError(f"{name}: the same rows as the measured recording; a change needs two")

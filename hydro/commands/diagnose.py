@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.as_json import Json, print_json, saves
-from hydro.commands.before import Before, Network, learnt
+from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.places import FILE, Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
@@ -52,6 +52,7 @@ def diagnose(
     known: Known = None,
     before: Before = None,
     model: Network = None,
+    discover: Discover = False,
     map_: MapFile = None,
     msg: Definitions = None,
     output: Output = STREAM,
@@ -108,6 +109,15 @@ def diagnose(
         hydro labels earlier.parquet --vehicle vehicle.toml | hydro split | hydro train -o net.parquet
         hydro diagnose vehicle.toml after.parquet --before before.parquet --model net.parquet
 
+    With --discover, where no effect of the catalogue explains what is left, sparse terms (powers of
+    velocities, products, tilt) are tried as a formula. Each must remove error from sessions and regimes of
+    motion that it was not fitted to. The formula is suspected, not stated, with standard errors and in words:
+    judge whether it can be, and add it by its name. A force that was stated and leaves more than the formula
+    does is a suspect then.
+
+        hydro diagnose vehicle.toml raw.parquet --discover -o diagnosis.parquet
+        hydro add vehicle.toml diagnosis.parquet --effect formula -o vehicle-1.toml
+
     With --fly, the manoeuvres that would part close rivals, or else show what this recording does not, are
     written as commands for hydro simulate or an autopilot. They count by what a rival cannot imitate with
     its own values, as far as the recording leaves these open. Every predicted position of every rival keeps
@@ -119,6 +129,7 @@ def diagnose(
     """
     from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.discovery.discover import discovered
     from hydro.core.experiment.flight import Limits, advise
     from hydro.io import covariance, table
     from hydro.io import vehicle as vehicles
@@ -132,14 +143,16 @@ def diagnose(
         tell_not_shown(start, source.frame)
         if not before:
             tell_duration(start, source.frame)
-    earlier = learnt(before, model, start, source, logs)
+    earlier = learnt(before, model, start, source, logs, discover=discover)
     with about(name), progress("diagnose") as update:
-        found = diagnose_log(
-            start,
-            preprocess(start, source.frame),
-            hull=earlier.hull if earlier else None,
-            progress=lambda words, share: update(round(100 * share), 100, words),
-        )
+
+        def advance(words: str, share: float) -> None:
+            update(round(100 * share), 100, words)
+
+        log, hull = preprocess(start, source.frame), earlier.hull if earlier else None
+        found = diagnose_log(start, log, hull=hull, progress=advance)
+        if discover:
+            found = discovered(start, log, found, advance)
     _print(found, earlier, person(as_json))
     if as_json:
         print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)))

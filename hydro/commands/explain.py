@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hydro.commands.as_json import Json, print_json
-from hydro.commands.before import Before, Network, learnt
+from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
@@ -54,6 +54,7 @@ def explain(
     known: Known = None,
     before: Before = None,
     model: Network = None,
+    discover: Discover = False,
     map_: MapFile = None,
     msg: Definitions = None,
     as_json: Json = False,
@@ -81,9 +82,15 @@ def explain(
     the changed vehicle: it ends the study where a step makes that worse.
 
         hydro explain vehicle.toml after.parquet --before before.parquet -o study
+
+    With --discover, a step adds a formula of sparse terms where no effect of the catalogue is stated and one
+    removes error from regimes of motion that it was not fitted to; see hydro diagnose.
+
+        hydro explain vehicle.toml raw.parquet --discover -o study
     """
     from hydro.core.diagnosis.explain import best, ending
     from hydro.core.diagnosis.explain import explain as compute
+    from hydro.core.discovery.discover import discovered
     from hydro.io.study import Study
 
     logs, name = Logs(map_, msg, vehicle), called(measured)
@@ -94,8 +101,8 @@ def explain(
         tell_not_shown(start, source.frame)
         if not before:
             tell_duration(start, source.frame, steps=True)
-    earlier = learnt(before, model, start, source, logs)
-    told = (earlier.inputs, earlier.parameters) if earlier else ()
+    earlier = learnt(before, model, start, source, logs, discover=discover)
+    told = (earlier.inputs, earlier.parameters) if earlier else ((), {"discover": True} if discover else {})
     study = Study(folder, text, source, other, *told)
     steps = study.done()
     if study.clear(steps) and not steps:
@@ -109,7 +116,8 @@ def explain(
 
         frame = None if other is None else other.frame
         hull, done = earlier.hull if earlier else None, list(steps)
-        for step in compute(start, source.frame, holdout=frame, hull=hull, done=done, progress=advance):
+        how: dict[str, Any] = {"hull": hull, "beyond": discovered if discover else None}
+        for step in compute(start, source.frame, holdout=frame, done=done, progress=advance, **how):
             steps.append(step)
             study.save_step(steps)
             _tell(step)

@@ -29,7 +29,7 @@ def beside(path: str | Path) -> Path:
 def write(
     estimates: Estimates, path: str | Path, *, stage: str, inputs: Sequence[Artefact], vehicle_text: str
 ) -> None:
-    """Write a covariance beside a vehicle file or a diagnosis; none beside a pipe or another device.
+    """Write a covariance beside a vehicle file or a diagnosis; none of no numbers, nor beside a device.
 
     Args:
         estimates: The numbers as the file has them.
@@ -38,7 +38,7 @@ def write(
         inputs: What the numbers were estimated from.
         vehicle_text: Text of the vehicle file.
     """
-    if not Path(path).is_file():
+    if not (estimates.entries and Path(path).is_file()):
         return
     made = table.make(KIND, estimates.frame(), stage=stage, inputs=inputs, vehicle_text=vehicle_text)
     table.write(made, beside(path))

@@ -33,6 +33,10 @@ EFFECTS = {
     "thruster_deadband": {"d": 0.04},
     "thruster_curve": {"da": 0.6},
     "thruster_inflow": {"c": 0.2},
+    "formula": {
+        "forces": ["X |u|^n sgn(u)", "Y |w| v"], "force": [-30.0, -20.0],
+        "moments": ["K g_y"], "moment": [-3.0], "exponents": [1.6],
+    },
 }  # fmt: skip
 
 

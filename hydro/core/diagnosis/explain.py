@@ -14,7 +14,7 @@ the recording before, on held-out data too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,11 +24,11 @@ import polars as pl
 from hydro.core.diagnosis.beside import BESIDE, FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.beside import LEVEL as OF_HULL
 from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
-from hydro.core.diagnosis.findings import extended, suspects, tables
+from hydro.core.diagnosis.findings import Diagnosis, extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted
 from hydro.core.diagnosis.transfer import left_out_error
-from hydro.core.effects.catalogue import own_effects
+from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
@@ -57,6 +57,8 @@ LIKELY = 0.3
 """Confidence from which a suspect makes a step where nothing is stated; data left out decide if it stays."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts that something is left which no effect explains."""
+Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
+"""A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""
 DATASETS = ("fit", "holdout")
 LEFT_OUT = "left_out"
 """The axis of all channels together, of stretches of the recording left out of the fit, in their noise."""
@@ -147,6 +149,7 @@ def explain(
     holdout: pl.DataFrame | None = None,
     hull: Hull | None = None,
     done: Sequence[Step] = (),
+    beyond: Beyond | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
@@ -158,6 +161,7 @@ def explain(
         hull: What a recording before a change has taught (`diagnosis.diagnose.hull_of`): then what has
             changed since is added, and the hull's law and the file's own values are held.
         done: First steps of the same study that are known already.
+        beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
         progress: Called with a few words and the share of the present step that is done.
 
     Yields:
@@ -174,7 +178,7 @@ def explain(
         return
     recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or silent
     while not (steps and ending(steps)):
-        steps.append(_next(steps, vehicle, recordings, progress))
+        steps.append(_next(steps, vehicle, recordings, progress, beyond))
         yield steps[-1]
 
 
@@ -243,7 +247,8 @@ def _finding(step: Step) -> dict[str, Table]:
         return _change(step, with_values)
     missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()
     if not missing:
-        missing = _likely(with_values, {table["name"] for table in step.tables})
+        fitted = {table["name"] for table in step.tables}
+        missing = _discovered(with_values) or _likely(with_values, fitted)
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
     if not missing and {table["name"] for table in step.tables}.issuperset(retuned):
         return {}
@@ -271,7 +276,15 @@ def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
     return [name for name in names if name not in fitted]
 
 
-def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress) -> Step:
+def _discovered(findings: pl.DataFrame) -> list[str]:
+    """The formula that was discovered beyond the catalogue, of none of it: what transfers is tried first."""
+    formulas = [name for name, effect in CATALOGUE.items() if effect.words]
+    return findings.filter(pl.col("effect").is_in(formulas), verdict="suspect")["effect"].to_list()
+
+
+def _next(
+    steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress, beyond: Beyond | None
+) -> Step:
     """The step after these."""
     number, added, fit = len(steps), (), None  # type: int, tuple[str, ...], Fit | None
     log, hull = recordings.log, recordings.hull
@@ -293,8 +306,10 @@ def _next(steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress
     plain = extended(file, [_bare(table) for table in fitted])
     rungs = [_rungs(number, added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     rungs += [_rung(number, added, row) for row in recordings.left_out(vehicle, fitted)]
-    rest = part(progress, 0.6, 1.0)
+    rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
+    if beyond is not None:
+        diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
     return Step(
         number,
         added,

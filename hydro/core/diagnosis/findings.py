@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -141,6 +142,8 @@ def inline(table: Mapping[str, Any]) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, np.ndarray):
         value = value.tolist()
+    if isinstance(value, str):
+        return json.dumps(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(inner) for inner in value)}]"
     return repr(float(value))

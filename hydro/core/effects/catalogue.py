@@ -10,13 +10,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
+from hydro.core.effects import (
+    actuator,
+    damping,
+    formula,
+    hull,
+    inertia,
+    memory,
+    restoring,
+    sensor,
+    surroundings,
+)
 from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
-FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor)
+FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor, formula)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
 
 ROUNDING = 1e-6

@@ -88,6 +88,10 @@ def toml(effect: Effect, thrusters: int = 2) -> str:
         thrusters: Number of thrusters of the vehicle it is for.
     """
     lines = ["[[effect]]", f'name = "{effect.name}"']
+    lines += [f"{one.name} = {json.dumps(one.example)}  # {one.meaning}" for one in effect.words]
+    counts = {"thrusters": thrusters, "rates": 1}
+    if effect.structure is not None:
+        counts |= effect.structure({one.name: one.example for one in effect.words}, "example")[1]
     for parameter in effect.parameters:
         said = f"{parameter.meaning} [{unit(parameter)}]"
         if parameter.shape and not isinstance(parameter.shape[0], int):
@@ -95,7 +99,7 @@ def toml(effect: Effect, thrusters: int = 2) -> str:
         if parameter.name in effect.one_of[1:]:
             lines.append(f"# or {parameter.name}: {said}, {size(parameter)} numbers")
         else:
-            value = _value(parameter, {"thrusters": thrusters, "rates": 1})
+            value = _value(parameter, counts)
             lines.append(f"{parameter.name} = {json.dumps(value)}  # {said}")
     return "\n".join(lines) + "\n"
 

@@ -196,6 +196,25 @@ class Advice:
 
 
 @dataclass(frozen=True)
+class Words:
+    """What a vehicle file writes out of an effect that is no number, a list of texts.
+
+    Attributes:
+        name: Key in the `[[effect]]` table, and the name of its length in the shapes of parameters.
+        meaning: What it is, in a few words.
+        example: For documentation.
+    """
+
+    name: str
+    meaning: str
+    example: tuple[str, ...]
+
+
+Structure = Callable[[Mapping[str, Any], str], tuple[Array, dict[str, int]]]
+"""Numbers that stand for an effect's words in a table at a place, and the lengths that they give."""
+
+
+@dataclass(frozen=True)
 class Effect:
     """One effect of the catalogue: everything that any part of the program needs to know of it.
 
@@ -224,6 +243,8 @@ class Effect:
         advice: What is said of it.
         roles: What else it is to other parts of the program.
         repeatable: Whether a vehicle file may have several of it: things, each at a place of its own.
+        words: What a file writes out of it beside numbers.
+        structure: What these words amount to; packed before the parameters.
     """
 
     name: str
@@ -247,6 +268,8 @@ class Effect:
     advice: Advice = Advice()
     roles: frozenset[Role] = frozenset()
     repeatable: bool = False
+    words: tuple[Words, ...] = ()
+    structure: Structure | None = None
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name."""
@@ -287,10 +310,11 @@ class Effect:
                 `known` that names no parameters.
         """
         known = {parameter.name for parameter in self.parameters}
-        unknown = sorted(set(table) - known - BOOKKEEPING)
+        keys = known | {words.name for words in self.words}
+        unknown = sorted(set(table) - keys - BOOKKEEPING)
         if unknown:
             raise DataError(
-                f"{where}.{unknown[0]}: {self.name} has no such parameter; it has {', '.join(sorted(known))}"
+                f"{where}.{unknown[0]}: {self.name} has no such parameter; it has {', '.join(sorted(keys))}"
             )
         held = table.get("known", False)
         if not (isinstance(held, bool) or (isinstance(held, list | tuple) and known.issuperset(held))):
@@ -302,7 +326,11 @@ class Effect:
         if self.one_of and len(given) != 1:
             raise DataError(f"{where}: {self.name} needs exactly one of {', '.join(self.one_of)}")
         sizes: dict[str, int] = {"thrusters": thrusters}
-        parts = [
+        parts = list[Array]()
+        if self.structure is not None:
+            written, lengths = self.structure(table, where)
+            parts, sizes = [written], sizes | lengths
+        parts += [
             _entries(parameter, table, sizes, f"{where}.{parameter.name}")
             for parameter in self.parameters
             if parameter.name not in self.one_of or parameter.name in given

@@ -158,6 +158,12 @@ def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
 
+def written(vehicle: Vehicle, name: str) -> dict[str, Any]:
+    """What the `[[effect]]` table of an effect of the vehicle holds in words."""
+    table = next(iter(vehicle.effects(name)), {})
+    return {words.name: table[words.name] for words in CATALOGUE[name].words if words.name in table}
+
+
 def _wanted(wanted: str | Mapping[str, Any]) -> tuple[Effect, str | None, dict[str, Any]]:
     """Record, alternative parameter and given values of what a caller named."""
     given = {} if isinstance(wanted, str) else {k: v for k, v in wanted.items() if k != "name"}
@@ -202,7 +208,9 @@ def _beginnings(
 
 def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
     """The table with every parameter that it leaves out, or that is None, as zeros; checked."""
-    full: dict[str, Any] = {"name": record.name}
+    full: dict[str, Any] = {"name": record.name} | {
+        words.name: table.get(words.name, []) for words in record.words
+    }
     if record.one_of and not any(name in table for name in record.one_of):
         table = {**table, record.one_of[0]: None}
     for parameter in record.parameters:
@@ -210,17 +218,19 @@ def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[s
             continue
         value = table.get(parameter.name)
         if value is None:
-            value = np.maximum(np.zeros(_shape(parameter, vehicle, table)), parameter.low).tolist()
+            shape = _shape(record, parameter, vehicle, table)
+            value = np.maximum(np.zeros(shape), parameter.low).tolist()
         full[parameter.name] = value
     unknown = {key: value for key, value in table.items() if key not in full}
     record.pack(full | unknown, thrusters=len(vehicle.thruster), where=f"effect {record.name}")
     return full
 
 
-def _shape(parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
-    """Lengths of a parameter, numbers of thrusters and rates put in."""
-    rates = len(table.get("rates") or [1.0])
-    sizes = {"thrusters": len(vehicle.thruster), "rates": rates}
+def _shape(record: Effect, parameter: Parameter, vehicle: Vehicle, table: Mapping[str, Any]) -> list[int]:
+    """Lengths of a parameter, numbers of thrusters, rates and terms put in."""
+    sizes = {"thrusters": len(vehicle.thruster), "rates": len(table.get("rates") or [1.0])}
+    if record.structure is not None:
+        sizes |= record.structure(table, f"effect {record.name}")[1]
     return [sizes[n] if isinstance(n, str) else n for n in parameter.shape]
 
 

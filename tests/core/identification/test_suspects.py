@@ -13,6 +13,8 @@ from hydro.core.identification.suspects import CURVED, suspects
 from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
 
+SEARCHED = {name for name, effect in CATALOGUE.items() if not effect.words}
+"""All but those whose terms the file has to write out."""
 REACH = np.array([[0.0, 0.0, 5.0], [8.0, 3.0, 7.0], [2.0, -4.0, 6.0]])
 
 
@@ -21,12 +23,12 @@ def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
         found = suspects(known, reach=REACH)
         straight = [one.effect for one in found if one.effect not in CURVED]
         assert len(straight) == len(set(straight))
-        assert {one.effect for one in found} == set(CATALOGUE)
+        assert {one.effect for one in found} == SEARCHED
 
 
 def test_what_is_left_out_is_not_tried():
     found = suspects(synthetic.vehicle(), without=["tether", "added_mass"], reach=REACH)
-    assert {one.effect for one in found} == set(CATALOGUE) - {"tether", "added_mass"}
+    assert {one.effect for one in found} == SEARCHED - {"tether", "added_mass"}
 
 
 @pytest.mark.parametrize("band", [0.0, 0.1])

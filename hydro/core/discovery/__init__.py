@@ -1,0 +1,1 @@
+"""Laws that the catalogue has not: sparse terms that transfer from one regime of motion to others."""

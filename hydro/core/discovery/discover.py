@@ -1,0 +1,363 @@
+"""Discovery: sparse terms beside a file's own effects that remove error where they were not fitted.
+
+Where no effect of the catalogue explains a recording, terms join a formula one at a time (forward selection;
+Brunton, Proctor and Kutz 2016 choose such terms by thresholds).  A term is chosen by what it removes of the
+error of sessions and of regimes of motion that had no part in its value, the lesser of both counts, and stays
+only while it is needed beside those that came after it.  Its powers are then fitted with its coefficient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_costs
+from hydro.core.diagnosis.diagnose import refit, stable_start
+from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.search import Baseline
+from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
+from hydro.core.discovery.sentences import told
+from hydro.core.discovery.terms import Term, amounts, library
+from hydro.core.effects.catalogue import CATALOGUE
+from hydro.core.effects.formula import FORMULA, joined, one_term
+from hydro.core.experiment import advice
+from hydro.core.experiment.advice import suspecting
+from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.levenberg_marquardt import moved
+from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.identification.prior import deviations, greatest_change, in_file
+from hydro.core.progress import Progress, part, silent
+from hydro.core.vehicle.description import Vehicle
+
+UNNAMED = ("far_from_noise", "none_of_the_known")
+"""Verdicts that leave something to discover."""
+LEAVES = 1.2
+"""Mean squared residual, in units of the noise, from which it is looked whether a law is missing."""
+BETTER = 0.7
+"""Part of what named forces leave beyond the noise below which a formula casts doubt on them."""
+SHOTS = 96
+"""Shots on which terms are chosen."""
+MOST_TERMS = 8
+WORTH = 0.05
+"""Share of the error of left-out data that a term must remove of what is left,"""
+BESIDE, PLAIN = 0.005, 0.05
+"""of what there was at first, and of the noise."""
+NEEDED = 0.02
+"""Share of what is left that a term must still remove once all others are there."""
+SHORTLIST = 30
+"""Terms whose transfer is looked at, by what they explain."""
+TRIED = 3
+"""Of them, those that are fitted with their powers."""
+MOVED = 2.0
+"""Standard deviations of what is known of a value of the file's beyond which it is told what it became."""
+STEPS, LAST_STEPS = 4, 12
+LITTLE = 0.01
+"""Of the vehicle's weight, or that times its length: the coefficient of a term in a column."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A formula so far.
+
+    Attributes:
+        model: The vehicle with it, its own effects and the formula fitted together.
+        left: Squared residual of every shot beyond the noise, predicted from the other sessions and from
+            other regimes, (2, S); NaN where too little tells of it.
+    """
+
+    model: Model
+    left: Array
+
+    @property
+    def costs(self) -> Array:
+        """What is left of the left-out sessions and of the left-out regimes, (2,)."""
+        return np.asarray(np.nansum(self.left, axis=1))
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was discovered.
+
+    Attributes:
+        findings: The formula, and values of the file's own that go with it.
+        fit: All of it fitted together.
+        left: Mean squared residual that it leaves, in units of the noise.
+    """
+
+    findings: tuple[Finding, ...]
+    fit: Fit
+    left: float
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """The data that terms are chosen by.
+
+    Attributes:
+        baseline: The vehicle file and the shots.
+        known: What is known of the file's own entries.
+        folds: Sessions and regimes of the shots, (S,) each.
+    """
+
+    baseline: Baseline
+    known: Known
+    folds: tuple[Rows, Rows]
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Effects of the file that are fitted beside the terms."""
+        return tuple(name for name in self.baseline.effects if name != FORMULA.name)
+
+    def fitted(self, vehicle: Vehicle, steps: int) -> Choice:
+        """The formula that a vehicle has fitted together with the file's own effects.
+
+        Raises:
+            Diverges: The predicted motion does.
+        """
+        log, problem = self.baseline.log, self.baseline.problem
+        effects = [*self.own, *({FORMULA.name} if vehicle.effects(FORMULA.name) else ())]
+        model = fit_model(vehicle, effects, problem, log.positions, steps, known=self.known)
+        return Choice(model, self.transferred(model))
+
+    def transferred(self, model: Model) -> Array:
+        """Left-out squared residual beyond the noise, (2, S)."""
+        freedom = model.normal.freedoms
+        return np.stack([left_out(model, self.known, fold) - freedom for fold in self.folds])
+
+    def shortlist(self, choice: Choice) -> list[Term]:
+        """Terms that explain most beside all that is fitted, those that transfer best first."""
+        model, terms = choice.model, library()
+        own, steps = moved(model.unknown, model.values)
+        pulls = [LITTLE * size for size in _sizes(model.vehicle)]
+        vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
+        normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
+        count = len(own)
+        first = [self._left(model, normal, range(count), fold) for fold in self.folds]
+        scored = []
+        for number in _most(normal, count, [term.preferred for term in terms], self.known, model):
+            columns = [*range(count), count + number]
+            after = [self._left(model, normal, columns, fold) for fold in self.folds]
+            gain = min(float(np.nansum(a - b)) for a, b in zip(first, after, strict=True))
+            scored.append((gain * terms[number].preferred, number))
+        return [terms[number] for gain, number in sorted(scored, reverse=True) if gain > 0.0]
+
+    def _left(self, model: Model, normal: Normal, columns: Sequence[int], fold: Rows) -> Array:
+        """Left-out squared residual of each shot with some columns, (S,)."""
+        prior = self.known(model.unknown)
+        extra = len(columns) - len(model.values)
+        amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * 1e-2)])
+        new = range(len(model.values), len(columns))
+        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), 0.2)
+
+    def better(self, choice: Choice, progress: Progress) -> Choice | None:
+        """The formula with one more term; None where none is worth it."""
+        progress("every term on data that it was not fitted to", 0.0)
+        best: Choice | None = None
+        for number, term in enumerate(self.shortlist(choice)[:TRIED]):
+            progress(f"{term.text}, its power fitted", 0.5 + 0.5 * number / TRIED)
+            try:
+                tried = self.fitted(_with(choice.model.vehicle, [term.table(0.0)]), STEPS)
+            except (Diverges, np.linalg.LinAlgError):
+                continue
+            if best is None or tried.costs.max() < best.costs.max():
+                best = tried
+        return best
+
+    def needed(self, choice: Choice) -> Choice:
+        """The formula without the terms that the others have made needless."""
+        while True:
+            parts = _terms(choice.model.vehicle)
+            if len(parts) < 2:
+                return choice
+            tries = []
+            for number in range(len(parts)):
+                rest = joined([one for k, one in enumerate(parts) if k != number])
+                try:
+                    tries.append(self.fitted(_replaced(choice.model.vehicle, rest), STEPS))
+                except (Diverges, np.linalg.LinAlgError):
+                    continue
+            least = min(tries, key=lambda one: float(one.costs.max()), default=None)
+            if least is None or least.costs.max() > (1.0 + NEEDED) * choice.costs.max():
+                return choice
+            choice = least
+
+
+def discovered(
+    vehicle: Vehicle, log: Preprocessed, diagnosis: Diagnosis, progress: Progress | None = None
+) -> Diagnosis:
+    """A diagnosis with the formula that explains what no effect of the catalogue does, where there is one.
+
+    Args:
+        vehicle: The file.
+        log: The preprocessed recording.
+        diagnosis: Of both.
+        progress: Called with a few words and the share of the work done.
+
+    Returns:
+        The diagnosis as it is where it leaves nothing to discover, or nothing transfers.  Forces that it
+        names and that leave more than the formula does are suspects beside it: one law is called by other
+        names.
+    """
+    unnamed = any(one.verdict in UNNAMED for one in diagnosis.findings)
+    if not unnamed and not diagnosis.chi2[-1] > LEAVES:
+        return diagnosis
+    kept = [one for one in diagnosis.findings if one.verdict == "missing" and not _force(one)]
+    equipped = extended(vehicle, [{"name": one.effect, **one.parameters} for one in kept])
+    found = discover(equipped, log, progress or silent)
+    if found is None:
+        return diagnosis
+    findings, left, leaves = diagnosis.findings, found.left, diagnosis.chi2[-1]
+    if left - 1.0 < BETTER * (leaves - 1.0):
+        findings = tuple(_doubted(one, left, leaves) for one in findings)
+    new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
+    estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
+    return replace(diagnosis, findings=(*findings, *new), estimates=estimates)
+
+
+def _force(finding: Finding) -> bool:
+    """Whether what is found is a force on the hull: such names a formula may stand for."""
+    return bool(finding.effect) and CATALOGUE[finding.effect].kind == "wrench"
+
+
+def _doubted(one: Finding, left: float, leaves: float) -> Finding:
+    """A force that was stated, as a suspect beside a formula that leaves less."""
+    if one.verdict != "missing" or not _force(one):
+        return one
+    words = (
+        f"a formula leaves less without it, {left:.3g} of the noise against {leaves:.3g}: see {FORMULA.name}"
+    )
+    sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
+    told_so = suspecting(one.effect, f"{one.advice}; {words}")
+    return replace(one, verdict="suspect", confidence=sure, advice=told_so)
+
+
+def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
+    """The formula that a file lacks; None where no term is worth it."""
+    data, first = _begun(vehicle, log)
+    if not first.model.normal.chi2 > LEAVES:
+        return None
+    choice = first
+    while _count(choice.model.vehicle) - _count(vehicle) < MOST_TERMS:
+        share = (_count(choice.model.vehicle) - _count(vehicle)) / MOST_TERMS
+        tried = data.better(choice, part(progress, share, share + 1.0 / MOST_TERMS))
+        if tried is None or not _worth(first, choice, tried):
+            break
+        choice = tried
+    choice = data.needed(choice)
+    if choice is first:
+        return None
+    choice = data.fitted(choice.model.vehicle, LAST_STEPS)
+    return _found(vehicle, first, choice)
+
+
+def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
+    """The data, and the file without a formula fitted within what is known of it."""
+    start, problem = stable_start(vehicle, log)
+    baseline = refit(vehicle, log, problem, start)
+    baseline = replace(baseline, problem=baseline.problem.some(SHOTS))
+    refitted, known = tempered(baseline, baseline.problem)
+    shots = baseline.problem.shots
+    data = Discovery(baseline, known, (sessions_of(shots), regimes_of(shots)))
+    return data, Choice(refitted, data.transferred(refitted))
+
+
+def _worth(first: Choice, before: Choice, after: Choice) -> bool:
+    """Whether a term removes enough of the left-out error, of sessions and of regimes alike."""
+    gained, noise = before.costs - after.costs, before.model.normal.residuals
+    least = np.maximum(WORTH * before.costs, np.maximum(BESIDE * first.costs, PLAIN * noise))
+    return bool((gained >= least).all())
+
+
+def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
+    """The formula as a finding, and what else it asks of the file."""
+    model = choice.model
+    fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+    findings = (_formula(first, choice, fit), *_retuned(file, fit))
+    return Found(findings, fit, model.normal.chi2)
+
+
+def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
+    """Values of the file's own that the formula was fitted with and that are far from the file's."""
+    entries = fit.free.entries
+    change = (fit.values - in_file(file, entries)) / deviations(file, entries)
+    for name in dict.fromkeys(entry.effect for entry in entries):
+        own = [i for i, entry in enumerate(entries) if entry.effect == name]
+        if name == FORMULA.name or not (np.abs(change[own]) > MOVED).any():
+            continue
+        farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
+        values, errors = fit.table(name)
+        words = f"goes with the formula, add both: {advice.retuning(name, farthest)}"
+        yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
+
+
+def _formula(first: Choice, choice: Choice, fit: Fit) -> Finding:
+    """The formula; what it removes is that of left-out data, the lesser of both ways."""
+    model = choice.model
+    values, errors = fit.table(FORMULA.name)
+    removed = first.left - choice.left
+    which = int(np.argmin([np.nansum(one) for one in removed]))
+    pieces = max(block_length(model.normal.score), 1)
+    both = np.isfinite(removed[which])
+    share, low, high = explained_share(removed[which][both], first.left[which][both], pieces)
+    words = (
+        f"{told(values, errors)}; it removes {share:.0%} of the error of regimes of motion that it was not "
+        f"fitted to. Judge whether it can be, then `hydro add --effect {FORMULA.name}`"
+    )
+    return Finding(
+        "suspect",
+        FORMULA.name,
+        (FORMULA.name,),
+        share,
+        low,
+        high,
+        parameters=values,
+        standard_errors=errors,
+        advice=words,
+    )
+
+
+def _most(normal: Normal, count: int, preferred: Sequence[float], known: Known, model: Model) -> list[int]:
+    """Terms that explain most beside the first `count` columns, the best first."""
+    matrix, score = normal.matrix.sum(axis=0), normal.score.sum(axis=0)
+    held = matrix[:count, :count] + np.diag(known(model.unknown).information)
+    across = matrix[count:, :count]
+    rest = score[count:] - across @ np.linalg.solve(held, score[:count]) if count else score[count:]
+    size = np.diag(matrix)[count:]
+    free = size - np.einsum("ij,ji->i", across, np.linalg.solve(held, across.T)) if count else size
+    gain = np.where(free > 1e-6 * size, rest**2 / np.maximum(free, 1e-300), 0.0) * np.array(preferred)
+    return [int(i) for i in np.argsort(-gain)[:SHORTLIST] if gain[i] > 0.0]
+
+
+def _sizes(vehicle: Vehicle) -> list[float]:
+    """Weight, and weight times length, by axis."""
+    weight = vehicle.rigid_body.mass * vehicle.environment.gravity
+    return [weight] * 3 + [weight * vehicle.hull.length] * 3
+
+
+def _with(vehicle: Vehicle, tables: Sequence[dict[str, Any]]) -> Vehicle:
+    """The vehicle with more terms in its formula."""
+    return _replaced(vehicle, joined([*vehicle.effects(FORMULA.name), *tables]))
+
+
+def _replaced(vehicle: Vehicle, table: dict[str, Any]) -> Vehicle:
+    """The vehicle with another formula."""
+    rest = tuple(effect for effect in vehicle.effect if effect["name"] != FORMULA.name)
+    return msgspec.structs.replace(vehicle, effect=(*rest, table))
+
+
+def _terms(vehicle: Vehicle) -> list[dict[str, Any]]:
+    """The formula of a vehicle as one table per term."""
+    tables = vehicle.effects(FORMULA.name)
+    return [one_term(*one) for table in tables for one in amounts(table)]
+
+
+def _count(vehicle: Vehicle) -> int:
+    return len(_terms(vehicle))

@@ -1,0 +1,85 @@
+"""What discovered terms say, in sentences that an engineer can judge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hydro.core.columns import DOF
+from hydro.core.discovery.terms import SPEEDS, amounts
+from hydro.core.effects.formula import AXES
+
+SAME = 0.3
+"""Powers that differ by less are told as one law that acts off CO."""
+OFFSETS = {
+    ("Y", "N"): (1.0, "ahead of"),
+    ("Z", "M"): (-1.0, "ahead of"),
+    ("Y", "K"): (-1.0, "below"),
+    ("X", "M"): (1.0, "below"),
+}
+"""Force and moment axes, the sign of the lever (N = x Y, M = -x Z, K = -z Y, M = z X), where it points."""
+AGAINST = {"ahead of": "aft of", "below": "above"}
+OF_DOWN = {"g_x": "pitch", "g_y": "roll", "g_z": "being upright"}
+
+
+def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
+    """A formula in words.
+
+    Args:
+        table: Its terms and values.
+        errors: Their standard errors, in the same shape.
+    """
+    found = amounts(table)
+    spread = [powers for _, _, powers in amounts({**table, **errors})]
+    parts, done = [], set[int]()
+    for number, (text, value, powers) in enumerate(found):
+        if number in done:
+            continue
+        said = _sentence(text, value, powers, spread[number])
+        for other, (moment, turning, its) in enumerate(found):
+            lever = _lever((text, value, powers), (moment, turning, its))
+            if lever is not None and other not in done:
+                done.add(other)
+                said += f" and acts {lever} CO"
+        parts.append(said)
+    return "; ".join(parts)
+
+
+def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence[float]) -> str:
+    """One term."""
+    axis, *factors = text.split()
+    dof, own = DOF[AXES.index(axis)], SPEEDS[AXES.index(axis)]
+    what = "force" if axis in "XYZ" else "moment"
+    grown = [f"{p:.2f} +- {e:.2g}" for p, e in zip(powers, spread, strict=True)]
+    if not factors:
+        return f"a steady {what} in {dof}"
+    if factors[0] in OF_DOWN:
+        return f"a {what} in {dof} that goes with {OF_DOWN[factors[0]]}"
+    names = [factor.strip("|^n").removeprefix("sgn(").rstrip(")") for factor in factors]
+    odd = factors[-1].startswith("sgn") or len(factors) == 2
+    if powers and names == [own, own]:
+        kind = "drag" if value < 0.0 else "a force along the motion"
+        return f"{kind} in {dof} grows as |{own}|^{grown[0]}"
+    if powers and len(factors) == 2 and names[1] == own and not factors[1].startswith("sgn"):
+        kind = "raises" if value < 0.0 else "lowers"
+        return f"{DOF[SPEEDS.index(names[0])]} {kind} the drag in {dof}, as |{names[0]}|^{grown[0]} {own}"
+    law = " ".join(f.replace("^n", f"^{grown[0]}") if grown else f for f in factors)
+    if odd and len(set(names)) == 1:
+        cause = DOF[SPEEDS.index(names[0])]
+        return f"{cause} brings a {what} in {dof} that grows as |{names[0]}|^{grown[0]} and turns with it"
+    return f"a {what} in {dof} goes as {law}"
+
+
+def _lever(
+    force: tuple[str, float, tuple[float, ...]], moment: tuple[str, float, tuple[float, ...]]
+) -> str | None:
+    """Where a force acts whose moment is another term: the same law on both axes."""
+    (text, value, powers), (other, turning, its) = force, moment
+    sign, way = OFFSETS.get((text[0], other[0]), (0.0, ""))
+    if not sign or not value or text[1:] != other[1:] or text[1:].startswith((" g", " z")):
+        return None
+    if any(abs(a - b) > SAME for a, b in zip(powers, its, strict=True)):
+        return None
+    arm = sign * turning / value
+    return f"{abs(arm):.2f} m {way if arm > 0.0 else AGAINST[way]}" if math.isfinite(arm) else None

@@ -1,0 +1,93 @@
+"""Terms that a wrench on a vehicle may have: an axis and a product of velocities or of where down is.
+
+They are what drag, lift and friction of bodies in water are made of (Fossen 2011, section 6.4, with powers
+left free), and what weight, trim and steady pulls add.  Powers of a grid stand for those between them until a
+fit moves them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any
+
+from hydro.core.effects.formula import AXES, one_term
+
+SPEEDS = "uvwpqr"
+OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
+SIZE_POWERS = (0.5, 1.0, 2.0)
+DOWN = ("g_x", "g_y", "g_z")
+MIRRORED = frozenset("YKNvpr")
+"""Axes and velocities that change sign in a mirror that swaps port and starboard, and g_y."""
+PLAIN, UNUSUAL, UNEVEN = 1.0, 0.95, 0.8
+"""How far a term is preferred: drag along an axis; what couples axes; what a hull that is the same on port
+and starboard cannot have."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A candidate.
+
+    Attributes:
+        text: As a vehicle file writes it, see `effects.formula`.
+        powers: Where its free powers begin.
+        preferred: Factor on what it gains, at most 1.
+    """
+
+    text: str
+    powers: tuple[float, ...] = ()
+    preferred: float = UNUSUAL
+
+    @property
+    def axis(self) -> int:
+        """Axis of the wrench."""
+        return AXES.index(self.text[0])
+
+    def table(self, amount: float) -> dict[str, Any]:
+        """The `[[effect]]` table of a formula of this term alone."""
+        return one_term(self.text, amount, self.powers)
+
+
+def library() -> list[Term]:
+    """All candidates, axis by axis; each term stands there once for each power that it begins from."""
+    return [term for axis in AXES for term in of_axis(axis)]
+
+
+def of_axis(axis: str) -> Iterator[Term]:
+    """Candidates of one axis."""
+    own = SPEEDS[AXES.index(axis)]
+    for power in OWN_POWERS:
+        yield Term(f"{axis} |{own}|^n sgn({own})", (power,), PLAIN)
+    for name in SPEEDS:
+        if name != own:
+            for power in OTHER_POWERS:
+                yield even(Term(f"{axis} |{name}|^n sgn({name})", (power,)), name)
+    for name in SPEEDS:
+        for power in SIZE_POWERS:
+            yield even(Term(f"{axis} |{name}|^n", (power,)))
+    for one, other in permutations(SPEEDS, 2):
+        yield even(Term(f"{axis} |{one}|^n {other}", (1.0,)), other)
+    for one, other in combinations(SPEEDS, 2):
+        yield even(Term(f"{axis} {one} {other}"), one, other)
+    yield even(Term(axis))
+    for name in DOWN:
+        yield even(Term(f"{axis} {name}"), *("v" if name == "g_y" else ""))
+
+
+def even(term: Term, *odd: str) -> Term:
+    """The term, less preferred where its factors, odd in some velocities, turn otherwise than its axis."""
+    turns = sum(name in MIRRORED for name in odd) % 2
+    uneven = turns != (term.text[0] in MIRRORED)
+    return Term(term.text, term.powers, UNEVEN if uneven else term.preferred)
+
+
+def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
+    """Terms of a formula with their coefficients and free powers, in the order of the table."""
+    powers, found = iter(table.get("exponents", ())), []
+    for terms, values in (("forces", "force"), ("moments", "moment")):
+        for text, value in zip(table.get(terms, ()), table.get(values, ()), strict=True):
+            count = sum(word.endswith("^n") for word in text.split())
+            found.append((str(text), float(value), tuple(float(next(powers)) for _ in range(count))))
+    return found

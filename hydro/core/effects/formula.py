@@ -1,0 +1,242 @@
+"""A wrench of one's own: terms that a vehicle file writes out, run by one kernel (no code is evaluated).
+
+A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`:
+
+* `u v w p q r`: velocity through the water [m/s, rad/s];
+* `g_x g_y g_z`: where down is, a unit vector in body axes (-sin theta, cos theta sin phi, cos theta cos phi);
+* `z`: depth of CO [m].
+
+A factor is such a name `v`, with a whole power `v^2`, its size `|v|` with any power `|v|^0.5`, or its sign
+`sgn(v)`.  The power `|v|^n` is a number of the file's that a fit may move, the next of `exponents`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.compiled import kernel
+from hydro.core.effects.layout import POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.parting import COASTING
+from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Words
+from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.plausible import Index, Plausible, between, most_drag
+
+NAMES = ("u", "v", "w", "p", "q", "r", "g_x", "g_y", "g_z", "z")
+PLACES = (
+    *range(RELATIVE_VELOCITY, RELATIVE_VELOCITY + 6),
+    *range(ROTATION + 6, ROTATION + 9),
+    POSITION + 2,
+)
+"""Where each of them stands in the state of motion."""
+AXES = "XYZKMN"
+FACTORS = 3
+"""Of a term, at most."""
+ROW = 1 + 3 * FACTORS
+"""Numbers of a term: its axis, and of each factor its place in the state, power and whether it has a sign."""
+NOWHERE = -1.0
+"""Place of a factor that is not there."""
+LEAST_POWER, MOST_POWER = 0.0, 4.0
+FACTOR = re.compile(r"(?:\|(?P<size>\w+)\||sgn\((?P<sign>\w+)\)|(?P<plain>[A-Za-z]\w*))(?:\^(?P<power>\S+))?")
+GRAMMAR = "an axis X Y Z K M N and at most three factors such as `Y |v|^1.5 v`, of " + " ".join(NAMES)
+
+
+@kernel
+def formula(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench c_k prod |x|^a sgn(x)^s for every term k, on its axis.
+
+    A coefficient is the force or moment where every factor is 1: at 1 m/s or 1 rad/s, 1 m deep.
+    """
+    terms = int(p[0])
+    amounts = 1 + ROW * terms
+    exponents = amounts + terms
+    for k in range(terms):
+        value = p[amounts + k]
+        row = 1 + ROW * k
+        for f in range(FACTORS):
+            place = int(p[row + 1 + 3 * f])
+            if place < 0:
+                break
+            here = s[place]
+            power = p[row + 2 + 3 * f]
+            if power < 0.0:  # one of the file's exponents, counted from -1 down
+                power = p[exponents - int(power) - 1]
+            size = abs(here)
+            if power == 1.0:
+                value *= size
+            elif power == 2.0:
+                value *= size * size
+            elif size == 0.0:
+                value *= 0.0 if power > 0.0 else 1.0
+            elif power != 0.0:
+                value *= math.exp(power * math.log(size))
+            if p[row + 3 + 3 * f] != 0.0:
+                value *= 1.0 if here > 0.0 else -1.0 if here < 0.0 else 0.0
+        tau[int(p[row])] += value
+
+
+def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
+    """A term as the kernel's row (ROW,), its exponents numbered -1, -2, ...; and how many it has.
+
+    Raises:
+        DataError: It is no term.
+    """
+    row, exponents = np.full(ROW, NOWHERE), 0
+    words = term.split() if isinstance(term, str) else []
+    if not words or words[0] not in tuple(AXES) or len(words) > 1 + FACTORS:
+        raise DataError(f"{where}: {term!r} is no term: write {GRAMMAR}")
+    row[0] = AXES.index(words[0])
+    for number, word in enumerate(words[1:]):
+        found = FACTOR.fullmatch(word)
+        name = found and (found["size"] or found["sign"] or found["plain"])
+        if found is None or name not in NAMES or (found["sign"] and found["power"]):
+            raise DataError(f"{where}: {word!r} in {term!r} is no factor: write {GRAMMAR}")
+        power, sign = _power(found, where, term)
+        if power is None:
+            exponents += 1
+        at = 1 + 3 * number
+        row[at : at + 3] = PLACES[NAMES.index(name)], -exponents if power is None else power, sign
+    return row, exponents
+
+
+def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, float]:
+    """Power of the size and power of the sign; the first is None where it is one of the file's exponents."""
+    if found["sign"]:
+        return 0.0, 1.0
+    text = found["power"] or "1"
+    if found["size"] and text == "n":
+        return None, 0.0
+    whole = text.isdecimal()
+    try:
+        power = float(text)
+    except ValueError:
+        power = math.nan
+    if not LEAST_POWER <= power <= MOST_POWER or not (whole or found["size"]):
+        kind = "a number or n" if found["size"] else "a whole number; `|v|^1.5 v` has another"
+        raise DataError(
+            f"{where}: the power of {found[0]!r} in {term!r} must be {kind}, up to {MOST_POWER:g}"
+        )
+    return power, 0.0 if found["size"] else float(int(power) % 2)
+
+
+def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
+    """All terms of a table as the kernel reads them, behind their number; and how many numbers they have.
+
+    Raises:
+        DataError: A term is none, or a force stands among the moments.
+    """
+    rows, exponents = [], 0
+    for key, axes in (("forces", AXES[:3]), ("moments", AXES[3:])):
+        terms = table.get(key, [])
+        if not isinstance(terms, list | tuple):
+            raise DataError(f"{where}.{key}: must be a list of terms, each {GRAMMAR}")
+        for index, term in enumerate(terms):
+            row, count = parsed(term, f"{where}.{key}[{index}]")
+            if AXES[int(row[0])] not in axes:
+                raise DataError(f"{where}.{key}[{index}]: {term!r} belongs to {_other(key)}")
+            row[2::3] = np.where(row[2::3] < 0.0, row[2::3] - exponents, row[2::3])
+            row[2::3][row[1::3] == NOWHERE] = 0.0
+            exponents += count
+            rows.append(row)
+    if not rows:
+        raise DataError(f"{where}: formula needs terms in `forces` or `moments`, each {GRAMMAR}")
+    sizes = {key: len(table.get(key, [])) for key in ("forces", "moments")} | {"exponents": exponents}
+    return np.concatenate([[len(rows)], *rows]), sizes
+
+
+def _other(key: str) -> str:
+    return "moments" if key == "forces" else "forces"
+
+
+def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[str, Any]:
+    """The table of a formula with one term."""
+    key, value = ("force", "forces") if term[0] in AXES[:3] else ("moment", "moments")
+    return {"name": FORMULA.name, value: [term], key: [amount], "exponents": list(exponents)}
+
+
+def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Formulas as one, their terms in order: first all forces, then all moments.
+
+    The exponents go along with their terms.
+    """
+    whole: dict[str, Any] = {"name": FORMULA.name}
+    for terms, amounts in (("forces", "force"), ("moments", "moment")):
+        whole[terms] = [term for table in tables for term in table.get(terms, [])]
+        whole[amounts] = [value for table in tables for value in table.get(amounts, [])]
+    of_forces, of_moments = list[float](), list[float]()
+    for table in tables:
+        first = sum(parsed(term)[1] for term in table.get("forces", []))
+        of_forces += list(table.get("exponents", []))[:first]
+        of_moments += list(table.get("exponents", []))[first:]
+    whole["exponents"] = [*of_forces, *of_moments]
+    return whole
+
+
+def as_drag(force: bool) -> Plausible:
+    """Up to the drag of the hull's box at 1 m/s or 1 rad/s, or the vehicle's weight where that is more."""
+
+    def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+        weight = vehicle.rigid_body.mass * vehicle.environment.gravity
+        arm = 1.0 if force else vehicle.hull.length
+        drag = most_drag(vehicle)[:3] if force else most_drag(vehicle)[3:]
+        most = max(float(drag.max()), weight * arm)
+        return -most, most
+
+    words = "either way up to the drag of the hull's box at 1 m/s or 1 rad/s, or to the weight"
+    return Plausible(at, words, "dimensional analysis")
+
+
+FORMULA = Effect(
+    name="formula",
+    family="formula",
+    kind="wrench",
+    definition="c_k prod abs(x)^a sgn(x)^s on the axis of each term k",
+    source="the vehicle file's own",
+    excitation="what its terms ask for: each of their velocities alone and together, slow to fast",
+    lookalikes=("linear_damping", "quadratic_damping", "cross_axis_drag", "body_lift"),
+    words=(
+        Words("forces", "terms of X, Y, Z", ("Y |v|^n v",)),
+        Words("moments", "terms of K, M, N", ("N |v| v",)),
+    ),
+    structure=structure,
+    parameters=(
+        Parameter(
+            "force",
+            ("N",),
+            "coefficient of each of `forces`: where every factor is 1",
+            ("forces",),
+            scale=(of_mass(1.0),),
+            plausible=as_drag(force=True),
+        ),
+        Parameter(
+            "moment",
+            ("N m",),
+            "coefficient of each of `moments`: where every factor is 1",
+            ("moments",),
+            scale=(of_moment(1.0),),
+            plausible=as_drag(force=False),
+        ),
+        Parameter(
+            "exponents",
+            ("1",),
+            "the powers written as `^n`, in the order of the terms",
+            ("exponents",),
+            LEAST_POWER,
+            MOST_POWER,
+            scale=(1.0,),
+            plausible=between(LEAST_POWER, 3.0, "", "drag of separated flow grows as speed to 1.5 to 2.5"),
+        ),
+    ),
+    kernel=formula,
+    identification=Identification(),
+    advice=Advice(parted_by=(COASTING,)),
+)
+
+EFFECTS = (FORMULA,)
