@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,10 @@ def matrix(table: Mapping[str, Any]) -> Array:
 
 
 def build(
-    vehicle: Vehicle, hidden: Iterable[Mapping[str, Any]] = (), foreign: Mapping[str, float] | None = None
+    vehicle: Vehicle,
+    hidden: Iterable[Mapping[str, Any]] = (),
+    foreign: Mapping[str, float] | None = None,
+    laws: Iterable[Sequence[float]] = (),
 ) -> Plant:
     """Numbers of a vehicle with what its file hides.
 
@@ -43,6 +46,7 @@ def build(
         vehicle: The vehicle file.
         hidden: `[[effect]]` tables that act besides the file's own.
         foreign: Numbers of `FOREIGN` by name.
+        laws: Rows of `Plant.laws`.
     """
     body, hull = vehicle.rigid_body, vehicle.hull
     rho, gravity = vehicle.environment.water_density, vehicle.environment.gravity
@@ -152,6 +156,7 @@ def build(
         inflow=float(inflow),
         delay=float(delay + vehicle.thruster[0].delay),
         foreign=np.array([float((foreign or {}).get(name, 0.0)) for name in FOREIGN]),
+        laws=np.array([*laws], float).reshape(-1, 8),
     )
 
 

@@ -55,6 +55,7 @@ def independent(
     depth: float,
     noise: float,
     seed: int,
+    laws: Sequence[Sequence[float]] = (),
 ) -> list[pl.DataFrame]:
     """Sessions in the benchmark's own simulator.
 
@@ -67,8 +68,9 @@ def independent(
         depth: Where they begin, and are held [m].
         noise: Times ordinary noise.
         seed: Of headings, demands and noise.
+        laws: Further forces, rows of `Plant.laws`.
     """
-    plant, file = build(actual, hidden, foreign), build(believed)
+    plant, file = build(actual, hidden, foreign, laws), build(believed)
     allocation, gains, reach = np.linalg.pinv(file.thrusts.T), holds(file), reached(file)
     tables = []
     for number, (kind, count) in enumerate(zip(KINDS, rows, strict=False)):

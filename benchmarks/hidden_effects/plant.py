@@ -85,6 +85,8 @@ class Plant(NamedTuple):
         inflow: Loss to the water's speed [s/m].
         delay: Of the commands [s].
         foreign: What no catalogue has, in the order of FOREIGN.
+        laws: Further forces, a row each, (K, 8): the axis, a coefficient, an odd velocity with its power and
+            the size below which it does nothing; another velocity, or -1, its power and whether it is odd.
     """
 
     rigid: Array
@@ -111,6 +113,7 @@ class Plant(NamedTuple):
     inflow: float
     delay: float
     foreign: Array
+    laws: Array
 
 
 @njit(cache=True)
@@ -195,6 +198,14 @@ def resist(plant: Plant, n: Array, tau: Array) -> None:
     """Add damping, cross-flow drag and lift (Fossen 6.4)."""
     f = plant.foreign
     tau -= plant.linear @ n + (plant.quadratic * np.abs(n) + plant.across @ np.abs(n[:3])) * n
+    for k in range(plant.laws.shape[0]):
+        axis, amount, odd, power, least, other, raised, signed = plant.laws[k]
+        here = n[int(odd)]
+        force = amount * math.copysign(max(abs(here) - least, 0.0) ** power, here)
+        if other >= 0.0:
+            there = n[int(other)]
+            force *= abs(there) ** raised * (math.copysign(1.0, there) if signed > 0.0 else 1.0)
+        tau[int(axis)] += force
     tau -= plant.quadratic * (f[CUBIC] * n**3 + f[POWER] * np.sign(n) * np.abs(n) ** 1.5)
     if plant.drag.any():
         length, step = plant.span[0], plant.span[0] / (STATIONS - 1)

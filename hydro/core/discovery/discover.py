@@ -50,14 +50,14 @@ WORTH = 0.05
 BESIDE, PLAIN = 0.005, 0.05
 """of what there was at first, and of the noise."""
 NEEDED = 0.02
-"""Share of what is left that a term must still remove once all others are there."""
+"""Share of what is left that a term must still remove once all others are there, or half of PLAIN."""
 SHORTLIST = 30
 """Terms whose transfer is looked at, by what they explain."""
 TRIED = 3
 """Of them, those that are fitted with their powers."""
 MOVED = 2.0
 """Standard deviations of what is known of a value of the file's beyond which it is told what it became."""
-STEPS, LAST_STEPS = 4, 12
+STEPS, LAST_STEPS = 6, 12
 LITTLE = 0.01
 """Of the vehicle's weight, or that times its length: the coefficient of a term in a column."""
 
@@ -185,7 +185,8 @@ class Discovery:
                 except (Diverges, np.linalg.LinAlgError):
                     continue
             least = min(tries, key=lambda one: float(one.costs.max()), default=None)
-            if least is None or least.costs.max() > (1.0 + NEEDED) * choice.costs.max():
+            noise, left = choice.model.normal.residuals, float(choice.costs.max())
+            if least is None or least.costs.max() - left > max(NEEDED * left, 0.5 * PLAIN * noise):
                 return choice
             choice = least
 
@@ -219,7 +220,10 @@ def discovered(
         findings = tuple(_doubted(one, left, leaves) for one in findings)
     new = [one for one in found.findings if one.effect not in {other.effect for other in findings}]
     estimates = found.fit.estimates().of_effects([one.effect for one in new]).after(diagnosis.estimates)
-    return replace(diagnosis, findings=(*findings, *new), estimates=estimates)
+    whole = replace(diagnosis, findings=(*findings, *new), estimates=estimates)
+    if left >= leaves:
+        return whole
+    return replace(whole, vehicle=found.fit.vehicle, chi2=(*diagnosis.chi2[:2], left))
 
 
 def _force(finding: Finding) -> bool:
@@ -254,7 +258,9 @@ def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -
     choice = data.needed(choice)
     if choice is first:
         return None
-    choice = data.fitted(choice.model.vehicle, LAST_STEPS)
+    # What is known of values weighs as much as what is left now says, no longer as what was left at first.
+    known = replace(data.known, temper=max(choice.model.normal.chi2, 1.0))
+    choice = replace(data, known=known).fitted(choice.model.vehicle, LAST_STEPS)
     return _found(vehicle, first, choice)
 
 

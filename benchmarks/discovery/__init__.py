@@ -1,0 +1,1 @@
+"""Studies of laws outside the catalogue."""

@@ -1,0 +1,117 @@
+"""Does `--discover` find laws that the catalogue has not?  Studies in the benchmarks' own simulator.
+
+Each study flies a vehicle of `datasets/vehicles` with one law that its file does not have, its damping up to
+a quarter wrong, and diagnoses it with `--discover`:
+
+* a power of a velocity, 1.3 to 3, that acts along its axis and off CO;
+* a power of a velocity on another axis;
+* a product of two velocities;
+* drag that a power of another speed raises;
+* a force that begins at a speed.
+
+Some have nothing hidden.  Beside what was discovered stand the file, what the catalogue alone makes of it,
+and the true law fitted.
+
+    python -m benchmarks.discovery run --studies 60 --first-seed 0 -o discovery.parquet
+    python -m benchmarks.discovery report discovery.parquet
+
+A results file grows by one row per study; the same command goes on where an earlier one stopped.  Seeds below
+10,000 are for development, those from 70,000 are held back for published figures.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # studies run beside one another
+
+import argparse
+from pathlib import Path
+
+import polars as pl
+from scipy.stats import binomtest
+
+from benchmarks.discovery.laws import KINDS
+from benchmarks.discovery.study import SCHEMA, study
+from benchmarks.imperfect_base.work import Results, add_report, done
+
+SEEN = 1.2
+"""Mean squared residual, in units of the noise, that the file's own effects must leave, or nothing shows."""
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Run what is not in the results file yet."""
+    results = Results(chosen.out, SCHEMA)
+    known = set(results.table.select("seed", pl.col("kind") == "none").rows())
+    wanted = [
+        (kind, seed, chosen.seconds)
+        for seed in range(chosen.first_seed, chosen.first_seed + chosen.studies)
+        for kind in chosen.kind or ("law", "none")
+        if (seed, kind == "none") not in known
+    ]
+    for number, row in enumerate(done(study, wanted, chosen.workers), 1):
+        results.add(row)
+        words = row["failure"] or f"form {row['form']}, {row['terms']}"
+        names = ("before", "catalogue", "after", "oracle", "floor")
+        errors = ", ".join(f"{name} {row[name]:.3g}" for name in names if row[name])
+        head = f"{number}/{len(wanted)} {row['kind']} {row['seed']} {row['preset']} {row['truth']}"
+        print(f"{head} -> {words} | {errors}", flush=True)
+
+
+def summary(rows: pl.DataFrame) -> str:
+    """Figures by kind of law, and of nothing hidden."""
+    lines = [
+        "| law | seen | form right | error at most 1.3 of the true law's | by the catalogue alone | cpu, s |"
+    ]
+    lines.append("|---|---:|---:|---:|---:|---:|")
+    rows = rows.filter(failure="")
+    laws = rows.filter((pl.col("kind") != "none") & (pl.col("chi2_own") > SEEN))
+    near = pl.col("after") <= 1.3 * pl.col("oracle")
+    for name, part in (("all", laws), *((kind, laws.filter(kind=kind)) for kind in KINDS)):
+        count = part.height
+        every = (
+            rows.filter(pl.col("kind") == name).height
+            if name != "all"
+            else rows.filter(pl.col("kind") != "none").height
+        )
+        by_catalogue = part.filter(pl.col("catalogue") <= 1.3 * pl.col("oracle")).height
+        lines.append(
+            f"| {name} | {count} of {every} | {share_of(part['form'].sum(), count)} | "
+            f"{share_of(part.filter(near).height, count)} | {share_of(by_catalogue, count)} | "
+            f"{part['cpu'].median() or 0:.0f} |"
+        )
+    nothing = rows.filter(kind="none")
+    lines.append(
+        f"| nothing hidden: discovered | | {share_of(nothing['discovered'].sum(), nothing.height)} | | | |"
+    )
+    return "\n".join(lines) + "\n"
+
+
+def share_of(successes: int, count: int) -> str:
+    """A share with its 95 % interval (Clopper and Pearson)."""
+    if not count:
+        return "-"
+    low, high = binomtest(int(successes), count).proportion_ci()
+    return f"{successes / count:.0%} [{100 * low:.0f}, {100 * high:.0f}] ({successes} of {count})"
+
+
+def main() -> None:
+    about = (__doc__ or "").splitlines()[0]
+    top = argparse.ArgumentParser(prog="python -m benchmarks.discovery", description=about)
+    commands = top.add_subparsers(required=True)
+    one = commands.add_parser("run", help="run studies")
+    one.add_argument("--kind", action="append", choices=("law", "none"), help="both by default")
+    one.add_argument("--studies", type=int, default=60, help="per kind")
+    one.add_argument("--first-seed", type=int, default=0)
+    one.add_argument("--seconds", type=float, default=240.0, help="to diagnose, in four sessions")
+    one.add_argument("--workers", type=int, default=1)
+    one.add_argument("-o", "--out", type=Path, default=Path("discovery.parquet"))
+    one.set_defaults(action=run)
+    add_report(commands, summary, ("kind", "seed", "seconds"))
+    chosen = top.parse_args()
+    chosen.action(chosen)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""Laws that the catalogue has not are found from recordings, and none where none is."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.diagnose import diagnose_log
+from hydro.core.diagnosis.explain import explain
+from hydro.core.diagnosis.findings import Diagnosis, Finding, tables
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.discovery.discover import discovered
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.formula import joined, one_term
+from hydro.core.errors import DataError
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
+from hydro.io import vehicle as files
+
+LAW = joined([one_term("N |v|^n sgn(v)", 60.0, [2.4]), one_term("Z u q", 90.0)])
+ROWS = 1500  # of each of two sessions, 60 s at 50 Hz in all
+
+
+@pytest.fixture(scope="module")
+def known(datasets):
+    return files.read(datasets / "vehicles" / "auv151.toml")[0]
+
+
+def flown(vehicle, seed):
+    """One session: two sines of their own on each thruster, and ordinary noise of the sensors."""
+    rng, t = np.random.default_rng(seed), np.arange(ROWS) * 0.02
+    columns = {"session": [f"s{seed}"] * ROWS, "t": t} | {name: np.zeros(ROWS) for name in (*POSE, *VELOCITY)}
+    for i in range(8):
+        fast, slow = rng.uniform(0.1, 0.4), rng.uniform(0.01, 0.05)
+        wave = 0.4 * np.sin(2 * np.pi * (fast * t + rng.uniform())) + 0.3 * np.sin(
+            2 * np.pi * (slow * t + rng.uniform())
+        )
+        columns[f"cmd_{i + 1}"] = wave
+    motion = simulate(vehicle, pl.DataFrame(columns | {"z": np.full(ROWS, 10.0)}))
+    noisy = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    return motion.with_columns(pl.DataFrame(noisy, schema=[*POSE, *VELOCITY]))
+
+
+@pytest.fixture(scope="module")
+def recording(known):
+    hidden = msgspec.structs.replace(known, effect=(*known.effect, LAW))
+    return pl.concat([flown(hidden, seed) for seed in (0, 1)])
+
+
+@pytest.fixture(scope="module")
+def found(known, recording):
+    log = preprocess(known, recording)
+    heard = []
+    diagnosis = discovered(
+        known, log, diagnose_log(known, log), lambda words, share: heard.append((words, share))
+    )
+    assert all(0.0 <= share <= 1.0 for _, share in heard)
+    return diagnosis
+
+
+def test_a_law_of_two_terms_is_found_with_its_power_and_values(found):
+    (formula,) = (one for one in found.findings if one.effect == "formula")
+    assert (formula.verdict, formula.parameters["forces"], formula.parameters["moments"]) == (
+        "suspect",
+        ["Z u q"],
+        ["N |v|^n sgn(v)"],
+    )
+    truth = CATALOGUE["formula"].pack(LAW, thrusters=8)
+    values = CATALOGUE["formula"].pack(dict(formula.parameters), thrusters=8)
+    errors = np.array(
+        [
+            *formula.standard_errors["force"],
+            *formula.standard_errors["moment"],
+            *formula.standard_errors["exponents"],
+        ]
+    )
+    assert (np.abs(values - truth)[-3:] < 4.5 * errors).all()
+    assert formula.share > 0.9
+    assert found.chi2[2] == pytest.approx(1.0, abs=0.1)
+    assert "sway brings a moment in yaw that grows as |v|^2.4" in formula.advice
+    assert "a force in heave goes as u q" in formula.advice
+
+
+def test_forces_that_were_named_for_it_are_no_more_than_suspects(found):
+    forces = [one for one in found.findings if one.effect and CATALOGUE[one.effect].kind == "wrench"]
+    assert not [one for one in forces if one.verdict == "missing"]
+
+
+def test_a_diagnosis_takes_the_formula_to_add_by_its_name(found):
+    frame = found.frame()
+    with pytest.raises(DataError, match="formula"):
+        tables(frame)
+    (table,) = tables(frame, ["formula"])
+    assert table["moments"] == ["N |v|^n sgn(v)"]
+    assert {entry.effect for entry in found.estimates.entries} >= {"formula"}
+
+
+def test_nothing_is_discovered_where_nothing_is_missing(known):
+    log = preprocess(known, pl.concat([flown(known, seed) for seed in (0, 1)]))
+    plain = diagnose_log(known, log)
+    assert discovered(known, log, plain) is plain
+
+
+def test_what_no_term_explains_stays_unexplained(known):
+    """Excess error that is noise of the forces, from a swell that nothing in the motion tells of."""
+    raw = pl.concat([flown(known, seed) for seed in (0, 1)])
+    rng = np.random.default_rng(5)
+    jitter = (
+        np.cumsum(rng.normal(0.0, 0.01, (2 * ROWS, 6)), axis=0)
+    )
+    shaken = raw.with_columns(**{name: pl.col(name) + jitter[:, i] * 0.3 for i, name in enumerate(VELOCITY)})
+    log = preprocess(known, shaken)
+    nothing = Diagnosis((Finding("far_from_noise"),), known, (9.0, 9.0, 9.0))
+    assert not [one for one in discovered(known, log, nothing).findings if one.effect == "formula"]
+
+
+def test_explain_adds_the_formula_as_a_step(known, recording):
+    steps = list(explain(known, recording, beyond=discovered))
+    assert steps[1].added == ("formula",)
+    assert steps[-1].chi2[2] == pytest.approx(1.0, abs=0.1)
+    assert steps[1].error("fit") < 0.5 * steps[0].error("fit")
