@@ -30,7 +30,7 @@ Discover = Annotated[
     bool,
     typer.Option(
         "--discover",
-        help="Where no effect of the catalogue explains what is left, look for a formula of sparse terms.",
+        help="Where no effect of the catalogue explains what is left, look for sparse terms that do.",
     ),
 ]
 Network = Annotated[

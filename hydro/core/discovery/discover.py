@@ -235,9 +235,8 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
     """A force that was stated, as a suspect beside a formula that leaves less."""
     if one.verdict != "missing" or not _force(one):
         return one
-    words = (
-        f"a formula leaves less without it, {left:.3g} of the noise against {leaves:.3g}: see {FORMULA.name}"
-    )
+    amounts_left = f"{left:.3g} of the noise against {leaves:.3g}"
+    words = f"sparse terms leave less without it, {amounts_left}: see {FORMULA.name}"
     sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
     told_so = suspecting(one.effect, f"{one.advice}; {words}")
     return replace(one, verdict="suspect", confidence=sure, advice=told_so)
@@ -271,7 +270,8 @@ def _begun(vehicle: Vehicle, log: Preprocessed) -> tuple[Discovery, Choice]:
     baseline = replace(baseline, problem=baseline.problem.some(SHOTS))
     refitted, known = tempered(baseline, baseline.problem)
     shots = baseline.problem.shots
-    data = Discovery(baseline, known, (sessions_of(shots), regimes_of(shots)))
+    folds = (sessions_of(shots), regimes_of(shots))
+    data = Discovery(baseline, known.releasing(FORMULA.name), folds)
     return data, Choice(refitted, data.transferred(refitted))
 
 
@@ -300,7 +300,7 @@ def _retuned(file: Vehicle, fit: Fit) -> Iterator[Finding]:
             continue
         farthest = greatest_change(file, [entries[i] for i in own], fit.values[own])
         values, errors = fit.table(name)
-        words = f"goes with the formula, add both: {advice.retuning(name, farthest)}"
+        words = f"goes with the terms that were discovered, add both: {advice.retuning(name, farthest)}"
         yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
 
 

@@ -61,8 +61,8 @@ def stated(file: Vehicle, entries: Sequence[Entry]) -> Array:
     found, sizes = np.full(len(entries), np.inf), _sizes(file, entries)
     for i, entry in enumerate(entries):
         table = next(iter(file.effects(entry.effect)), {})
-        error = np.asarray(table.get("standard_error", {}).get(entry.parameter, 0.0), float)
-        value = float(error[entry.index] if error.ndim else error)
+        error = table.get("standard_error", {}).get(entry.parameter, 0.0)
+        value = _number(error, entry)
         if table and entry.parameter in CATALOGUE[entry.effect].known(table):
             found[i] = EXACTLY * sizes[i]
         elif value > 0.0:
@@ -140,10 +140,16 @@ def shrunk_to_prior(unknown: Free, values: Array, normal: Normal, file: Vehicle)
 
 
 def in_file(file: Vehicle, entries: Sequence[Entry]) -> Array:
-    """Values of entries in the tables of a file, (P,); what a table leaves out is 0."""
-    found = []
-    for entry in entries:
-        table = next(iter(file.effects(entry.effect)), {})
-        value = np.asarray(table.get(entry.parameter, 0.0), float)
-        found.append(float(value[entry.index] if value.ndim else value))
-    return np.array(found)
+    """Values of entries in the tables of a file, (P,); what a table leaves out, or is too short for, is 0."""
+    tables = (next(iter(file.effects(entry.effect)), {}) for entry in entries)
+    return np.array(
+        [_number(table.get(e.parameter, 0.0), e) for table, e in zip(tables, entries, strict=True)]
+    )
+
+
+def _number(value: object, entry: Entry) -> float:
+    """The number of an entry in a parameter of a table; 0 where that ends before it."""
+    values = np.asarray(value, float)
+    if values.ndim and any(i >= size for i, size in zip(entry.index, values.shape, strict=True)):
+        return 0.0
+    return float(values[entry.index] if values.ndim else values)

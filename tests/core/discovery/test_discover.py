@@ -108,9 +108,7 @@ def test_what_no_term_explains_stays_unexplained(known):
     """Excess error that is noise of the forces, from a swell that nothing in the motion tells of."""
     raw = pl.concat([flown(known, seed) for seed in (0, 1)])
     rng = np.random.default_rng(5)
-    jitter = (
-        np.cumsum(rng.normal(0.0, 0.01, (2 * ROWS, 6)), axis=0)
-    )
+    jitter = np.cumsum(rng.normal(0.0, 0.01, (2 * ROWS, 6)), axis=0)
     shaken = raw.with_columns(**{name: pl.col(name) + jitter[:, i] * 0.3 for i, name in enumerate(VELOCITY)})
     log = preprocess(known, shaken)
     nothing = Diagnosis((Finding("far_from_noise"),), known, (9.0, 9.0, 9.0))
@@ -122,3 +120,12 @@ def test_explain_adds_the_formula_as_a_step(known, recording):
     assert steps[1].added == ("formula",)
     assert steps[-1].chi2[2] == pytest.approx(1.0, abs=0.1)
     assert steps[1].error("fit") < 0.5 * steps[0].error("fit")
+
+
+def test_a_file_with_a_formula_gets_further_terms(known, recording):
+    """The half that the file has stays, and the other half joins it."""
+    given = msgspec.structs.replace(known, effect=(*known.effect, one_term("Z u q", 90.0)))
+    log = preprocess(given, recording)
+    found = discovered(given, log, diagnose_log(given, log))
+    (formula,) = (one for one in found.findings if one.effect == "formula" and one.verdict == "suspect")
+    assert (formula.parameters["forces"], formula.parameters["moments"]) == (["Z u q"], ["N |v|^n sgn(v)"])
