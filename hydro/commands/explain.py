@@ -71,8 +71,9 @@ def explain(
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
     vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
     best step it gets replay.parquet, measured and predicted motion, and leftover.parquet, the force left over
-    against velocity; of the best bands.parquet, 95 % bands of its predictions; sessions.parquet lists what
-    was recorded. The same study in the same folder resumes where it stopped; another one replaces it.
+    against velocity; of the best growth.parquet, the powers by which the force of the water grows with each
+    velocity, and bands.parquet, 95 % bands of its predictions; sessions.parquet lists what was recorded. The
+    same study in the same folder resumes where it stopped; another one replaces it.
 
     With --before it adds, step by step, what has changed since another recording, until nothing more has.
     What the hull does beside the file is learnt from that one and held fixed, and so are the file's own
@@ -134,6 +135,7 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
 
     from hydro.core.diagnosis.explain import DATASETS
     from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.discovery.growth import growth
     from hydro.core.evaluation.leftover import leftover
     from hydro.core.evaluation.rolling_prediction import restarted
     from hydro.core.recording.segments import sessions
@@ -143,7 +145,11 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
     study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
     why = ""
     try:
-        study.save("leftover", leftover(vehicles, preprocess(vehicles[0], given[0]).raw))
+        raw = preprocess(vehicles[0], given[0]).raw
+        study.save("leftover", leftover(vehicles, raw))
+        grown = growth(list(vehicles.values())[-1], raw)
+        if not grown.is_empty():
+            study.save("growth", grown)
     except DataError as error:  # too few samples: what else is wrong with a recording has ended the study
         why = str(error)
     listed = [

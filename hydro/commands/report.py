@@ -19,8 +19,8 @@ def report(
         typer.Argument(
             metavar="DIR|FILE...",
             show_default=False,
-            help="Folder of a study, or comparison, leftover, diagnosis, ladder, replay, sessions and "
-            "metrics tables; nothing or - is stdin.",
+            help="Folder of a study, or comparison, leftover, growth, diagnosis, ladder, replay, sessions "
+            "and metrics tables; nothing or - is stdin.",
         ),
     ] = None,
     pictures: Annotated[

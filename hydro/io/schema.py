@@ -52,6 +52,7 @@ KINDS = (
     "diagnosis",
     "ladder",
     "leftover",
+    "growth",
     "sessions",
     "covariance",
     "bands",

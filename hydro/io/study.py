@@ -23,7 +23,7 @@ from hydro.io.table import Artefact
 LADDER = "ladder.parquet"
 OWN = re.compile(
     r"(comparison|diagnosis)-\d+\.parquet|vehicle-\d+(\.covariance\.parquet|\.toml)"
-    r"|(ladder|replay|leftover|sessions|bands)\.parquet"
+    r"|(ladder|replay|leftover|growth|sessions|bands)\.parquet"
 )
 STAGE = "explain"
 NO_FORCES = "no_forces"

@@ -19,7 +19,7 @@ from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
-from hydro.report import cards, change, errors, leftover, plots, recorded, standing, words, yardsticks
+from hydro.report import cards, change, errors, growth, leftover, plots, recorded, standing, words, yardsticks
 from hydro.report.charts import Charts
 from hydro.report.comparison import MOTIONS
 from hydro.report.figures import MEASURED, TITLES
@@ -65,6 +65,7 @@ def render(sources: Sources) -> str:
         "recorded": recorded.section(sources),
         "places": _places(sources, charts),
         "leftover": leftover.section(sources, charts),
+        "growth": growth.section(sources),
         "change": change.section(sources),
         "findings": cards.findings(sources, charts),
         "ladder": _ladder(sources, charts),

@@ -16,10 +16,12 @@ from hydro.io import table
 from hydro.io.files import explained
 from hydro.io.table import Artefact
 
-REPORTED_KINDS = ("comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "sessions", "bands")
+REPORTED_KINDS = (
+    "comparison", "diagnosis", "ladder", "replay", "metrics", "leftover", "growth", "sessions", "bands",
+)  # fmt: skip
 """Kinds of table that a report can tell of."""
 NAMES = (*REPORTED_KINDS, "evaluation", "errors", "ranking", "minutes", "conditioning")
-SINGLE = ("ladder", "leftover", "sessions", "bands")
+SINGLE = ("ladder", "leftover", "growth", "sessions", "bands")
 """Those of which a study has one."""
 STUDY = re.compile(rf"({'|'.join(NAMES)})(-\d+)?\.parquet")
 """Names of files that are looked for in a folder, in the order in which the page tells of them."""
@@ -48,14 +50,16 @@ class Sources:
     replays: tuple[Named, ...] = ()
     metrics: tuple[Named, ...] = ()
     leftover: Named | None = None
+    growth: Named | None = None
     sessions: Named | None = None
     bands: Named | None = None
 
     @property
     def everything(self) -> tuple[Named, ...]:
         """All artefacts, in the order in which the report tells of them."""
-        single = [one for one in (self.ladder, self.leftover, self.sessions, self.bands) if one is not None]
-        return (*self.comparisons, *self.diagnoses, *single, *self.replays, *self.metrics)
+        single = (self.ladder, self.leftover, self.growth, self.sessions, self.bands)
+        found = [one for one in single if one is not None]
+        return (*self.comparisons, *self.diagnoses, *found, *self.replays, *self.metrics)
 
     def vehicle_text(self) -> str | None:
         """Text of the vehicle file of the first step; None where no artefact carries one."""

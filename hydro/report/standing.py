@@ -183,7 +183,9 @@ def _what_it_is(sources: Sources) -> str:
         return "Measured motion against simulated."
     if sources.metrics:
         return "Errors of models, axis by axis."
-    return "The force that a vehicle file leaves over." if sources.leftover else "Sessions of a study."
+    if sources.leftover or sources.growth:
+        return "The force of the water on a vehicle, and what its file leaves over."
+    return "Sessions of a study."
 
 
 def _of_study(one: Named) -> bool:

@@ -213,7 +213,7 @@ def test_steps_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         ("diagnosis", studies.found(), ["findings", "confusions", "next"], "The model lacks ocean current."),
         ("diagnosis", studies.nothing(), ["findings", "next"], "Noise explains the error that is left."),
         ("ladder", studies.ladder(), ["model", "ladder"], "With ocean current added"),
-        ("leftover", studies.leftover(), ["leftover"], "The force that a vehicle file leaves over."),
+        ("leftover", studies.leftover(), ["leftover"], "The force of the water on a vehicle"),
         ("sessions", studies.sessions(), ["recorded"], "Sessions of a study."),
         ("replay", studies.replay(), ["replay-0"], "Measured motion against simulated."),
         ("metrics", studies.metrics(), ["metrics-0"], "Errors of models, axis by axis."),

@@ -248,7 +248,7 @@ def _finding(step: Step) -> dict[str, Table]:
     missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()
     if not missing:
         fitted = {table["name"] for table in step.tables}
-        missing = _discovered(with_values) or _likely(with_values, fitted)
+        missing = _likely(with_values, fitted) or _discovered(with_values)
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
     if not missing and {table["name"] for table in step.tables}.issuperset(retuned):
         return {}
@@ -277,7 +277,7 @@ def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
 
 
 def _discovered(findings: pl.DataFrame) -> list[str]:
-    """The formula that was discovered beyond the catalogue, of none of it: what transfers is tried first."""
+    """The formula that was discovered beyond the catalogue."""
     formulas = [name for name, effect in CATALOGUE.items() if effect.words]
     return findings.filter(pl.col("effect").is_in(formulas), verdict="suspect")["effect"].to_list()
 

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.confidence import Fitted, explained_share, left_out_costs
+from hydro.core.diagnosis.confidence import RIGHT, Fitted, explained_share, left_out_costs
 from hydro.core.diagnosis.diagnose import refit, stable_start
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
@@ -232,14 +232,19 @@ def _force(finding: Finding) -> bool:
 
 
 def _doubted(one: Finding, left: float, leaves: float) -> Finding:
-    """A force that was stated, as a suspect beside a formula that leaves less."""
-    if one.verdict != "missing" or not _force(one):
+    """A force that was named, as a suspect beside a formula that leaves less.
+
+    What was only suspected is less so where the formula leaves next to nothing.
+    """
+    named = one.verdict == "missing" or (one.verdict == "suspect" and left <= RIGHT)
+    if not (named and _force(one) and np.isfinite(one.confidence)):
         return one
     amounts_left = f"{left:.3g} of the noise against {leaves:.3g}"
     words = f"sparse terms leave less without it, {amounts_left}: see {FORMULA.name}"
     sure = one.confidence * max(left - 1.0, 0.0) / (leaves - 1.0)
-    told_so = suspecting(one.effect, f"{one.advice}; {words}")
-    return replace(one, verdict="suspect", confidence=sure, advice=told_so)
+    said = f"{one.advice}; {words}"
+    said = suspecting(one.effect, said) if one.verdict == "missing" else said
+    return replace(one, verdict="suspect", confidence=sure, advice=said)
 
 
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:

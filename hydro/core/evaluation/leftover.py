@@ -73,7 +73,7 @@ def leftover(vehicles: Mapping[int, Vehicle], raw: pl.DataFrame) -> pl.DataFrame
         DataError: The recording does not fit a vehicle, or too few rows have a sample.
     """
     record = recording(next(iter(vehicles.values())), raw)
-    counted = _counted(record)
+    counted = with_samples(record)
     motion, pieces = Motion.of(record), Pieces.of(record)
     lines: list[Line] = []
     shown: list[tuple[int, int]] = []
@@ -92,7 +92,7 @@ def leftover(vehicles: Mapping[int, Vehicle], raw: pl.DataFrame) -> pl.DataFrame
     )
 
 
-def _counted(record: Recording) -> Mask:
+def with_samples(record: Recording) -> Mask:
     """Rows with a sample of attitude and velocity, (N,).
 
     Raises:

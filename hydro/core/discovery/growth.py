@@ -1,0 +1,164 @@
+"""How the force of the water on a hull grows with each velocity: powers with intervals, of the force itself.
+
+The force is all that the water does to the hull, found from the motion: what the file's damping, drag and
+lift exert, and what the file leaves over.  Along each axis i it is taken apart as
+
+    F_i = -d |nu_i|^n sgn(nu_i) - sum over j of d_j |nu_j|^m_j nu_i + mixed products,
+
+one power at a time: every power of a grid is tried, all other terms with their usual ones beside it, and the
+one that leaves least is told.  Its interval is that of the recording's blocks drawn again (Bayesian
+bootstrap, Rubin 1981), for neighbouring rows share their errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+import polars as pl
+
+from hydro.core.columns import VELOCITY, WRENCH, WRENCH_UNITS, Array, Rows
+from hydro.core.effects import CATALOGUE
+from hydro.core.effects.record import Role
+from hydro.core.evaluation.block_resampling import weights
+from hydro.core.evaluation.force_error import missing_wrench
+from hydro.core.evaluation.leftover import Means, through_water, with_samples
+from hydro.core.evaluation.regimes import Pieces
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.identification.candidate import candidate
+from hydro.core.recording.arrays import recording
+from hydro.core.vehicle.description import Vehicle
+
+POWERS = np.arange(0.0, 4.01, 0.05)
+RESAMPLES = 400
+PLAIN = 0.02
+"""Share of the force's variance that a term must hold for its growth to be told."""
+WIDEST = 1.5
+"""Widest interval of a power that tells anything."""
+RIDGE = 1e-9
+
+
+def growth(vehicle: Vehicle, raw: pl.DataFrame) -> pl.DataFrame:
+    """Powers by which the force of the water grows with velocities.
+
+    Args:
+        vehicle: The vehicle; of its file count rigid body, weight, thrusters, added mass and current.
+        raw: Raw table of the measured motion and commands.
+
+    Returns:
+        The growth table: `axis` of the force, `against` which velocity through the water; `power` n with its
+        95 % interval `low` to `high`, of |nu_i|^n along the axis' own velocity, |nu_j|^n nu_i along another;
+        `drag`, the size of the term at 1 m/s or 1 rad/s (positive opposes the motion), with its `unit`; and
+        `share` of the force's variance that the term holds.  Only terms that the recording shows.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, or too few rows have a sample.
+    """
+    record, bare = recording(vehicle, raw), without_hull_water(vehicle)
+    motion, pieces, model = Motion.of(record), Pieces.of(record), candidate(bare)
+    force = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+    means = Means.of(force, through_water(model, record, motion), with_samples(record), pieces)
+    lines = [line for axis in range(6) for line in _of_axis(means, axis)]
+    floats = ("power", "low", "high", "drag", "share")
+    schema = {"axis": pl.String, "against": pl.String} | dict.fromkeys(floats, pl.Float64)
+    return pl.DataFrame(lines, schema | {"unit": pl.String})
+
+
+def without_hull_water(vehicle: Vehicle) -> Vehicle:
+    """The vehicle without what its file says of damping, drag and lift on the hull."""
+
+    def stays(name: str) -> bool:
+        effect = CATALOGUE[name]
+        return effect.kind != "wrench" or not (
+            effect.words or effect.roles & {Role.HULL_WATER, Role.DRAG} or effect.family == "hull"
+        )
+
+    return msgspec.structs.replace(vehicle, effect=tuple(e for e in vehicle.effect if stays(str(e["name"]))))
+
+
+def _of_axis(means: Means, axis: int) -> Iterator[dict[str, Any]]:
+    """Lines of one axis: its own velocity first."""
+    nu, force, number = means.velocity, means.force[:, axis], _numbers(means.block)
+    for against in (axis, *(j for j in range(6) if j != axis)):
+        tried = np.stack([_term(nu, axis, against, power) for power in POWERS], axis=1)
+        gram = _grams(tried, np.column_stack([_beside(nu, axis, against), force]), number)
+        left, drag, share = _profile(gram.sum(axis=0))
+        best = int(left.argmin())
+        if share[best] < PLAIN or best in (0, len(POWERS) - 1):
+            continue
+        drawn = _drawn(gram)
+        low, high = (float(end) for end in np.quantile(drawn, [0.025, 0.975]))
+        if high - low <= WIDEST:
+            yield {
+                "axis": WRENCH[axis],
+                "against": VELOCITY[against],
+                "power": float(POWERS[best]),
+                "low": min(low, float(POWERS[best])),
+                "high": max(high, float(POWERS[best])),
+                "drag": -float(drag[best]),
+                "share": float(share[best]),
+                "unit": WRENCH_UNITS[axis],
+            }
+
+
+def _term(nu: Array, axis: int, against: int, power: float) -> Array:
+    """|nu_i|^n sgn(nu_i), or |nu_j|^n nu_i."""
+    size = np.abs(nu[:, against]) ** power
+    return np.asarray(size * (np.sign(nu[:, axis]) if against == axis else nu[:, axis]))
+
+
+def _beside(nu: Array, axis: int, against: int) -> Array:
+    """All other terms with their usual powers, mixed products, and what is steady."""
+    own, size = nu[:, axis], np.abs(nu)
+    drags = [size[:, j] * own for j in range(6) if j not in (axis, against)]
+    if against != axis:
+        drags += [own, size[:, axis] * own]
+    mixed = [nu[:, j] * nu[:, k] for j in range(6) for k in range(j, 6)]
+    others = [size[:, j] * nu[:, j] for j in range(6) if j != axis]
+    return np.column_stack([*drags, *mixed, *others, np.ones(len(nu))])
+
+
+def _numbers(block: Rows) -> Rows:
+    return np.asarray(np.unique(block, return_inverse=True)[1], np.int64)
+
+
+def _grams(tried: Array, beside: Array, number: Rows) -> Array:
+    """Of each block: products of every tried column with itself and with what stands beside it, and of those.
+
+    Args:
+        tried: A column for each power, (P, G).
+        beside: Other columns and the force, (P, K + 1).
+        number: Of each row's block, from 0.
+
+    Returns:
+        (B, G + K + 1, K + 2): the first G rows hold a tried column's products with those beside and itself,
+        the rest those beside with one another.
+    """
+    blocks, out = int(number.max()) + 1, []
+    for k in range(blocks):
+        t, b = tried[number == k], beside[number == k]
+        across = np.column_stack([t.T @ b, (t**2).sum(axis=0)])
+        out.append(np.vstack([across, np.column_stack([b.T @ b, np.zeros(b.shape[1])])]))
+    return np.stack(out)
+
+
+def _profile(gram: Array) -> tuple[Array, Array, Array]:
+    """What is left, the coefficient and the share of the force's square, for each tried column, (G,) each."""
+    powers, count = len(POWERS), gram.shape[1] - 2
+    within = gram[powers:, : count + 1]
+    held = within[:count, :count] + RIDGE * np.diag(np.diag(within)[:count])
+    across, size, pull = gram[:powers, :count], gram[:powers, -1], gram[:powers, count]
+    solved = np.linalg.solve(held, np.column_stack([across.T, within[:count, count]]))
+    free = np.maximum(size - np.einsum("gk,kg->g", across, solved[:, :-1]), 1e-12 * size)
+    rest = pull - across @ solved[:, -1]
+    first = within[count, count] - within[:count, count] @ solved[:, -1]
+    gain = rest**2 / free
+    return first - gain, rest / free, gain / max(float(within[count, count]), 1e-300)
+
+
+def _drawn(gram: Array) -> Array:
+    """Powers that resampled recordings ask for, (RESAMPLES,)."""
+    drawn = weights(len(gram), RESAMPLES, 0)
+    return np.array([POWERS[_profile(np.tensordot(one, gram, 1))[0].argmin()] for one in drawn])

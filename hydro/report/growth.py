@@ -1,0 +1,44 @@
+"""How the force of the water grows with velocity: a sentence for each axis, and the powers with intervals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hydro.core.columns import DOF, WRENCH
+from hydro.report import words
+from hydro.report.figures import TITLES
+from hydro.report.sources import Sources
+
+
+def section(sources: Sources) -> dict[str, Any] | None:
+    """Sentences and rows; None without a growth table."""
+    if sources.growth is None:
+        return None
+    rows = sources.growth.frame.to_dicts()
+    own = [row for row in rows if WRENCH.index(row["axis"]) == "uvwpqr".index(row["against"])]
+    told = [
+        f"Drag in {DOF[WRENCH.index(row['axis'])]} grows as |{row['against']}| to the power "
+        f"{words.figure(row['power'])} ({_interval(row)})."
+        for row in own
+    ]
+    return {"told": told, "rows": [_line(row) for row in rows]}
+
+
+def _interval(row: dict[str, Any]) -> str:
+    return f"{words.figure(row['low'])} to {words.figure(row['high'])}"
+
+
+def _line(row: dict[str, Any]) -> dict[str, Any]:
+    """A term as a row of a table."""
+    i, against = WRENCH.index(row["axis"]), row["against"]
+    own = "uvwpqr"[i]
+    law = f"|{against}|^n" if against == own else f"|{against}|^n {own}"
+    return {
+        "axis": row["axis"],
+        "law": f"{law} ({TITLES[against]})",
+        "power": words.figure(row["power"]),
+        "interval": _interval(row),
+        "drag": words.figure(row["drag"]),
+        "unit": row["unit"],
+        "share": words.percent(row["share"]),
+    }
