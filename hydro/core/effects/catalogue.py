@@ -10,7 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.effects import actuator, damping, hull, inertia, memory, restoring, sensor, surroundings
+from hydro.core.effects import (
+    actuator,
+    damping,
+    hull,
+    inertia,
+    layout,
+    memory,
+    restoring,
+    sensor,
+    surroundings,
+)
 from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
@@ -84,12 +94,15 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 
 
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Velocity v_c of the water [m/s], NED, shape (3,): the sum of the vehicle's `flow` effects."""
-    velocity = np.zeros(3)
+    """Motion of the water, NED, shape (5,): the sum of the vehicle's `flow` effects.
+
+    Velocity at z = 0 [m/s], and the growth of its horizontal components with depth [1/s].
+    """
+    flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.flow is not None:
-            effect.flow(parameters, velocity)
-    return velocity
+            effect.flow(parameters, flow)
+    return flow
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:

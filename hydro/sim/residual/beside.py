@@ -61,8 +61,9 @@ def _adds(effect: Table) -> bool:
 
 
 def _flows(effect: Table) -> bool:
-    """Whether an effect moves the water."""
-    return CATALOGUE[effect["name"]].kind == "flow"
+    """Whether an effect moves the water alike everywhere: one with a wrench of its own accelerates it."""
+    record = CATALOGUE[effect["name"]]
+    return record.kind == "flow" and record.kernel is None
 
 
 def _values(effect: Table) -> dict[str, Any]:
