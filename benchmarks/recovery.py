@@ -243,9 +243,9 @@ def recovered(
 
 
 def true_values(truth: Vehicle, free: Free) -> Array:
-    """The free entries (P,) as they are in truth; what a table leaves out is 0."""
+    """The free entries (P,) as they are in truth; what it or its table leaves out is 0."""
     tables: dict[str, Mapping[str, Any]] = {table["name"]: table for table in truth.effect}
-    found = [np.asarray(tables[e.effect].get(e.parameter, 0.0), float) for e in free.entries]
+    found = [np.asarray(tables.get(e.effect, {}).get(e.parameter, 0.0), float) for e in free.entries]
     return np.array([v[e.index] if v.ndim else v for v, e in zip(found, free.entries, strict=True)], float)
 
 
