@@ -39,6 +39,8 @@ from hydro.core.vehicle.thrusters import configuration_matrix
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
+DEPTH = 5.0
+"""Where sessions begin [m]."""
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 
@@ -130,6 +132,12 @@ TRUTHS: dict[str, Draw] = {
         "decay": within(0.7, 2.0, signs=False)(rng),
     },
     "fluid_memory": lambda rng, v: {"K": [axes(v, 0.3, rng)], "rates": [float(rng.uniform(0.5, 3.0))]},
+    "current_shear": lambda rng, v: several(("g_N", "g_E"), [0.08, 0.08], rng) | {"z_0": DEPTH},
+    "drifting_ballast": lambda rng, v: {
+        "S": [float(0.01 * mass(v) * rng.uniform(0.5, 1.5)) for _ in range(2)],
+        "tilt": within(0.1, 0.4, signs=False)(rng),
+        "T": within(0.5, 5.0, signs=False)(rng),
+    },
     "thruster_gain": lambda rng, v: {"g": vector(rng, 0.3, len(v.thruster))},
     "thruster_asymmetry": lambda rng, v: {"a": within(0.05, 0.3)(rng)},
     "thruster_lag": lambda rng, v: {"dT": within(0.03, 0.15, signs=False)(rng)},
@@ -149,6 +157,8 @@ FORMS: dict[str, Draw] = {
     "sensor_scale.s": lambda rng, v: {"s": within(0.01, 0.05)(rng)},
 }
 """Effects of which a file may state other numbers than TRUTHS does."""
+BESIDE = {"current_shear": ("ocean_current",)}
+"""What is fitted besides: a fit counts the shear from another depth than the truth does."""
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:
@@ -213,12 +223,12 @@ def recovered(
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
     form = next((f".{key}" for key in CATALOGUE[effect].one_of if key in hidden), "")
-    depth = 1.5 if name == "surface_suction" else 5.0
+    depth = 1.5 if name == "surface_suction" else DEPTH
     motion = simulate(truth, commands(vehicle, seconds, seed, depth))
     logged = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     raw = motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
     others = [other for other in damping_of(known) if other != effect]
-    found = fit(misjudged(known, rng), raw, [effect + form, *others])
+    found = fit(misjudged(known, rng), raw, [effect + form, *BESIDE.get(effect, ()), *others])
     mine = np.array([entry.effect == effect for entry in found.free.entries])
     z = ((found.values - true_values(truth, found.free)) / found.standard_errors)[mine]
     return {
@@ -233,9 +243,9 @@ def recovered(
 
 
 def true_values(truth: Vehicle, free: Free) -> Array:
-    """The free entries (P,) as they are in truth; what a table leaves out is 0."""
+    """The free entries (P,) as they are in truth; what it or its table leaves out is 0."""
     tables: dict[str, Mapping[str, Any]] = {table["name"]: table for table in truth.effect}
-    found = [np.asarray(tables[e.effect].get(e.parameter, 0.0), float) for e in free.entries]
+    found = [np.asarray(tables.get(e.effect, {}).get(e.parameter, 0.0), float) for e in free.entries]
     return np.array([v[e.index] if v.ndim else v for v, e in zip(found, free.entries, strict=True)], float)
 
 

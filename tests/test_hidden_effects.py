@@ -166,8 +166,8 @@ def test_the_report_counts_every_kind(tmp_path):
 
 
 def test_draws_are_possible_and_depend_on_kind_and_seed_alone():
-    counts = {"one": 1, "two": 2, "three": 3, "none": 0}
-    hidden = set()
+    counts = {"one": 1, "two": 2, "three": 3, "none": 0, "later": 1}
+    hidden, later = set(), set()
     for kind in cases.KINDS:
         for seed in range(len(cases.HIDDEN)):
             case = cases.draw(kind, seed)
@@ -178,12 +178,15 @@ def test_draws_are_possible_and_depend_on_kind_and_seed_alone():
                 assert not case.foreign
             if kind == "one":
                 hidden |= set(case.called)
+            if kind == "later":
+                later |= set(case.called)
             if kind == "unknown":
                 assert not case.called
                 assert case.foreign
             assert set(case.called) <= set(CATALOGUE)
     written = {name for name, effect in CATALOGUE.items() if effect.words}
     assert hidden == set(CATALOGUE) - set(cases.LATER) - written, "every effect has its turn"
+    assert later == set(cases.LATER)
 
 
 def test_a_case_can_be_made_weaker():

@@ -58,7 +58,7 @@ def build(
     extra = [np.array([body.mass * gravity, *body.center_of_gravity])]
     kappa = lifted = asymmetry = lag = delay = band = curve = inflow = 0.0
     current, tether, suction, memory = np.zeros(3), np.zeros(8), np.zeros(2), np.zeros(7)
-    gains = np.zeros(len(vehicle.thruster))
+    gains, gradient, ballast = np.zeros(len(vehicle.thruster)), np.zeros(3), np.zeros(4)
     for table in (*vehicle.effect, *hidden):
         get = table.get
         match table["name"]:
@@ -95,6 +95,10 @@ def build(
                 rigid += rigid_body(get("mass", 0.0), point, np.zeros((3, 3)))
             case "ocean_current":
                 current += [get(axis, 0.0) for axis in ("v_N", "v_E", "v_D")]
+            case "current_shear":
+                gradient[:] = [get(key, 0.0) for key in ("g_N", "g_E", "z_0")]
+            case "drifting_ballast":
+                ballast[:] = [*(gravity * np.array(table["S"])), table["tilt"], table["T"]]
             case "tether":
                 attachment = get("attachment", (0.0, 0.0, 0.0))
                 tether[:] = [table["k"], get("slack", 0.0), *attachment, *table["anchor"]]
@@ -133,6 +137,8 @@ def build(
         span=np.array([hull.length, hull.center[0]]),
         lift=lift,
         current=current,
+        gradient=gradient,
+        ballast=ballast,
         tether=tether,
         suction=np.array([*suction, *buoyancy]),
         memory=memory,

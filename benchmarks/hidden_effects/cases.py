@@ -14,19 +14,23 @@ from hydro.core.effects import validate
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 
-KINDS = ("one", "two", "three", "unknown", "form", "none")
+KINDS = ("one", "two", "three", "unknown", "form", "none", "later")
 WEAKEST, STRONGEST = 0.15, 4.0
 """Bounds of the factor on an effect's usual size, drawn log-uniformly."""
-LATER = ("thruster_curve",)
-"""Effects that came after figures were published: not drawn, so that a seed hides what it hid."""
+LATER = ("thruster_curve", "current_shear", "drifting_ballast")
+"""Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
 HIDDEN = tuple(name for name in TRUTHS if name not in LATER)
 FIXED = {
     "tether": ("slack", "attachment", "anchor"),
     "surface_suction": ("decay",),
     "fluid_memory": ("rates",),
     "payload": ("x", "y", "z"),
+    "current_shear": ("z_0",),
+    "drifting_ballast": ("tilt", "T"),
 }
 """Parameters that say where or how fast an effect acts, not how strongly."""
+ALSO = {"current that grows with depth": ("current_shear",)}
+"""What else a form may be called since the catalogue has it."""
 SIZES = (
     "cubic",
     "power",
@@ -44,6 +48,7 @@ WITHIN = {
     "added_mass_coriolis": 0.9,
     "buoyancy_offset": 0.02,
     "ocean_current": 0.8,
+    "current_shear": 0.2,
     "thruster_gain": 0.9,
     "thruster_asymmetry": 0.8,
     "thruster_lag": 0.4,
@@ -120,17 +125,26 @@ def draw(kind: str, seed: int, source: str | None = None) -> Case:
         if source == "teacher" and set(called) & set(vehicles.DAMPING):
             source = "independent"  # the teacher has a damping of its own
         near = any(table["name"] == "surface_suction" for table in hidden)
+        hidden = [at_depth(table, 1.5 if near else 15.0) for table in hidden]
         return Case(
             kind, seed, name, source, noise, 1.5 if near else 15.0, tuple(hidden), foreign, called, title
         )
     raise DataError(f"no vehicle can have what seed {seed} of kind {kind} hides")
 
 
+def at_depth(table: Mapping[str, Any], depth: float) -> Mapping[str, Any]:
+    """An effect that counts from a depth, about the one that is flown at [m]."""
+    return {**table, "z_0": depth} if "z_0" in table else table
+
+
 Drawn = tuple[list[dict[str, Any]], dict[str, float], tuple[str, ...], str]
 
 
 def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """None, one, two or three effects of the catalogue."""
+    """None, one, two or three effects of the catalogue; one of those that came later."""
+    if kind == "later":
+        name = LATER[seed % len(LATER)]
+        return [strong(name, rng, vehicle)], {}, (name,), name
     count = ("none", "one", "two", "three").index(kind)
     names = [HIDDEN[seed % len(HIDDEN)]] if count else []
     while len(names) < count:
@@ -214,7 +228,8 @@ def _form(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> D
     table = strong(name, rng, vehicle)
     if name == "thruster_lag":  # a further lag behind the rotor's takes the place of a longer one
         return [], {"second_lag": max(float(table["dT"]), 0.01)}, (name,), title
-    return [table], foreign, (name,), title
+    called = (name, *ALSO.get(title, ()))
+    return [table], foreign, tuple(sorted(called)), title
 
 
 _DRAWS = {"unknown": _unknown, "form": _form}

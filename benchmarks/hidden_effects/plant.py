@@ -19,7 +19,7 @@ from hydro.core.columns import Array
 STEP = 0.01
 """Longest step of integration [s], classical Runge-Kutta."""
 BODY = 13  # states of the rigid body: position, quaternion, velocity
-MEMORY, SLOSH, HYSTERESIS = 6, 4, 3  # further states, after two per thruster
+MEMORY, SLOSH, HYSTERESIS, BALLAST = 6, 4, 3, 2  # further states, after two per thruster
 STATIONS = 41  # of the hull, for Simpson's rule
 
 FOREIGN = (
@@ -74,6 +74,8 @@ class Plant(NamedTuple):
         span: Hull length and the x of its centre, (2,).
         lift: Y, N of v, r and Z, M of w, q per |u|, (2, 2, 2).
         current: v_c NED, (3,).
+        gradient: Growth of v_c north and east with depth [1/s], and the depth where it is v_c, (3,).
+        ballast: Weight times travel along x and y [N m], tilt and time constant of ballast that slides, (4,).
         tether: k, slack, attachment, anchor, (8,).
         suction: A, decay and the point, (5,).
         memory: K of six axes and the rate, (7,).
@@ -102,6 +104,8 @@ class Plant(NamedTuple):
     span: Array
     lift: Array
     current: Array
+    gradient: Array
+    ballast: Array
     tether: Array
     suction: Array
     memory: Array
@@ -156,6 +160,10 @@ def water(plant: Plant, z: float, sink: float, t: float) -> tuple[Array, Array]:
     """Velocity of the water and its rate as the vehicle meets it, NED."""
     f = plant.foreign
     v, rate = plant.current * (1.0 + f[SHEAR] * (z - f[DEPTH])), plant.current * (f[SHEAR] * sink)
+    below = z - plant.gradient[2]
+    for i in range(2):
+        v[i] += plant.gradient[i] * below
+        rate[i] += plant.gradient[i] * sink
     swing, speed = math.sin(f[TIDE_RATE] * t), f[TIDE_RATE] * math.cos(f[TIDE_RATE] * t)
     v[0] += f[TIDE] * swing
     v[1] += f[TIDE_EAST] * swing
@@ -253,6 +261,13 @@ def surround(plant: Plant, p: Array, R: Array, t: float, tau: Array) -> None:
 
 
 @njit(cache=True)
+def rested(plant: Plant, R: Array) -> Array:
+    """Where loose ballast comes to lie at an attitude: weight times way along x and y (2,)."""
+    e = np.exp(2.0 * R[2, :2] / plant.ballast[2])
+    return plant.ballast[:2] * (e - 1.0) / (e + 1.0)
+
+
+@njit(cache=True)
 def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
     """Time derivative of the state; `target` is what the rotors' lags settle on, (n,)."""
     count, f = target.size, plant.foreign
@@ -260,6 +275,7 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
     p, q, nu = y[:3], y[3:7], y[7:BODY]
     at = BODY + 2 * count
     memory, slosh, bristle = y[at : at + 6], y[at + 6 : at + 10], y[at + 10 : at + 13]
+    slid = y[at + 13 : at + 15]
     R = turned(q)
     sink = R[2] @ nu[:3]
     v_c, v_c_rate = water(plant, p[2], sink, t)
@@ -290,6 +306,8 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
     push[:2] = f[SLOSH_MASS] * (stiff * slosh[:2] + damp * slosh[2:])
     apply(tau, push, np.array([0.0, 0.0, f[SLOSH_Z]]))
 
+    tau[3:] += cross(np.array([slid[0], slid[1], 0.0]), R[2])  # of weight here that was at the middle
+
     nu_dot = plant.inverse @ tau
     out[:3] = R @ nu[:3]
     w, x, yy, z = q
@@ -309,6 +327,8 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
         felt = nu_dot[:3] + cross(nu[3:], nu[:3]) - 9.81 * R[2]
         out[at + 6 : at + 8] = slosh[2:]
         out[at + 8 : at + 10] = -stiff * slosh[:2] - damp * slosh[2:] - felt[:2]
+    if plant.ballast[3] > 0.0:
+        out[at + 13 : at + 15] = (rested(plant, R) - slid) / plant.ballast[3]
     if f[HYSTERESIS_FORCE] > 0.0:
         out[at + 10 : at + 13] = (sliding - np.abs(sliding) * bristle) / f[HYSTERESIS_PATH]
     return out
@@ -370,7 +390,7 @@ def steer(believed: Plant, allocation: Array, gains: Array, y: Array, depth: flo
 def resting(plant: Plant, first: Array) -> Array:
     """The whole state of a vehicle whose body is at `first` (13,) and has been moving so until now."""
     count = plant.gains.size
-    y = np.zeros(BODY + 2 * count + MEMORY + SLOSH + HYSTERESIS)
+    y = np.zeros(BODY + 2 * count + MEMORY + SLOSH + HYSTERESIS + BALLAST)
     y[:BODY] = first
     at = BODY + 2 * count
     if plant.memory[6] > 0.0:
@@ -378,6 +398,8 @@ def resting(plant: Plant, first: Array) -> Array:
         y[at : at + 6] = y[7:BODY]
         y[at : at + 3] -= R.T @ water(plant, y[2], R[2] @ y[7:10], 0.0)[0]
         y[at : at + 6] /= plant.memory[6]
+    if plant.ballast[3] > 0.0:
+        y[-BALLAST:] = rested(plant, turned(y[3:7]))
     return y
 
 

@@ -41,10 +41,10 @@ from hydro.core.distillation.wrench_balance import (
     constants,
     label_kernel,
     names,
-    through_water,
 )
 from hydro.core.effects import current, effect_forces, sensor, thruster_table, velocity_log
 from hydro.core.effects.catalogue import entries
+from hydro.core.effects.columns import through_water
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design, acceleration_noise, estimate, gains, reach, smooth
@@ -117,7 +117,7 @@ def labels(
         part, within = raw[start:stop], bounds[first:last] - start
         motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
         attitude = columns(part, ("phi", "theta", "psi"))
-        nu_r = None if water is None else through_water(motion, attitude, water)
+        nu_r = None if water is None else through_water(water, columns(part, POSE), motion[:, :, 0])
         thrust = thrusts(
             table, driven[start:stop], part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )

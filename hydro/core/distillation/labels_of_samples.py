@@ -35,9 +35,9 @@ from hydro.core.distillation.wrench_balance import (
     constants,
     label_kernel,
     names,
-    through_water,
 )
 from hydro.core.effects import current, effect_forces, thruster_table, velocity_log
+from hydro.core.effects.columns import through_water
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import LEAST_NOISE, UNSEEN, Recording
 from hydro.core.recording.arrays import noise as channel_noise
@@ -106,7 +106,7 @@ def labels_of_samples(
     pose, motion = np.nan_to_num(found.pose), np.nan_to_num(found.motion)
     table = thruster_table(vehicle)
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
-    nu_r = through_water(motion, pose[:, 3:], current(vehicle)) if inflow else None
+    nu_r = through_water(current(vehicle), pose, motion[:, :, 0]) if inflow else None
     after_gap = resumes(raw, bounds)
     driven = recorded_commands(vehicle, raw)
     thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)

@@ -13,7 +13,6 @@ from hydro.core.columns import VELOCITY, WRENCH, Array, Array32
 from hydro.core.compiled import jit
 from hydro.core.effects import inertia_matrix
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.rigid_body import balance, mass_matrix, restoring_kernel
 from hydro.core.vehicle.thrusters import UNIT_WRENCH
 
@@ -61,13 +60,6 @@ def constants(vehicle: Vehicle, table: Array) -> Constants:
     """What labels need of a vehicle and its thruster table."""
     mass = mass_matrix(vehicle) + inertia_matrix(vehicle)
     return Constants(np.ascontiguousarray(table[:, UNIT_WRENCH]), mass, balance(vehicle))
-
-
-def through_water(motion: Array, attitude: Array, water: Array) -> Array:
-    """nu_r = nu - [R^T v_c; 0], shape (N, 6), for the inflow of the thrusters."""
-    nu_r = motion[:, :, 0].copy()
-    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*attitude.T), water)
-    return nu_r
 
 
 @jit

@@ -16,6 +16,7 @@ from hydro.core.effects import (
     formula,
     hull,
     inertia,
+    layout,
     memory,
     restoring,
     sensor,
@@ -94,12 +95,15 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 
 
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Velocity v_c of the water [m/s], NED, shape (3,): the sum of the vehicle's `flow` effects."""
-    velocity = np.zeros(3)
+    """Motion of the water, NED, shape (5,): the sum of the vehicle's `flow` effects.
+
+    Velocity at z = 0 [m/s], and the growth of its horizontal components with depth [1/s].
+    """
+    flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.flow is not None:
-            effect.flow(parameters, velocity)
-    return velocity
+            effect.flow(parameters, flow)
+    return flow
 
 
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:

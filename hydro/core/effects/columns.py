@@ -10,7 +10,7 @@ from hydro.core.compiled import jit
 from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
 from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import rotation_kernel
+from hydro.core.vehicle.frames import rotation, rotation_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 
@@ -51,7 +51,8 @@ def effect_forces(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: Arr
     """Wrench ON the vehicle of all its effects but for -I nu_dot, I what they add to the mass matrix.
 
     With `effect_wrenches` tau_e these are tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms
-    that an inertia brings (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot that a current brings.
+    that an inertia brings (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot that a current brings; what
+    else it brings where it grows with depth is in tau_e.
     Nothing of M_RB is among them, nor the thrust.
 
     Arguments, result and errors are those of `effect_wrenches`.
@@ -65,6 +66,21 @@ def effect_forces(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: Arr
         out,
     )
     return out
+
+
+def through_water(flow: Array, eta: Array, nu: Array) -> Array:
+    """Velocity of CO through the water, nu_r in body axes, (N, 6).
+
+    Args:
+        flow: Motion of the water, (5,) of `catalogue.current`.
+        eta: Pose, NED, (N, 6).
+        nu: Velocity over ground, (N, 6).
+    """
+    water = np.tile(flow[:3], (len(eta), 1))
+    water[:, :2] += np.outer(eta[:, 2], flow[3:])
+    nu_r = nu.copy()
+    nu_r[:, :3] -= np.einsum("kji,kj->ki", rotation(*eta[:, 3:].T), water)
+    return nu_r
 
 
 @jit

@@ -21,15 +21,17 @@ CENTER_OF_GRAVITY = 8  # 3 [m]
 CENTER_OF_BUOYANCY = 11  # 3 [m], with every `buoyancy_offset` applied
 HULL = 14  # length, width, height [m]
 HULL_CENTER = 17  # 3 [m]
-CURRENT = 20  # v_c, 3 [m/s], NED
-ADDED_MASS = 23  # M_A of the water alone, 36, row by row
-INERTIA = 59  # what the effects add to M_RB: M_A and rigid payloads, 36
-MASS_MATRIX = 95  # M = M_RB + INERTIA, 36
-INVERSE_MASS_MATRIX = 131  # 36
-CONSTANTS = 167  # length of c
+CURRENT = 20  # v_c at z = 0, 3 [m/s], NED
+CURRENT_GRADIENT = 23  # growth of v_N and v_E with depth, 2 [1/s]
+FLOW = slice(CURRENT, CURRENT_GRADIENT + 2)  # both, as `catalogue.current` gives them
+ADDED_MASS = 25  # M_A of the water alone, 36, row by row
+INERTIA = 61  # what the effects add to M_RB: M_A and rigid payloads, 36
+MASS_MATRIX = 97  # M = M_RB + INERTIA, 36
+INVERSE_MASS_MATRIX = 133  # 36
+CONSTANTS = 169  # length of c
 
 # State of motion.
-RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c; 0], 6
+RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z); 0], 6
 VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3

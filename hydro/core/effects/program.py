@@ -178,9 +178,9 @@ def thrusters_of(flat: Array) -> Array:
 
 @kernel
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Write nu_r = nu - [R^T v_c; 0] from the velocity and rotation in `s`."""
-    at = HEADER + layout.CURRENT
-    north, east, down = flat[at], flat[at + 1], flat[at + 2]
+    """Write nu_r = nu - [R^T v_c(z); 0] from the velocity, rotation and depth in `s`."""
+    at, growth, z = HEADER + layout.CURRENT, HEADER + layout.CURRENT_GRADIENT, s[layout.POSITION + 2]
+    north, east, down = flat[at] + flat[growth] * z, flat[at + 1] + flat[growth + 1] * z, flat[at + 2]
     for i in range(3):
         water = (
             s[layout.ROTATION + i] * north

@@ -67,6 +67,7 @@ class Parameter:
         limits: Bounds of an entry in a fit that depend on the vehicle; by default `low` and `high`.
         symmetric: Whether a matrix has only the entries on and above its diagonal for free.
         plausible: What physics leaves to it: a value beyond is not believed without being told.
+        held: Whether a fit leaves it as it is: it says from where another parameter counts.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Parameter:
     limits: Limits | None = None
     symmetric: bool = False
     plausible: Plausible | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""
@@ -224,7 +226,8 @@ class Effect:
         name: Name in a vehicle file.
         family: The file of `core.effects` it stands in.
         kind: What it acts on: `wrench` adds to tau, `inertia` to M (and brings its Coriolis terms), `flow` to
-            the current v_c, `actuator` to the thruster table, `sensor` to the logged velocity.
+            the current v_c (and may bring a wrench), `actuator` to the thruster table, `sensor` to the logged
+            velocity.
         definition: Its equation on one line, the wrench being the one ON the vehicle.
         source: Where the equation comes from.
         excitation: The motion that a recording must contain for its parameters to be determined.
@@ -233,7 +236,7 @@ class Effect:
         one_of: Names of parameters of which exactly one is given, and the others are not packed.
         kernel: Scalar compiled wrench, see `core.effects.layout`.
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
-        flow: `flow(p, v_c)` adds to the current [m/s], NED.
+        flow: `flow(p, flow)` adds to the current, (5,) of `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
         sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
         states: Number of internal states for a packed parameter vector.

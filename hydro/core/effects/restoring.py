@@ -5,13 +5,14 @@ The third row of R, [R20, R21, R22], is the world's downward direction seen from
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, ROTATION
+from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, ROTATION
 from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
     Advice,
@@ -22,14 +23,17 @@ from hydro.core.effects.record import (
     Rest,
     Role,
     Shape,
+    Shapes,
     Table,
 )
-from hydro.core.effects.shapes import LEVER
-from hydro.core.effects.units import of_weight
+from hydro.core.effects.shapes import LEVER, along
+from hydro.core.effects.units import of_mass, of_weight
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.plausible import Plausible, within_box
+from hydro.core.vehicle.plausible import Plausible, between, within_box
 from hydro.core.vehicle.plausible import of_weight as up_to_weight
 
+TILTS_TRIED, LAGS_TRIED = (0.1, 0.4), (0.5, 2.0, 8.0)
+LEAST_TILT, MOST_TILT, LEAST_LAG, MOST_LAG = 0.02, 1.0, 0.1, 60.0  # rad, s, of what a log can show
 CARRIED = "a vehicle does not carry more than itself"
 ON_BOARD = tuple(
     within_box(2.0, "up to the hull's length along this axis from CO", CARRIED, i) for i in range(3)
@@ -82,6 +86,66 @@ def point_mass(p: Array, matrix: Array) -> None:
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     arm = np.hstack([np.eye(3), -lever])
     matrix += mass * arm.T @ arm
+
+
+@kernel
+def drifting_ballast(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Moment g x d of ballast that has slid by x = m (x_b, y_b, 0), d being the world's down in body axes.
+
+    Toward the lower end it goes as far as its stop, S = mass times travel, and late: x' = (S tanh(d/tilt) -
+    x)/T along surge and along sway.  Its weight is in the vehicle's, so that no force comes of it, and the
+    inertia of its sliding is left out.  At small tilts and slowly it is the free-surface effect of a liquid,
+    a loss g S/tilt of the righting moment's slope, and damps.  It stores g (tilt int artanh(x/S) dx - x d).
+    """
+    for i in range(2):
+        dx[i] = (p[i] * math.tanh(s[ROTATION + 6 + i] / p[2]) - x[i]) / p[3]
+    weigh_aside(c[GRAVITY], s, x[0], x[1], tau)
+
+
+@kernel
+def weigh_aside(gravity: float, s: Array, x: float, y: float, tau: Array) -> None:
+    """Add the moment of weight that moved within the body, by mass times way (x, y, 0) [kg m]."""
+    push_down(s, gravity, x, y, 0.0, tau)
+    push_down(s, -gravity, 0.0, 0.0, 0.0, tau)
+
+
+@kernel
+def slid_down(p: Array, c: Array, s: Array, x: Array) -> None:
+    """x(0) = S tanh(d/tilt): as if the present tilt had always been."""
+    for i in range(2):
+        x[i] = p[i] * math.tanh(s[ROTATION + 6 + i] / p[2])
+
+
+def loose(tilt: float, lag: float) -> Table:
+    """Ballast of no mass that a tilt [rad] moves with a lag [s]."""
+    return {"name": DRIFTING_BALLAST.name, "S": [0.0, 0.0], "tilt": tilt, "T": lag}
+
+
+def at_lags(tilts: Sequence[float], lags: Sequence[float]) -> Shapes:
+    """Both ways of sliding, for each of some tilts and lags."""
+
+    def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+        for tilt in tilts:
+            for lag in lags:
+                yield along(DRIFTING_BALLAST, "S", loose(tilt, lag), vehicle)
+
+    return shapes
+
+
+def shown_tilts(index: Index, rest: Rest) -> tuple[float, float]:
+    """Tilts that a recording can show."""
+    return LEAST_TILT, MOST_TILT
+
+
+def shown_lags(index: Index, rest: Rest) -> tuple[float, float]:
+    """Lags that a recording can show."""
+    return LEAST_LAG, MOST_LAG
+
+
+def most_ballast(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+    """A fifth of the vehicle's mass, from the middle of the hull to its end."""
+    hull = vehicle.hull
+    return 0.0, 0.1 * vehicle.rigid_body.mass * (hull.length, hull.width)[index[-1]]
 
 
 def near_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
@@ -152,6 +216,58 @@ PAYLOAD = Effect(
     identification=Identification(starts=light_or_heavy, coarse=payloads),
     advice=Advice(parted_by=(TILTS,)),
 )
+DRIFTING_BALLAST = Effect(
+    name="drifting_ballast",
+    family="restoring",
+    kind="wrench",
+    definition="g [0; x x d], x' = (S tanh(d/tilt) - x)/T in surge and sway, d = R^T [0, 0, 1]",
+    source="Lewis (1988), Principles of Naval Architecture, vol. I, section 2.8 (free surfaces), with a lag",
+    excitation="roll and pitch to several tilts, held for both less and more than T",
+    lookalikes=("buoyancy_offset", "linear_damping", "payload"),
+    parameters=(
+        Parameter(
+            "S",
+            ("kg m",),
+            "mass times travel from the middle to the stop, surge and sway",
+            (2,),
+            low=0.0,
+            required=True,
+            scale=(of_mass(0.01),),
+            plausible=Plausible(
+                most_ballast, "up to a fifth of the vehicle's mass over half of the hull's box", CARRIED
+            ),
+        ),
+        Parameter(
+            "tilt",
+            ("rad",),
+            "tilt at which it has gone three quarters of the way",
+            low=LEAST_TILT,
+            required=True,
+            scale=(0.2,),
+            limits=shown_tilts,
+            plausible=between(LEAST_TILT, MOST_TILT, "rad", "steeper ones are hardly flown"),
+        ),
+        Parameter(
+            "T",
+            ("s",),
+            "time constant of sliding",
+            low=LEAST_LAG,
+            required=True,
+            scale=(1.0,),
+            limits=shown_lags,
+            plausible=between(LEAST_LAG, MOST_LAG, "s", "from what slides freely to what seeps"),
+        ),
+    ),
+    kernel=drifting_ballast,
+    states=lambda p: 2,
+    start=slid_down,
+    identification=Identification(
+        starts=lambda vehicle, reach: [loose(tilt, lag) for tilt in TILTS_TRIED for lag in LAGS_TRIED],
+        coarse=at_lags(TILTS_TRIED[-1:], LAGS_TRIED[::2]),
+        fine=at_lags(TILTS_TRIED, LAGS_TRIED),
+    ),
+    advice=Advice(parted_by=(TILTS,)),
+)
 
 EFFECTS = (
     Effect(
@@ -196,4 +312,5 @@ EFFECTS = (
         roles=frozenset({Role.OFTEN_LACKING}),
     ),
     PAYLOAD,
+    DRIFTING_BALLAST,
 )

@@ -9,8 +9,8 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
-from hydro.core.effects.parting import DISTANCES, HEADINGS, TILTS
+from hydro.core.effects.layout import ADDED_MASS, CENTER_OF_BUOYANCY, POSITION, ROTATION, VELOCITY
+from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, TILTS
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -35,17 +35,57 @@ FAR = 1e4
 DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
 TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not fly against more")
 VERTICAL = between(-1.0, 1.0, "m/s", "overfalls; elsewhere centimetres per second")
+SHEARED = between(
+    -0.3, 0.3, "1/s", "boundary layers of tidal streams; elsewhere centimetres per second and metre"
+)
+DEEPEST_SEA = 11_000.0
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
 
-def ocean_current(p: Array, current: Array) -> None:
+def ocean_current(p: Array, flow: Array) -> None:
     """Velocity v_c of the water [m/s], NED: steady, irrotational, uniform.
 
     Every force of the water then depends on nu_r = nu - [R^T v_c; 0] and nu_r_dot = nu_dot + [omega x R^T
     v_c; 0] (the current is at rest in the world and thus turns in the body frame).  A vehicle left alone
     drifts with it.
     """
-    current += p
+    flow[:3] += p
+
+
+def current_shear(p: Array, flow: Array) -> None:
+    """Velocity v_c + (g_N, g_E) (z - z_0) of the water [m/s], NED: it grows with depth z and is steady.
+
+    z_0 is a depth that the file states and no fit moves: about it the shear says nothing of the mean current,
+    which `ocean_current` stands for.  Counted from the surface it would be one itself wherever a recording
+    keeps to one depth.
+    """
+    flow[:2] -= p[:2] * p[2]
+    flow[3:] += p[:2]
+
+
+@kernel
+def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench M_A [R^T v_c_dot; 0] with v_c_dot = (g_N, g_E, 0) z_dot, the water's rate as the vehicle dives.
+
+    Of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0] it is the last term.  It acts through the
+    added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
+    + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.  Left out are the lift of a body in a flow
+    with vorticity, the gradient over the hull, and the pressure of accelerating water, rho V (v_c grad) v_c,
+    which a horizontal current does not have.
+    """
+    sinking = (
+        s[ROTATION + 6] * s[VELOCITY] + s[ROTATION + 7] * s[VELOCITY + 1] + s[ROTATION + 8] * s[VELOCITY + 2]
+    )
+    north, east = p[0] * sinking, p[1] * sinking
+    for j in range(3):
+        rate = s[ROTATION + j] * north + s[ROTATION + 3 + j] * east
+        for i in range(6):
+            tau[i] += c[ADDED_MASS + 6 * i + j] * rate
+
+
+def about_the_middle(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """No shear, about the depth that a recording is about."""
+    return [{"z_0": 0.0 if reach is None else round(float(np.median(reach[:, 2])), 1)}]
 
 
 @kernel
@@ -287,6 +327,40 @@ EFFECTS = (
         flow=ocean_current,
         advice=Advice(parted_by=(HEADINGS, DISTANCES)),
         roles=frozenset({Role.OFTEN_LACKING}),
+    ),
+    Effect(
+        name="current_shear",
+        family="surroundings",
+        kind="flow",
+        definition="v_c(z) = v_c + (g_N, g_E, 0) (z - z_0), and M_A [R^T (g_N, g_E, 0) z_dot; 0]",
+        source="Fossen (2011), section 8.3; nu_r_dot by differentiation",
+        excitation="the same thrust and heading at several depths, or dives under way",
+        lookalikes=("ocean_current", "body_lift", "coupled_damping"),
+        parameters=(
+            Parameter(
+                "g_N",
+                ("1/s",),
+                "growth of the northward current with depth",
+                scale=(0.05,),
+                plausible=SHEARED,
+            ),
+            Parameter(
+                "g_E", ("1/s",), "growth of the eastward current with depth", scale=(0.05,), plausible=SHEARED
+            ),
+            Parameter(
+                "z_0",
+                ("m",),
+                "depth at which it adds nothing",
+                plausible=between(
+                    -10.0, DEEPEST_SEA, "m", "the deepest sea; NED may begin below its surface"
+                ),
+                held=True,
+            ),
+        ),
+        flow=current_shear,
+        kernel=dive_through_shear,
+        identification=Identification(starts=about_the_middle),
+        advice=Advice(parted_by=(DEPTHS, HEADINGS)),
     ),
     TETHER,
     SURFACE_SUCTION,

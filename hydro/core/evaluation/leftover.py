@@ -19,7 +19,8 @@ import polars as pl
 from scipy.stats import t as student
 
 from hydro.core.columns import POSE, VELOCITY, VELOCITY_UNITS, WRENCH, WRENCH_UNITS, Array, Mask, Rows
-from hydro.core.effects.layout import ADDED_MASS, CURRENT, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects import columns
+from hydro.core.effects.layout import ADDED_MASS, FLOW, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.layout import VELOCITY as OVER_GROUND
 from hydro.core.effects.program import HEADER, Program, constants_of, start, wrench
 from hydro.core.errors import DataError
@@ -29,7 +30,6 @@ from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import Candidate, candidate, true_velocity
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 BINS = 10
@@ -117,10 +117,8 @@ def with_samples(record: Recording) -> Mask:
 
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
     """Velocity of CO through the water that a vehicle file has, nu_r in body axes, (N, 6)."""
-    nu_r = true_velocity(model, record, motion.nu).copy()
-    current = constants_of(model.program.flat)[CURRENT : CURRENT + 3]
-    nu_r[:, :3] -= np.einsum("kji,j->ki", rotation(*motion.eta[:, 3:].T), current)
-    return nu_r
+    flow = constants_of(model.program.flat)[FLOW]
+    return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu))
 
 
 @dataclass(frozen=True)

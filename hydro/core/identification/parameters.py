@@ -252,7 +252,7 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
         if parameter.name not in table:
             continue
         for index in np.ndindex(*np.shape(table[parameter.name])):
-            if (parameter.symmetric and index[0] > index[1]) or parameter.name in known:
+            if (parameter.symmetric and index[0] > index[1]) or parameter.name in known or parameter.held:
                 continue
             scale = parameter.scale_at(index, vehicle)
             low, high = parameter.low, parameter.high

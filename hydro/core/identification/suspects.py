@@ -62,7 +62,7 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
         if name in CURVED and not vehicle.effects(name):
             found += _shaped(vehicle, name, CATALOGUE[name].identification.coarse, reach)
         elif name not in CURVED:
-            found.append(of_entries(vehicle, name))
+            found.append(of_entries(vehicle, name, reach=reach))
     return found
 
 
@@ -95,9 +95,9 @@ def _shaped(vehicle: Vehicle, effect: str, made: Shapes | None, reach: Array | N
     ]
 
 
-def of_entries(vehicle: Vehicle, effect: str) -> Suspect:
+def of_entries(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> Suspect:
     """One column per entry of an effect that is linear, or nearly so, about its absence or present values."""
-    unknown = free(vehicle, [choice(vehicle, effect)])
+    unknown = free(vehicle, [choice(vehicle, effect)], reach=reach)
     name = unknown.entries[0].effect
     start, (low, high) = unknown.starts[0], unknown.bounds
     steps = [

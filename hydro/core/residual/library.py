@@ -18,7 +18,8 @@ from scipy.signal import savgol_filter
 
 from hydro.core.columns import Array
 from hydro.core.distillation.features import CROSS, features
-from hydro.core.effects.layout import CURRENT
+from hydro.core.effects.columns import through_water
+from hydro.core.effects.layout import FLOW
 from hydro.core.effects.program import constants_of
 from hydro.core.identification.candidate import Candidate, true_velocity
 from hydro.core.identification.multiple_shooting import Shots
@@ -58,16 +59,15 @@ class Flow:
     def of(cls, model: Candidate, shots: Shots) -> Flow:
         """The motion of a recording past the water of a vehicle's file, CO behind its velocity log."""
         record = shots.record
-        nu, turned = true_velocity(model, record, shots.nu), rotation(*shots.eta[:, 3:].T)
-        water = constants_of(model.program.flat)[CURRENT : CURRENT + 3]
-        nu = np.hstack([nu[:, :3] - np.einsum("kji,j->ki", turned, water), nu[:, 3:]])
+        flow = constants_of(model.program.flat)[FLOW]
+        nu = through_water(flow, shots.eta, true_velocity(model, record, shots.nu))
         rate = np.zeros_like(nu)
         widest = max(2 * round(CUBIC_REACH / record.dt) + 1, 5)
         for start, stop in record.segments:
             width = min(widest, (stop - start - 1) // 2 * 2 + 1)
             if width >= 5:
                 rate[start:stop] = savgol_filter(nu[start:stop], width, 3, deriv=1, delta=record.dt, axis=0)
-        return cls(nu, rate, turned[:, 2])
+        return cls(nu, rate, rotation(*shots.eta[:, 3:].T)[:, 2])
 
 
 def terms(flow: Flow) -> Array:

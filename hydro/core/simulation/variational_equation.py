@@ -159,9 +159,11 @@ def _feels_place(motion: Motion) -> bool:
     middle, rates, changed, tau, thrust = work[0], work[1], work[2], work[3, :6], work[3, 6:12]
     x, y, z = s[POSITION], s[POSITION + 1], s[POSITION + 2]
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x + LITTLE, y + 1.7 * LITTLE, z + 2.9 * LITTLE
+    relative_to_water(motion.flat, s)
     copy_kernel(thrust, tau)
     accelerate(motion.flat, s, middle[BODY:], changed[BODY:], tau, changed[7:BODY])
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x, y, z
+    relative_to_water(motion.flat, s)
     feels = False
     for i in range(7, middle.size):
         feels = feels or changed[i] != rates[i]
@@ -183,6 +185,7 @@ def _displace(motion: Motion, column: int, little: float) -> None:
     s, middle, turned = motion.s, motion.work[0], motion.work[2, :4]
     if column < 3:
         s[POSITION + column] += little
+        relative_to_water(motion.flat, s)
     elif column < 6:
         if little > 0.0:
             _turn(middle, column - 3, little, turned)

@@ -42,9 +42,9 @@ def beside(vehicle: Vehicle, labelled: Vehicle | None) -> tuple[Table, ...]:
     before, after = [_values(effect) for effect in then], [_values(effect) for effect in now]
     new = [effect for effect in now if _values(effect) not in before]
     gone = [effect for effect in then if _values(effect) not in after]
-    still = not any(map(_flows, then))
+    still = not any(CATALOGUE[effect["name"]].kind == "flow" for effect in then)
     refused = [effect["name"] for effect in gone]
-    refused += [effect["name"] for effect in new if not (_adds(effect) or (still and _flows(effect)))]
+    refused += [effect["name"] for effect in new if not (_adds(effect) or (still and _drifts(effect)))]
     if refused:
         raise DataError(
             f"{', '.join(dict.fromkeys(refused))} of {vehicle.name}: not as in the vehicle file that the "
@@ -60,9 +60,10 @@ def _adds(effect: Table) -> bool:
     return record.family in ADDED and record.kind == "wrench"
 
 
-def _flows(effect: Table) -> bool:
-    """Whether an effect moves the water."""
-    return CATALOGUE[effect["name"]].kind == "flow"
+def _drifts(effect: Table) -> bool:
+    """Whether an effect moves the water alike everywhere: where one has a wrench of its own, it does not."""
+    record = CATALOGUE[effect["name"]]
+    return record.kind == "flow" and record.kernel is None
 
 
 def _values(effect: Table) -> dict[str, Any]:

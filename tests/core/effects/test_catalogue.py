@@ -28,7 +28,9 @@ PHYSICS = [
     "net_buoyancy",
     "buoyancy_offset",
     "payload",
+    "drifting_ballast",
     "ocean_current",
+    "current_shear",
     "tether",
     "surface_suction",
     "fluid_memory",
@@ -106,7 +108,9 @@ def test_currents_add():
     vehicle = equipped(
         {"name": "ocean_current", "v_N": 0.3}, {"name": "ocean_current", "v_N": 0.1, "v_D": -0.2}
     )
-    np.testing.assert_allclose(current(vehicle), [0.4, 0.0, -0.2])
+    np.testing.assert_allclose(current(vehicle), [0.4, 0.0, -0.2, 0.0, 0.0])
+    sheared = [{"name": "current_shear", "g_N": 0.1, "z_0": 4.0}, {"name": "current_shear", "g_E": 0.2}]
+    np.testing.assert_allclose(current(equipped(*vehicle.effect, *sheared)), [0.0, 0.0, -0.2, 0.1, 0.2])
 
 
 REFUSED = [

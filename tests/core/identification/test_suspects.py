@@ -9,6 +9,7 @@ import synthetic
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import CURVED, suspects
 from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
@@ -29,6 +30,17 @@ def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
 def test_what_is_left_out_is_not_tried():
     found = suspects(synthetic.vehicle(), without=["tether", "added_mass"], reach=REACH)
     assert {one.effect for one in found} == SEARCHED - {"tether", "added_mass"}
+
+
+def test_a_shear_counts_from_the_depth_of_the_recording_and_no_fit_moves_that():
+    """Free, it would be the mean current; a depth that the file states stays."""
+    known = synthetic.vehicle()
+    (one,) = (one for one in suspects(known, reach=REACH) if one.effect == "current_shear")
+    assert one.begin(np.array([1.0, 0.0])) == {"name": "current_shear", "g_N": 0.05, "g_E": 0.0, "z_0": 6.0}
+    sheared = msgspec.structs.replace(known, effect=({"name": "current_shear", "z_0": 2.0},))
+    unknown = free(sheared, ["current_shear"], reach=REACH)
+    assert [entry.parameter for entry in unknown.entries] == ["g_N", "g_E"]
+    assert unknown.at(np.array([0.1, 0.2])).effects("current_shear")[0]["z_0"] == 2.0
 
 
 @pytest.mark.parametrize("band", [0.0, 0.1])

@@ -124,11 +124,14 @@ def test_a_network_that_learnt_in_a_current_flies_in_no_other(craft):
     for now in (craft, changed(craft, CURRENT | {"v_N": 0.1}), changed(learnt, CURRENT | {"v_E": 0.2})):
         with pytest.raises(DataError, match=r"^ocean_current of .* cannot act beside it"):
             beside(now, learnt)
+    sheared = changed(craft, {"name": "current_shear", "g_E": 0.1})
+    with pytest.raises(DataError, match=r"^ocean_current of .* cannot act beside it"):
+        beside(changed(sheared, CURRENT), sheared)
 
 
 @pytest.mark.parametrize(
     "effect",
-    [{"name": "linear_damping", "diagonal": [9.0] * 6}],
+    [{"name": "linear_damping", "diagonal": [9.0] * 6}, {"name": "current_shear", "g_N": 0.1}],
     ids=lambda effect: effect["name"],
 )
 def test_what_cannot_act_beside_it_is_refused_by_name(craft, effect):
