@@ -39,7 +39,7 @@ from hydro.core.vehicle.description import Vehicle
 UNNAMED = ("far_from_noise", "none_of_the_known")
 """Verdicts that leave something to discover."""
 LEAVES = 1.2
-"""Mean squared residual, in units of the noise, from which it is looked whether a law is missing."""
+"""Mean squared residual, in units of the noise, from which it is looked whether another law is nearer."""
 BETTER = 0.7
 """Part of what named forces leave beyond the noise below which a formula casts doubt on them."""
 SHOTS = 96
@@ -250,7 +250,7 @@ def _doubted(one: Finding, left: float, leaves: float) -> Finding:
 def discover(vehicle: Vehicle, log: Preprocessed, progress: Progress = silent) -> Found | None:
     """The formula that a file lacks; None where no term is worth it."""
     data, first = _begun(vehicle, log)
-    if not first.model.normal.chi2 > LEAVES:
+    if not first.model.normal.chi2 > 1.0 + PLAIN:
         return None
     choice = first
     while _count(choice.model.vehicle) - _count(vehicle) < MOST_TERMS:
