@@ -69,6 +69,11 @@ def vector(rng: np.random.Generator, size: float, count: int = 3) -> list[float]
     return [float(x) for x in rng.uniform(-size, size, count)]
 
 
+def odd_power(rng: np.random.Generator) -> float:
+    """A power of the speed away from 1 and 2, which are those of the damping that is fitted beside it."""
+    return float(rng.uniform(1.3, 1.7) if rng.random() < 0.5 else rng.uniform(2.4, 3.2))
+
+
 def aside(rng: np.random.Generator, vehicle: Vehicle, shares: tuple[float, float, float]) -> list[float]:
     """A point of the body off CO on all axes, up to these shares of the hull's lengths away."""
     reach = np.multiply(shares, [vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
@@ -112,7 +117,7 @@ TRUTHS: dict[str, Draw] = {
         f"D{i}{j}": float((mass(v) if i < 3 else moment(v)) * rng.uniform(0.3, 1.5))
         for i, j in damping.ACROSS
     },
-    "power_drag": lambda rng, v: {"diagonal": axes(v, 0.5, rng), "n": float(rng.uniform(1.3, 3.2))},
+    "power_drag": lambda rng, v: {"diagonal": axes(v, 0.5, rng), "n": odd_power(rng)},
     "offset_drag": lambda rng, v: {
         "drag": [float(x) for x in 0.5 * mass(v) * rng.uniform(0.3, 1.0, 3)],
         "position": aside(rng, v, (0.4, 0.6, 0.6)),

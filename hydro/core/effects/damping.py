@@ -7,8 +7,9 @@ therefore positive for a force that opposes motion.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,7 @@ FRICTION_MATRIX = (FRICTION[0], None, FRICTION[1])
 ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
 LEAST_POWER, MOST_POWER = 1.0, 3.5
 COARSE_POWERS, POWERS = (1.5, 2.7), (1.15, 1.3, 1.6, 1.8, 2.2, 2.5, 3.0, 3.3)
+NEARER = 1.5  # between linear and quadratic
 LITTLE = 0.01  # of a plain drag, in a column
 
 
@@ -165,12 +167,7 @@ def raised_across(i: int) -> Plausible:
 
 def at_powers(powers: Sequence[float]) -> Shapes:
     """Six drags for each of some powers."""
-
-    def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-        for n in powers:
-            yield along(POWER_DRAG, "diagonal", without_drag(n), vehicle)
-
-    return shapes
+    return lambda vehicle, reach: (along(POWER_DRAG, "diagonal", without_drag(n), vehicle) for n in powers)
 
 
 def without_drag(n: float) -> Table:
@@ -178,15 +175,21 @@ def without_drag(n: float) -> Table:
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
+def nearest_plain(table: Mapping[str, Any]) -> Table:
+    """Linear or quadratic damping, whichever its power is nearer to."""
+    plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
+    return {"name": plain.name, "diagonal": list(table["diagonal"])}
+
+
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
     """A little drag ahead, astern, above and below: about no drag at all, its point would mean nothing."""
-    little, lever = np.full(3, 0.1 * _plain_drag(vehicle)), LEVER * vehicle.hull.length
+    little, lever = np.full(3, 0.05 * vehicle.rigid_body.mass), LEVER * vehicle.hull.length
     return [_part(little, sign * lever * np.eye(3)[axis]) for axis in (0, 2) for sign in (-1.0, 1.0)]
 
 
 def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     """Three drags, and their moments about the two axes across each: nearly linear where turns are slow."""
-    drag, length, axes = _plain_drag(vehicle), vehicle.hull.length, np.eye(3)
+    drag, length, axes = 0.5 * vehicle.rigid_body.mass, vehicle.hull.length, np.eye(3)
     levers = [(i, j) for i in range(3) for j in range(3) if j != i]
 
     def begin(amounts: Array) -> Table:
@@ -202,10 +205,6 @@ def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     tables = [_part(LITTLE * drag * axis, np.zeros(3)) for axis in axes]
     tables += [_part(LITTLE * drag * axes[i], LEVER * length * axes[j]) for i, j in levers]
     yield Shape(tuple(tables), (LITTLE,) * 9, begin)
-
-
-def _plain_drag(vehicle: Vehicle) -> float:
-    return OFFSET_DRAG.parameter("drag").scale_at((0,), vehicle)
 
 
 def _part(drag: Array, position: Array) -> Table:
@@ -306,6 +305,7 @@ POWER_DRAG = Effect(
         coarse=at_powers(COARSE_POWERS),
         fine=at_powers(POWERS),
         absorbs=ABSORBED,
+        plainer=nearest_plain,
     ),
     advice=Advice(parted_by=(COASTING,)),
     roles=frozenset({Role.HULL_WATER, Role.DRAG}),

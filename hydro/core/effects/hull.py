@@ -52,6 +52,9 @@ FLATTENING = 0.05
 STALL = 0.35
 """Angle [rad] at which short fins stall, from which a fit begins."""
 LEAST_STALL, MOST_STALL = 0.05, 1.0
+LEAST_ROLL, MOST_ROLL = -0.375 * math.pi, 0.625 * math.pi
+"""Half a turn about elevators, rudders and the X between them: the other half is the same fins once more."""
+ROLLS = tuple((k - 0.2) * 0.25 * math.pi for k in range(-1, 3))  # rad, that are tried
 AFT, TURNED = 0.4, 0.1  # of the hull's length, and rad: where a fin is tried, and how far deflected
 
 
@@ -123,10 +126,11 @@ def plate(along: float, across: float, stall: float) -> tuple[float, float]:
 def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
     """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
 
-    Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2.  The
-    deflection is fixed; above 0 it turns the trailing edge toward n, and pushes the fin toward -n when the
-    vehicle goes ahead.  Flow along the span does nothing.  The area counts for a lift slope of pi: one of
-    another slope a appears a/pi times as large.  A fixed fin does no positive work, as its lift does none.
+    Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
+    turn more with the other deflection is the same fin.  The deflection is fixed; above 0 it turns the
+    trailing edge toward n, and pushes the fin toward -n when the vehicle goes ahead.  Flow along the span
+    does nothing.  The area counts for a lift slope of pi: one of another slope a appears a/pi times as large.
+    A fixed fin does no positive work, as its lift does none.
     """
     rx, ry, rz = p[1], p[2], p[3]
     roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
@@ -276,9 +280,9 @@ CONTROL_SURFACE = Effect(
             "roll",
             ("rad",),
             "roll of the span: 0 of an elevator, pi/2 of a rudder",
-            low=-math.pi,
-            high=math.pi,
-            plausible=between(-math.pi, math.pi, "rad", "every way there is"),
+            low=LEAST_ROLL,
+            high=MOST_ROLL,
+            plausible=between(LEAST_ROLL, MOST_ROLL, "rad", "half a turn more is the same fin"),
         ),
         Parameter(
             "deflection",
@@ -303,7 +307,7 @@ CONTROL_SURFACE = Effect(
         step=1e-2,
         starts=tail_fins,
         coarse=at_rolls((0.0, 0.5 * math.pi)),
-        fine=at_rolls((0.25 * math.pi, -0.25 * math.pi)),
+        fine=at_rolls(ROLLS),
         absorbs=ABSORBED,
     ),
     advice=Advice(parted_by=(DRIFT,)),

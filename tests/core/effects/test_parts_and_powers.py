@@ -7,7 +7,7 @@ import pytest
 from bench import R, equipped, neutral, wrench
 from hypothesis import given
 from scipy.spatial.transform import Rotation
-from strategies import angles, numbers, states, vectors, velocities
+from strategies import numbers, states, vectors, velocities
 
 from hydro.core.effects import assemble
 from hydro.core.simulation.simulate import trajectory
@@ -87,24 +87,28 @@ def test_a_skid_below_pulls_the_nose_down_ahead_and_a_sonar_in_front_turns_a_sid
     close(wrench(part([0, 40, 0], [0.5, 0, 0]), LEVEL, [0, 2.0, 0, 0, 0, 0]), [0, -160, 0, 0, 0, -80])
 
 
+def rolls():
+    return numbers(-1.1, 1.9)
+
+
 def fin(**given):
     return {"name": "control_surface", "area": 0.02, "stall": 0.35, **given}
 
 
-@given(velocities(), vectors(3), angles(), numbers(-1.5, 1.5), numbers(0.05, 1.0))
+@given(velocities(), vectors(3), rolls(), numbers(-1.5, 1.5), numbers(0.05, 1.0))
 def test_a_fin_never_drives(nu, place, roll, deflection, stall):
     effect = fin(position=place.tolist(), roll=roll, deflection=deflection, stall=stall)
     assert wrench(effect, LEVEL, nu) @ nu <= NEVER
 
 
-@given(velocities(), vectors(3), angles(), numbers(-1.5, 1.5), numbers(1e-6, 1.0))
+@given(velocities(), vectors(3), rolls(), numbers(-1.5, 1.5), numbers(1e-6, 1.0))
 def test_a_fin_answers_with_the_square_of_the_speed_down_to_none(nu, place, roll, deflection, slower):
     effect = fin(position=place.tolist(), roll=roll, deflection=deflection)
     close(wrench(effect, LEVEL, slower * nu), slower**2 * wrench(effect, LEVEL, nu), rtol=1e-6, atol=1e-10)
     close(wrench(effect, LEVEL, np.zeros(6)), np.zeros(6))
 
 
-@given(velocities(), vectors(3), angles(), numbers(-1.0, 1.0))
+@given(velocities(), vectors(3), rolls(), numbers(-1.0, 1.0))
 def test_a_fin_rolled_with_its_place_and_the_flow_has_its_wrench_rolled(nu, place, roll, deflection):
     """Seen in the axes of an elevator, a rolled fin is one."""
     turned = Rotation.from_euler("x", roll)
@@ -143,6 +147,16 @@ def test_at_the_stall_lift_falls_from_pi_half_times_a_plate_s_to_a_plate_s():
         pytest.approx(n, rel=2e-2)
         for n in (np.pi / 2, np.pi / 2, 0.5 * (0.35 * np.pi / np.sin(0.7) + 1), 1.0)
     ]
+
+
+@given(velocities(), vectors(3), numbers(0.0, 1.1), numbers(-1.0, 1.0))
+def test_a_fin_upside_down_is_the_same_fin_deflected_the_other_way(nu, place, roll, deflection):
+    """Half a turn of roll, by turning all that acts on it instead: its place and the flow."""
+    turned = np.array([1.0, -1.0, -1.0])
+    effect = fin(position=place.tolist(), roll=roll, deflection=deflection)
+    other = fin(position=(turned * place).tolist(), roll=roll, deflection=-deflection)
+    flipped = np.concatenate([turned, turned])
+    close(flipped * wrench(other, LEVEL, flipped * nu), wrench(effect, LEVEL, nu), atol=1e-7)
 
 
 def test_a_trailing_edge_down_lifts_the_tail_and_one_to_port_turns_to_port():
