@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -55,7 +56,7 @@ LEAST_STALL, MOST_STALL = 0.05, 1.0
 LEAST_ROLL, MOST_ROLL = -0.375 * math.pi, 0.625 * math.pi
 """Half a turn about elevators, rudders and the X between them: the other half is the same fins once more."""
 ROLLS = tuple((k - 0.2) * 0.25 * math.pi for k in range(-1, 3))  # rad, that are tried
-AFT, TURNED = 0.4, 0.1  # of the hull's length, and rad: where a fin is tried, and how far deflected
+AFT, TURNED = -0.4, 0.1  # of the hull's length, and rad: where a fin is tried, and how far deflected
 
 
 @kernel
@@ -180,40 +181,37 @@ def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
 
 def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
     """A small elevator and a small rudder astern: about no area at all, its place would mean nothing."""
-    aft = np.array([-AFT * vehicle.hull.length, 0.0, 0.0])
+    aft = np.array([AFT * vehicle.hull.length, 0.0, 0.0])
     return [_fin(0.2 * plain_area(vehicle), aft, roll) for roll in (0.0, 0.5 * math.pi)]
 
 
-def at_rolls(rolls: Sequence[float]) -> Shapes:
-    """For some rolls of the span, a fin's area, its moments along the hull and the span, its deflection."""
+def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
+    """For some rolls and stations along the hull, a fin's area, its moment along the span, its deflection.
+
+    A fin at CO is none of them: it explains by a negative area what fins ahead and astern do not.
+    """
 
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
-        length, area, side = vehicle.hull.length, plain_area(vehicle), LEVER * vehicle.hull.length
-        for roll in rolls:
-            aft = np.array([-AFT * length, 0.0, 0.0])
-            out = aft + side * np.array([0.0, math.cos(roll), math.sin(roll)])
-
-            def begin(amounts: Array, roll: float = roll, aft: Array = aft, out: Array = out) -> Table:
-                total = max(float(amounts.sum()), LITTLE)
-                shares = np.clip(amounts / total, -2.0, 2.0)
-                position = (shares[1] + shares[3]) * aft + shares[2] * out
-                return _fin(
-                    total * area,
-                    np.clip(position, -length, length),
-                    roll,
-                    float(np.clip(shares[3], -4.0, 4.0)) * TURNED,
-                )
-
-            little = LITTLE * area
-            tables = (
-                _fin(little, np.zeros(3), roll),
-                _fin(little, aft, roll),
-                _fin(little, out, roll),
-                _fin(little, aft, roll, TURNED),
-            )
-            yield Shape(tables, (LITTLE,) * 4, begin)
+        for roll, station in itertools.product(rolls, stations):
+            yield _at(roll, station * vehicle.hull.length, vehicle)
 
     return shapes
+
+
+def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
+    """Columns of a fin of this roll at the station x [m]."""
+    length, area = vehicle.hull.length, plain_area(vehicle)
+    root, tip = np.array([x, 0.0, 0.0]), LEVER * length * np.array([0.0, math.cos(roll), math.sin(roll)])
+
+    def begin(amounts: Array) -> Table:
+        total = max(float(amounts.sum()), LITTLE)
+        _, out, turned = np.clip(amounts / total, -4.0, 4.0)
+        place = np.clip(root + out * tip, -length, length)
+        return _fin(total * area, place, roll, float(turned) * TURNED)
+
+    little = LITTLE * area
+    tables = _fin(little, root, roll), _fin(little, root + tip, roll), _fin(little, root, roll, TURNED)
+    return Shape(tables, (LITTLE,) * 3, begin)
 
 
 def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> Table:
@@ -306,8 +304,8 @@ CONTROL_SURFACE = Effect(
     identification=Identification(
         step=1e-2,
         starts=tail_fins,
-        coarse=at_rolls((0.0, 0.5 * math.pi)),
-        fine=at_rolls(ROLLS),
+        coarse=fins((0.0, 0.5 * math.pi), (AFT,)),
+        fine=fins(ROLLS, (AFT, -AFT)),
         absorbs=ABSORBED,
     ),
     advice=Advice(parted_by=(DRIFT,)),
