@@ -56,6 +56,7 @@ VISIBLE = 0.005
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST_FINDINGS = 4
+SURE = 3.0  # standard errors from a plainer effect by which a more general one must be away
 ALMOST_ALL = 0.9
 """Part of the error from which likelihood names what explains it, though more than noise is left."""
 EACH = 0.25
@@ -244,7 +245,10 @@ class Search:
         return self.with_plainer(last, chosen)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
-        """The fits, and that of the plainer effect which the best of them nearly is, begun from there."""
+        """The fits, and that of the plainer effect which the best of them nearly is, begun from there.
+
+        Where that does as well, to within SURE standard errors of what else the best has, it takes its place.
+        """
         best = leader(fits)
         reduced = CATALOGUE[best].identification.plainer if best is not None else None
         if best is None or reduced is None:
@@ -256,6 +260,9 @@ class Search:
             plain = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
         except Diverges:
             return fits
+        gain = plain.normal.cost - fits[best].normal.cost
+        if gain <= SURE**2 * max(fits[best].normal.chi2, 1.0):
+            del fits[best]
         return {**fits, table["name"]: plain}
 
     def quick_fits(
