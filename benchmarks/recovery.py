@@ -71,6 +71,17 @@ def vector(rng: np.random.Generator, size: float, count: int = 3) -> list[float]
     return [float(x) for x in rng.uniform(-size, size, count)]
 
 
+def odd_power(rng: np.random.Generator) -> float:
+    """A power of the speed away from 1 and 2, which are those of the damping that is fitted beside it."""
+    return float(rng.uniform(1.3, 1.7) if rng.random() < 0.5 else rng.uniform(2.4, 3.2))
+
+
+def aside(rng: np.random.Generator, vehicle: Vehicle, shares: tuple[float, float, float]) -> list[float]:
+    """A point of the body off CO on all axes, up to these shares of the hull's lengths away."""
+    reach = np.multiply(shares, [vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
+    return [float(x) for x in reach * rng.uniform(0.4, 1.0, 3) * rng.choice([-1.0, 1.0], 3)]
+
+
 def cross(vehicle: Vehicle) -> float:
     return float(np.sqrt(mass(vehicle) * moment(vehicle)))
 
@@ -108,6 +119,18 @@ TRUTHS: dict[str, Draw] = {
         f"D{i}{j}": float((mass(v) if i < 3 else moment(v)) * rng.uniform(0.3, 1.5))
         for i, j in damping.ACROSS
     },
+    "power_drag": lambda rng, v: {"diagonal": axes(v, 0.5, rng), "n": odd_power(rng)},
+    "offset_drag": lambda rng, v: {
+        "drag": [float(x) for x in 0.5 * mass(v) * rng.uniform(0.3, 1.0, 3)],
+        "position": aside(rng, v, (0.4, 0.6, 0.6)),
+    },
+    "control_surface": lambda rng, v: {
+        "area": 2e-4 * mass(v) * within(0.5, 1.5, signs=False)(rng),
+        "position": [-0.4 * v.hull.length, *aside(rng, v, (0.0, 0.5, 0.5))[1:]],
+        "roll": float(rng.choice([0.0, 0.5 * np.pi]) + rng.uniform(-0.1, 0.1)),
+        "deflection": within(0.05, 0.2)(rng),
+        "stall": within(0.25, 0.5, signs=False)(rng),
+    },
     "body_lift": lambda rng, v: several(
         ("L11", "L15", "L51", "L55", "L22", "L24", "L42", "L44"),
         [0.3 * mass(v), 0.1 * cross(v), 0.1 * cross(v), 0.1 * moment(v)] * 2,
@@ -144,6 +167,7 @@ TRUTHS: dict[str, Draw] = {
     "command_delay": lambda rng, v: {"d": within(0.03, 0.2, signs=False)(rng)},
     "thruster_deadband": lambda rng, v: {"d": within(0.02, 0.08, signs=False)(rng)},
     "thruster_inflow": lambda rng, v: {"c": within(0.03, 0.15, signs=False)(rng)},
+    "propeller_torque": lambda rng, v: {"k": vector(rng, 0.04, len(v.thruster))},
     "thruster_curve": lambda rng, v: {"da": within(0.2, 0.9, signs=False)(rng)},
     "sensor_scale": lambda rng, v: {"axes": vector(rng, 0.05)},
     "sensor_misalignment": lambda rng, v: {"alpha": vector(rng, 0.05)},

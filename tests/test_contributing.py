@@ -107,7 +107,7 @@ def recorded(copy: Path) -> Path:
     }
     pl.DataFrame({"session": ["a"] * len(t), "t": t, **commands}).write_parquet(copy / "flown.parquet")
     run(copy, "-m", "hydro.cli", "simulate", "hidden.toml", "flown.parquet", "-o", "motion.parquet")
-    motion, rng = pl.read_parquet(copy / "motion.parquet"), np.random.default_rng(1)
+    motion, rng = pl.read_parquet(copy / "motion.parquet"), np.random.default_rng(2)
     motion.with_columns(
         pl.col(name) + NOISE.get(name, 0.001) * rng.standard_normal(len(t))
         for name in motion.columns

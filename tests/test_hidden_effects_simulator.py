@@ -30,6 +30,15 @@ HIDDEN = {
         "D32": 9.0,
         "D51": 7.0,
     },
+    "power_drag": {"diagonal": [30.0, 80.0, 90.0, 5.0, 6.0, 7.0], "n": 2.6},
+    "offset_drag": {"drag": [60.0, 90.0, 120.0], "position": [-0.4, 0.2, 0.15]},
+    "control_surface": {
+        "area": 0.06,
+        "position": [-0.7, 0.1, -0.1],
+        "roll": 0.4,
+        "deflection": -0.1,
+        "stall": 0.3,
+    },
     "body_lift": {
         **{"L11": 100.0, "L15": -30.0, "L51": -30.0, "L55": 20.0},
         **{"L22": 60.0, "L24": 9.0, "L42": 8.0, "L44": 7.0},
@@ -50,6 +59,7 @@ HIDDEN = {
     "thruster_deadband": {"d": 0.06},
     "thruster_curve": {"da": 0.7},
     "thruster_inflow": {"c": 0.15},
+    "propeller_torque": {"k": [0.05, -0.04, 0.03, -0.05, 0.04, 0.03, -0.02, 0.05]},
     "sensor_scale": {"axes": [0.06, -0.03, 0.02]},
     "sensor_misalignment": {"alpha": [0.03, 0.02, 0.06]},
     "sensor_delay": {"d": 0.08},

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.hidden_effects.parts import Parts
 from benchmarks.hidden_effects.plant import FOREIGN, Plant
 from hydro.core.columns import Array
 from hydro.core.vehicle.description import Vehicle
@@ -15,6 +16,7 @@ PAIRS = {
     "added_mass_coupling": ("M15", "M24", "M04", "M13", "M02"),
     "coupled_damping": ("D15", "D51", "D24", "D42", "D13", "D31"),
 }
+FIN = ("roll", "deflection", "stall")
 LIFTS = (("L11", "L15", "L51", "L55"), ("L22", "L24", "L42", "L44"))
 
 
@@ -58,7 +60,9 @@ def build(
     extra = [np.array([body.mass * gravity, *body.center_of_gravity])]
     kappa = lifted = asymmetry = lag = delay = band = curve = inflow = 0.0
     current, tether, suction, memory = np.zeros(3), np.zeros(8), np.zeros(2), np.zeros(7)
-    gains, gradient, ballast = np.zeros(len(vehicle.thruster)), np.zeros(3), np.zeros(4)
+    gradient, ballast = np.zeros(3), np.zeros(4)
+    power, offset, fin = np.array([0.0] * 6 + [2.0]), np.zeros(6), np.zeros(7)
+    gains, reactions = np.zeros(len(vehicle.thruster)), np.zeros(len(vehicle.thruster))
     for table in (*vehicle.effect, *hidden):
         get = table.get
         match table["name"]:
@@ -85,6 +89,12 @@ def build(
                 drag += 0.5 * rho * np.array([get("Cd_y", 0.0) * hull.height, get("Cd_z", 0.0) * hull.width])
             case "body_lift":
                 lift += [np.reshape([get(key, 0.0) for key in keys], (2, 2)) for keys in LIFTS]
+            case "power_drag":
+                power[:] = [*table["diagonal"], table["n"]]
+            case "offset_drag":
+                offset[:] = [*table["drag"], *table["position"]]
+            case "control_surface":
+                fin[:] = [0.5 * rho * table["area"], *table["position"], *(get(k, 0.0) for k in FIN)]
             case "net_buoyancy":
                 lifted += table["dB"]
             case "buoyancy_offset":
@@ -120,6 +130,8 @@ def build(
                 curve += table["da"]
             case "thruster_inflow":
                 inflow += table["c"]
+            case "propeller_torque":
+                reactions += table["k"]
             case name if not str(name).startswith("sensor_"):
                 raise ValueError(f"the benchmark's simulator has no {name}")
     extra.append(np.array([-vehicle.buoyancy.force, *buoyancy]))
@@ -142,7 +154,9 @@ def build(
         tether=tether,
         suction=np.array([*suction, *buoyancy]),
         memory=memory,
+        parts=Parts(power, offset, fin),
         thrusts=np.array([[*t.direction, *np.cross(t.position, t.direction)] for t in vehicle.thruster]),
+        reactions=reactions,
         limits=np.array([[t.max_thrust, t.max_reverse_thrust] for t in vehicle.thruster]),
         chains=np.array(
             [

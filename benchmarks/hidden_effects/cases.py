@@ -17,7 +17,15 @@ from hydro.core.vehicle.description import Vehicle
 KINDS = ("one", "two", "three", "unknown", "form", "none", "later")
 WEAKEST, STRONGEST = 0.15, 4.0
 """Bounds of the factor on an effect's usual size, drawn log-uniformly."""
-LATER = ("thruster_curve", "current_shear", "drifting_ballast")
+NEWEST = (
+    "current_shear",
+    "drifting_ballast",
+    "power_drag",
+    "offset_drag",
+    "control_surface",
+    "propeller_torque",
+)
+LATER = ("thruster_curve", *NEWEST)
 """Effects that came after figures were published: of kind `later` alone, so that a seed hides what it hid."""
 HIDDEN = tuple(name for name in TRUTHS if name not in LATER)
 FIXED = {
@@ -27,6 +35,9 @@ FIXED = {
     "payload": ("x", "y", "z"),
     "current_shear": ("z_0",),
     "drifting_ballast": ("tilt", "T"),
+    "power_drag": ("n",),
+    "offset_drag": ("position",),
+    "control_surface": ("position", "roll", "deflection", "stall"),
 }
 """Parameters that say where or how fast an effect acts, not how strongly."""
 ALSO = {"current that grows with depth": ("current_shear",)}
@@ -55,6 +66,7 @@ WITHIN = {
     "command_delay": 0.4,
     "thruster_deadband": 0.3,
     "thruster_inflow": 0.4,
+    "propeller_torque": 0.1,
     "sensor_scale": 0.2,
     "sensor_misalignment": 0.2,
     "sensor_delay": 0.4,
@@ -154,6 +166,12 @@ def _several(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -
     return [strong(name, rng, vehicle) for name in names], {}, tuple(sorted(names)), " + ".join(names)
 
 
+def _later(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
+    """One effect of LATER."""
+    name = LATER[seed % len(LATER)]
+    return [strong(name, rng, vehicle)], {}, (name,), name
+
+
 def strong(name: str, rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]:
     """An effect's table at a random place and of random strength."""
     table = {"name": name, **TRUTHS[name](rng, vehicle)}
@@ -183,7 +201,7 @@ def times(table: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
-    """What the catalogue does not have."""
+    """What the catalogue does not have, or did not have at first."""
     mass, size = vehicle.rigid_body.mass, float(np.exp(rng.uniform(np.log(0.2), np.log(STRONGEST))))
     east = float(rng.uniform(-0.3, 0.3))
     titles: dict[str, dict[str, float]] = {
@@ -209,7 +227,8 @@ def _unknown(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -
         "swell": {"swell": 0.1 * size * mass, "swell_rate": 2 * np.pi / float(rng.uniform(4.0, 10.0))},
     }
     title = list(titles)[seed % len(titles)]
-    return [], titles[title], (), title
+    called = ("power_drag",) if {"cubic", "power"} & set(titles[title]) else ()
+    return [], titles[title], called, title
 
 
 def _form(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> Drawn:
@@ -232,4 +251,4 @@ def _form(kind: str, seed: int, rng: np.random.Generator, vehicle: Vehicle) -> D
     return [table], foreign, tuple(sorted(called)), title
 
 
-_DRAWS = {"unknown": _unknown, "form": _form}
+_DRAWS = {"unknown": _unknown, "form": _form, "later": _later}

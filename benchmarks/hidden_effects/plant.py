@@ -1,9 +1,9 @@
 """A simulator of its own for the benchmark: Fossen's equations of motion written once more.
 
 It shares no code with `hydro.core`: a diagnosis that is right on the data of its own simulator alone has
-shown little.  Besides the catalogue's effects it knows others, which no catalogue has (`FOREIGN`).  World
-NED, body FRD, eta = (p, quaternion), nu = (u, v, w, p, q, r) of the body's origin, over ground; forces are
-those ON the vehicle.  T. I. Fossen: Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011.
+shown little.  Besides the catalogue's effects it knows others (`FOREIGN`).  World NED, body FRD, eta = (p,
+quaternion), nu = (u, v, w, p, q, r) of the body's origin, over ground; forces are those ON the vehicle
+(T. I. Fossen: Handbook of Marine Craft Hydrodynamics and Motion Control, Wiley 2011).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from benchmarks.hidden_effects.parts import Parts, cross, hang, push
 from hydro.core.columns import Array
 
 STEP = 0.01
@@ -79,7 +80,9 @@ class Plant(NamedTuple):
         tether: k, slack, attachment, anchor, (8,).
         suction: A, decay and the point, (5,).
         memory: K of six axes and the rate, (7,).
+        parts: What drags and lifts off CO, and drag of any power.
         thrusts: Unit wrenches of the thrusters, (n, 6).
+        reactions: Torque of each thruster about its axis per thrust, (n,) [m].
         limits: Greatest thrust ahead and astern, (n, 2).
         chains: Power of the curve, speed lag, time constant, dead band, shifted dead band, (n, 5).
         gains: Relative deviation of each thrust, (n,).
@@ -109,7 +112,9 @@ class Plant(NamedTuple):
     tether: Array
     suction: Array
     memory: Array
+    parts: Parts
     thrusts: Array
+    reactions: Array
     limits: Array
     chains: Array
     gains: Array
@@ -134,11 +139,6 @@ def turned(q: Array) -> Array:
 
 
 @njit(cache=True)
-def cross(a: Array, b: Array) -> Array:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-@njit(cache=True)
 def coriolis(M: Array, nu: Array) -> Array:
     """C(nu) nu of a mass matrix (Fossen 3.46)."""
     momentum = M @ nu
@@ -146,13 +146,6 @@ def coriolis(M: Array, nu: Array) -> Array:
     out[:3] = cross(nu[3:], momentum[:3])
     out[3:] = cross(nu[:3], momentum[:3]) + cross(nu[3:], momentum[3:])
     return out
-
-
-@njit(cache=True)
-def apply(tau: Array, force: Array, point: Array) -> None:
-    """Add a force in body axes at a point of the body."""
-    tau[:3] += force
-    tau[3:] += cross(point, force)
 
 
 @njit(cache=True)
@@ -197,6 +190,7 @@ def propel(plant: Plant, rotor: Array, nu_r: Array, t: float, tau: Array) -> Arr
         speed = (plant.thrusts[i] * nu_r).sum()
         f -= plant.inflow * math.sqrt(abs(f) * plant.limits[i, 0]) * speed
         tau += plant.thrusts[i] * f
+        tau[3:] += plant.reactions[i] * f * plant.thrusts[i, :3]
         out[i] = f
     return out
 
@@ -242,19 +236,19 @@ def surround(plant: Plant, p: Array, R: Array, t: float, tau: Array) -> None:
     """Add weights, buoyancy, tether, suction and other forces that depend on the place."""
     f, down = plant.foreign, R[2].copy()
     for k in range(plant.weights.shape[0]):
-        apply(tau, plant.weights[k, 0] * down, plant.weights[k, 1:])
+        push(tau, plant.weights[k, 0] * down, plant.weights[k, 1:])
     lifted = plant.lifted[0] * (1.0 + f[COMPRESSION] * (p[2] - f[DEPTH]))
-    apply(tau, -lifted * down, plant.lifted[1:])
+    push(tau, -lifted * down, plant.lifted[1:])
     if plant.suction[0] != 0.0:
         pull = plant.suction[0] * math.exp(-max(p[2], 0.0) / plant.suction[1])
-        apply(tau, -pull * down, plant.suction[2:])
+        push(tau, -pull * down, plant.suction[2:])
     if plant.tether[0] > 0.0:
         attachment = plant.tether[2:5]
         line = plant.tether[5:] - (p + R @ attachment)
         distance = math.sqrt((line * line).sum())
         stretch = max(distance - plant.tether[1], 0.0)
         pull = plant.tether[0] * stretch * (1.0 + f[STIFFENING] * stretch)
-        apply(tau, R.T @ (line * (pull / max(distance, 1e-9))), attachment)
+        push(tau, R.T @ (line * (pull / max(distance, 1e-9))), attachment)
     if f[WALL] != 0.0:
         tau[:3] += R[1] * (f[WALL] / (1.0 + ((p[0] - f[WALL_X]) / f[WALL_WIDTH]) ** 2))
     tau[2] += f[SWELL] * math.sin(f[SWELL_RATE] * t)
@@ -290,6 +284,7 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
     rotor = y[BODY + count : at] if f[SECOND_LAG] > 0.0 else y[BODY : BODY + count]
     thrust = propel(plant, rotor, nu_r, t, tau)
     resist(plant, nu_r, tau)
+    hang(plant.parts, nu_r, tau)
     surround(plant, p, R, t, tau)
     change = nu_r - plant.memory[6] * memory
     tau -= plant.memory[:6] * change
@@ -302,9 +297,9 @@ def rates(plant: Plant, y: Array, target: Array, t: float) -> Array:
     tau[1] -= grip[1] * bristle[1]
     tau[5] -= grip[2] * bristle[2]
     stiff, damp = f[SLOSH_RATE] ** 2, 0.1 * f[SLOSH_RATE]
-    push = np.zeros(3)
-    push[:2] = f[SLOSH_MASS] * (stiff * slosh[:2] + damp * slosh[2:])
-    apply(tau, push, np.array([0.0, 0.0, f[SLOSH_Z]]))
+    swung = np.zeros(3)
+    swung[:2] = f[SLOSH_MASS] * (stiff * slosh[:2] + damp * slosh[2:])
+    push(tau, swung, np.array([0.0, 0.0, f[SLOSH_Z]]))
 
     tau[3:] += cross(np.array([slid[0], slid[1], 0.0]), R[2])  # of weight here that was at the middle
 

@@ -18,6 +18,7 @@ TITLES = {
     "form": "Effects in another form than the catalogue's",
     "unknown": "Effects that the catalogue does not have",
     "none": "Nothing hidden",
+    "later": "One effect hidden, of those that came later",
 }
 FAILURES = 10  # texts shown
 
@@ -124,6 +125,7 @@ _SECTIONS = {
     "form": _form,
     "unknown": _unknown,
     "none": _none,
+    "later": _one,
 }
 
 

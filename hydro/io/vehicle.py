@@ -259,10 +259,10 @@ def _check_repeated(vehicle: Vehicle) -> None:
     for index, table in enumerate(vehicle.effect):
         name, path = str(table.get("name")), f"effect[{index}]"
         if name in places and name in CATALOGUE and not CATALOGUE[name].repeatable:
-            several = " and ".join(one.name for one in CATALOGUE.values() if one.repeatable)
+            *most, last = (one.name for one in CATALOGUE.values() if one.repeatable)
             raise DataError(
                 f"{path}.name: {name} is {places[name]} too: keep one, with the sum of their values (only "
-                f"{several} may stand in a file several times)"
+                f"{', '.join(most)} and {last} may stand in a file several times)"
             )
         places.setdefault(name, path)
 

@@ -18,6 +18,10 @@ EFFECTS = {
     "coupled_damping": {"D15": 5.0, "D51": 4.0, "D24": -3.0, "D42": -4.0, "D13": 1.0, "D31": 2.0},
     "crossflow_drag": {"Cd_y": 1.1, "Cd_z": 0.8},
     "cross_axis_drag": {"D01": 60.0, "D02": 90.0, "D10": 30.0, "D12": 80.0, "D20": 20.0, "D32": 9.0},
+    "power_drag": {"diagonal": [40.0, 90.0, 110.0, 8.0, 11.0, 10.0], "n": 1.5},
+    "offset_drag": {"drag": [40.0, 60.0, 90.0], "position": [-0.4, 0.15, 0.2]},
+    "control_surface": {"area": 0.05, "position": [-0.6, 0.1, -0.1], "roll": 0.3, "deflection": 0.1,
+                        "stall": 0.4},
     "body_lift": {"L11": 40.0, "L15": 9, "L51": 8, "L55": 5, "L22": 30, "L24": 9, "L42": 7, "L44": 6},
     "net_buoyancy": {"dB": -7.0},
     "buoyancy_offset": {"dx": 0.02, "dy": -0.01, "dz": 0.03},
@@ -39,6 +43,7 @@ EFFECTS = {
         "forces": ["X |u|^n sgn(u)", "Y |w| v"], "force": [-30.0, -20.0],
         "moments": ["K g_y"], "moment": [-3.0], "exponents": [1.6],
     },
+    "propeller_torque": {"k": [0.03, -0.03, 0.02, -0.04, 0.05, -0.05, 0.03, 0.02]},
 }  # fmt: skip
 
 
@@ -48,8 +53,9 @@ def preset(datasets, name):
 
 def with_effect(vehicle, name):
     table = {"name": name, **EFFECTS[name]}
-    if name == "thruster_gain":
-        table["g"] = table["g"][: len(vehicle.thruster)]
+    for each in {"g", "k"} & set(table):
+        if isinstance(table[each], list) and name != "tether":
+            table[each] = table[each][: len(vehicle.thruster)]
     if name == "added_mass_coupling":  # as much of a small vehicle's inertia as of a large one's
         share = min(1.0, vehicle.rigid_body.mass / 151.0)
         table = {key: value if key == "name" else share * value for key, value in table.items()}

@@ -43,6 +43,8 @@ VECTORS: Mapping[str, tuple[str, str, str]] = {
     "alpha": ("roll", "pitch", "yaw"),
     "anchor": ("anchor north", "anchor east", "anchor down"),
     "attachment": ("attachment forward", "attachment to starboard", "attachment down"),
+    "drag": ("surge", "sway", "heave"),
+    "position": ("position forward", "position to starboard", "position down"),
 }
 """Names of a vector's entries, where they are not the body's axes."""
 BODY = ("forward", "to starboard", "down")

@@ -39,6 +39,8 @@ ALPHA = 0.01
 COARSE = 0.3  # a step that lowers the cost by less than this many residuals' worth names nothing,
 SLOW = 1e-3  # nor one that takes less than this share of what is left: a poor model never settles
 NARROWEST = 0.01  # scales, of the search for an entry that acts in steps: its name needs no more digits
+WORSE = 4.0
+"""Standard errors of the difference by which a model must be worse on few shots than the best to be out."""
 LEFT = 0.05  # of the noise: where a fit leaves less beyond it, no other valley is looked for
 
 
@@ -272,3 +274,23 @@ def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
     ranked = {name: best[name][1:] for name in order}
     gains = {name: best[name][0] for name in order}
     return Screening(model, ranked, every, normal, evidence, own, gains)
+
+
+def beyond_noise(model: Model) -> float:
+    """Mean squared residual beyond the noise."""
+    return model.excess / model.normal.residuals
+
+
+def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
+    """The best of some models, and those that the scatter of its lead does not rule out, the best first.
+
+    Their shots are the same.
+    """
+    order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
+    worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
+    return [name for name, each in worse.items() if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each)]
+
+
+def leader(fits: Mapping[str, Model]) -> str | None:
+    """The effect whose model explains most for its parameters; None of none."""
+    return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)

@@ -20,8 +20,18 @@ import numpy as np
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, Screening, Wanted, fit_model, screened
-from hydro.core.effects.catalogue import repeated_effects
+from hydro.core.diagnosis.model import (
+    Diverges,
+    Model,
+    Screening,
+    Wanted,
+    beyond_noise,
+    fit_model,
+    leader,
+    not_ruled_out,
+    screened,
+)
+from hydro.core.effects.catalogue import CATALOGUE, repeated_effects
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -46,6 +56,7 @@ VISIBLE = 0.005
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST_FINDINGS = 4
+SURE = 3.0  # standard errors from a plainer effect by which a more general one must be away
 ALMOST_ALL = 0.9
 """Part of the error from which likelihood names what explains it, though more than noise is left."""
 EACH = 0.25
@@ -53,11 +64,10 @@ EACH = 0.25
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
 FEW = 48
-"""Shots on which contenders are compared at first where a model leaves more than RIGHT times the noise,"""
-WORSE = 4.0
-"""standard errors of the difference by which one must be worse there than the best to be ruled out,"""
+"""Shots on which contenders are compared at first where a model leaves more than RIGHT times the noise,
+and those that are not much worse there than the best fitted to all,"""
 ROOM = 1.5
-"""and times what a fit leaves of them that the same may leave of all shots."""
+"""and times what a fit leaves of the few that the same may leave of all shots."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +242,28 @@ class Search:
                 except Diverges:
                     continue
             least = min(least, beyond_noise(last[name]) + VISIBLE)
-        return last
+        return self.with_plainer(last, chosen)
+
+    def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
+        """The fits, and that of the plainer effect which the best of them nearly is, begun from there.
+
+        Where that does as well, to within SURE standard errors of what else the best has, it takes its place.
+        """
+        best = leader(fits)
+        reduced = CATALOGUE[best].identification.plainer if best is not None else None
+        if best is None or reduced is None:
+            return fits
+        table, vehicle = reduced(fits[best].vehicle.effects(best)[0]), fits[best].vehicle.without(best)
+        if vehicle.effects(table["name"]):
+            return fits
+        try:
+            plain = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
+        except Diverges:
+            return fits
+        gain = plain.normal.cost - fits[best].normal.cost
+        if gain <= SURE**2 * max(fits[best].normal.chi2, 1.0):
+            del fits[best]
+        return {**fits, table["name"]: plain}
 
     def quick_fits(
         self,
@@ -390,23 +421,3 @@ def over_few(model: Model) -> Model:
     return replace(
         model, problem=problem, normal=linearised(model.unknown, model.values / model.unknown.scales, problem)
     )
-
-
-def beyond_noise(model: Model) -> float:
-    """Mean squared residual beyond the noise."""
-    return model.excess / model.normal.residuals
-
-
-def not_ruled_out(fits: Mapping[str, Model]) -> list[str]:
-    """The best of some models, and those that the scatter of its lead does not rule out, the best first.
-
-    Their shots are the same.
-    """
-    order = sorted(fits, key=lambda name: float(fits[name].penalised.sum()))
-    worse = {name: fits[name].penalised - fits[order[0]].penalised for name in order}
-    return [name for name, each in worse.items() if each.sum() <= WORSE * np.sqrt(len(each)) * np.std(each)]
-
-
-def leader(fits: Mapping[str, Model]) -> str | None:
-    """The effect whose model explains most for its parameters; None of none."""
-    return min(fits, key=lambda name: float(fits[name].penalised.sum()), default=None)

@@ -1,7 +1,7 @@
 """Deviations of the thrusters from the vehicle file: changes to the thruster table of `vehicle.thrusters`.
 
 Scalar parameters act on all thrusters alike.  The chain is: clip -> delay -> {dead band, curve, lag} ->
-gain -> asymmetry -> inflow.
+gain -> asymmetry -> inflow -> reaction torque.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ from hydro.core.vehicle.thrusters import (
     GAIN,
     INFLOW,
     POWER,
+    REACTION,
     TIME_CONSTANT,
+    UNIT_FORCE,
+    UNIT_MOMENT,
     curve_power,
 )
 
@@ -87,6 +90,17 @@ def thruster_inflow(p: Array, table: Array) -> None:
     thus with sqrt(|T|) u_a.
     """
     table[:, INFLOW] += p[0]
+
+
+def propeller_torque(p: Array, table: Array) -> None:
+    """Moment Q_i = k_i f_i about the thrust axis beside the thrust f_i: the propeller's reaction on the hull.
+
+    k = D K_Q/K_T of the open-water diagram, about a tenth of the diameter D.  It is above 0 of a propeller
+    whose reaction turns the hull as a right-handed screw goes, and below of one that turns the other way.
+    Of a thruster that the file gives by its wrench the axis is that of its force.
+    """
+    table[:, REACTION] += p
+    table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
 
 
 def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
@@ -344,6 +358,24 @@ EFFECTS = (
             ("s/m",),
             "relative loss per speed at full thrust",
             plausible=between(0.0, 1.0, "s/m", "no thrust left from 1 m/s or more on"),
+        ),
+        Advice(parted_by=(COASTING,)),
+    ),
+    _effect(
+        "propeller_torque",
+        propeller_torque,
+        "Q_i = k_i f_i about the axis of each thruster",
+        "Fossen (1994), section 4.1 (propeller thrust and torque)",
+        "every thruster used apart from the others",
+        ("thruster_gain", "buoyancy_offset"),
+        Parameter(
+            "k",
+            ("m",),
+            "torque per thrust of each thruster",
+            ("thrusters",),
+            required=True,
+            scale=(0.02,),
+            plausible=between(-0.15, 0.15, "m", "open-water diagrams: about a tenth of the diameter"),
         ),
         Advice(parted_by=(COASTING,)),
     ),

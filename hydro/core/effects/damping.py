@@ -7,22 +7,53 @@ therefore positive for a force that opposes motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import COASTING, DRIFT
-from hydro.core.effects.record import ABSORBED, Advice, Effect, Identification, Index, Parameter, Rest, Role
+from hydro.core.effects.record import (
+    ABSORBED,
+    Advice,
+    Effect,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+    Role,
+    Shape,
+    Shapes,
+    Table,
+)
+from hydro.core.effects.restoring import near_the_hull, push_at
+from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_moment
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.plausible import DRAG_SOURCE, HULL_DRAG, Plausible, most_cross_drag, of_entry
+from hydro.core.vehicle.plausible import (
+    BOOMS,
+    DRAG_SOURCE,
+    HULL_DRAG,
+    Plausible,
+    between,
+    most_cross_drag,
+    of_entry,
+    within_box,
+)
 
 LINEAR = ("N s/m", "N s", "N m s")
 COUPLED = ((1, 5), (5, 1), (2, 4), (4, 2), (1, 3), (3, 1))
 FRICTION = (of_mass(0.3), of_moment(0.5))  # plain in a linear damping
 FRICTION_MATRIX = (FRICTION[0], None, FRICTION[1])
 ACROSS = tuple((i, j) for i in range(6) for j in range(3) if i != j)
+LEAST_POWER, MOST_POWER = 1.0, 3.5
+COARSE_POWERS, POWERS = (1.5, 2.7), (1.15, 1.3, 1.6, 1.8, 2.2, 2.5, 3.0, 3.3)
+NEARER = 1.5  # between linear and quadratic
+LITTLE = 0.01  # of a plain drag, in a column
 
 
 @kernel
@@ -84,6 +115,35 @@ def across(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
                 k += 1
 
 
+@kernel
+def power(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench -D_i |nu_r,i|^(n-1) nu_r,i: drag whose coefficient changes with the Reynolds number.
+
+    Friction of a laminar boundary layer has a power of 1.5, of a turbulent one 1.8; what flutters or makes
+    waves 2.5 and more.  D is the drag at 1 m/s and 1 rad/s, so that its unit does not depend on n.
+    """
+    n = p[6]
+    for i in range(6):
+        speed = s[RELATIVE_VELOCITY + i]
+        if speed != 0.0 and p[i] != 0.0:
+            tau[i] -= p[i] * math.copysign(math.pow(abs(speed), n), speed)
+
+
+@kernel
+def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Force f_i = -d_i |v_p,i| v_p,i at a point r off CO, v_p = v_r + omega x r, and its moment r x f.
+
+    The drag of a frame, a skid or a sonar makes a vehicle pitch and yaw that moves straight: N per |v| v is
+    -x d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
+    """
+    rx, ry, rz = p[3], p[4], p[5]
+    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
+    u = s[RELATIVE_VELOCITY] + pitch * rz - yaw * ry
+    v = s[RELATIVE_VELOCITY + 1] + yaw * rx - roll * rz
+    w = s[RELATIVE_VELOCITY + 2] + roll * ry - pitch * rx
+    push_at(-p[0] * abs(u) * u, -p[1] * abs(v) * v, -p[2] * abs(w) * w, rx, ry, rz, tau)
+
+
 def keeps_linear(index: Index, rest: Rest) -> tuple[float, float]:
     """Nothing on the diagonal that would leave it below 0 in sum with the rest of the file."""
     if len(set(index)) > 1:
@@ -103,6 +163,52 @@ def raised_across(i: int) -> Plausible:
         return 0.0, float(most_cross_drag(vehicle)[i])
 
     return Plausible(at, "up to the drag of the hull's box in all of the flow with C_d 2.5", DRAG_SOURCE)
+
+
+def at_powers(powers: Sequence[float]) -> Shapes:
+    """Six drags for each of some powers."""
+    return lambda vehicle, reach: (along(POWER_DRAG, "diagonal", without_drag(n), vehicle) for n in powers)
+
+
+def without_drag(n: float) -> Table:
+    """A drag of some power and no strength."""
+    return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
+
+
+def nearest_plain(table: Mapping[str, Any]) -> Table:
+    """Linear or quadratic damping, whichever its power is nearer to."""
+    plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
+    return {"name": plain.name, "diagonal": list(table["diagonal"])}
+
+
+def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """A little drag ahead, astern, above and below: about no drag at all, its point would mean nothing."""
+    little, lever = np.full(3, 0.05 * vehicle.rigid_body.mass), LEVER * vehicle.hull.length
+    return [_part(little, sign * lever * np.eye(3)[axis]) for axis in (0, 2) for sign in (-1.0, 1.0)]
+
+
+def drags_and_moments(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+    """Three drags, and their moments about the two axes across each: nearly linear where turns are slow."""
+    drag, length, axes = 0.5 * vehicle.rigid_body.mass, vehicle.hull.length, np.eye(3)
+    levers = [(i, j) for i in range(3) for j in range(3) if j != i]
+
+    def begin(amounts: Array) -> Table:
+        total, moments = amounts[:3].copy(), np.zeros(3)
+        for amount, (i, _) in zip(amounts[3:], levers, strict=True):
+            total[i] += amount
+        size = np.maximum(total, LITTLE)
+        for amount, (i, j) in zip(amounts[3:], levers, strict=True):
+            moments[j] += amount * size[i]
+        point = LEVER * length * moments / ((size**2).sum() - size**2)  # a drag has no moment along itself
+        return _part(np.maximum(total, 0.0) * drag, np.clip(point, -length, length))
+
+    tables = [_part(LITTLE * drag * axis, np.zeros(3)) for axis in axes]
+    tables += [_part(LITTLE * drag * axes[i], LEVER * length * axes[j]) for i, j in levers]
+    yield Shape(tuple(tables), (LITTLE,) * 9, begin)
+
+
+def _part(drag: Array, position: Array) -> Table:
+    return {"name": OFFSET_DRAG.name, "drag": drag.tolist(), "position": position.tolist()}
 
 
 LINEAR_DAMPING = Effect(
@@ -146,13 +252,7 @@ QUADRATIC_DAMPING = Effect(
     definition="-D_Q abs(nu_r) nu_r",
     source="Morison et al. (1950); Fossen (2011), section 6.4",
     excitation="steady speeds from slow to full on every axis",
-    lookalikes=(
-        "linear_damping",
-        "crossflow_drag",
-        "cross_axis_drag",
-        "thruster_inflow",
-        "thruster_gain",
-    ),
+    lookalikes=("linear_damping", "crossflow_drag", "cross_axis_drag", "thruster_inflow", "thruster_gain"),
     parameters=(
         Parameter(
             "diagonal",
@@ -167,6 +267,81 @@ QUADRATIC_DAMPING = Effect(
     ),
     kernel=quadratic,
     advice=Advice(parted_by=(COASTING,)),
+    roles=frozenset({Role.HULL_WATER, Role.DRAG}),
+)
+
+POWER_DRAG = Effect(
+    name="power_drag",
+    family="damping",
+    kind="wrench",
+    definition="-D abs(nu_r)^n sign(nu_r), n the same on all axes",
+    source="Hoerner (1965), chapter 2 (friction and the Reynolds number)",
+    excitation="steady speeds from slow to full on every axis, and coasting down",
+    lookalikes=("linear_damping", "quadratic_damping", "thruster_curve"),
+    parameters=(
+        Parameter(
+            "diagonal",
+            ("N", "N m"),
+            "drag at 1 m/s, moment at 1 rad/s",
+            (6,),
+            low=0.0,
+            required=True,
+            scale=(of_mass(1.0), of_moment(1.0)),
+            plausible=HULL_DRAG,
+        ),
+        Parameter(
+            "n",
+            ("1",),
+            "power of the speed",
+            low=LEAST_POWER,
+            high=MOST_POWER,
+            required=True,
+            plausible=between(LEAST_POWER, MOST_POWER, "", "from laminar friction to flutter and waves"),
+        ),
+    ),
+    kernel=power,
+    identification=Identification(
+        starts=lambda vehicle, reach: [without_drag(n) for n in COARSE_POWERS],
+        coarse=at_powers(COARSE_POWERS),
+        fine=at_powers(POWERS),
+        absorbs=ABSORBED,
+        plainer=nearest_plain,
+    ),
+    advice=Advice(parted_by=(COASTING,)),
+    roles=frozenset({Role.HULL_WATER, Role.DRAG}),
+)
+
+OFFSET_DRAG = Effect(
+    name="offset_drag",
+    repeatable=True,
+    family="damping",
+    kind="wrench",
+    definition="f_i = -d_i abs(v_p,i) v_p,i at r, v_p = v_r + omega x r, with its moment r x f",
+    source="Morison et al. (1950); Fossen (2011), section 6.4",
+    excitation="straight runs along surge, sway and heave, and turns on the spot",
+    lookalikes=("quadratic_damping", "cross_axis_drag", "crossflow_drag", "buoyancy_offset"),
+    parameters=(
+        Parameter(
+            "drag",
+            ("N s^2/m^2",),
+            "drag d along surge, sway and heave",
+            (3,),
+            low=0.0,
+            scale=(of_mass(0.5),),
+            plausible=HULL_DRAG,
+        ),
+        Parameter(
+            "position",
+            ("m",),
+            "point of the body where it acts",
+            (3,),
+            limits=near_the_hull,
+            plausible=within_box(BOOMS, "up to the hull's size from CO along each axis", DRAG_SOURCE),
+        ),
+    ),
+    kernel=offset,
+    identification=Identification(step=1e-2, starts=parts, coarse=drags_and_moments, absorbs=ABSORBED),
+    advice=Advice(parted_by=(DRIFT,)),
     roles=frozenset({Role.HULL_WATER, Role.DRAG}),
 )
 
@@ -220,4 +395,6 @@ EFFECTS = (
         advice=Advice(parted_by=(DRIFT,)),
         roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),
+    POWER_DRAG,
+    OFFSET_DRAG,
 )

@@ -1,8 +1,12 @@
-"""Forces of a long hull across and along the flow: cross-flow drag and lift (Hoerner 1965; Prestero 2001)."""
+"""Forces of a long hull across and along the flow, and of fins on it (Hoerner 1965; Prestero 2001)."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
@@ -18,14 +22,41 @@ from hydro.core.effects.record import (
     Parameter,
     Rest,
     Role,
+    Shape,
+    Shapes,
+    Table,
 )
+from hydro.core.effects.restoring import near_the_hull, push_at
+from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.plausible import DRAG_SOURCE, MOST_DRAG, Plausible, between, most_lift
+from hydro.core.vehicle.plausible import (
+    BOOMS,
+    DRAG_SOURCE,
+    MOST_DRAG,
+    Plausible,
+    between,
+    most_lift,
+    within_box,
+)
 
 SECTIONS = 32
 COEFFICIENT = between(0.0, MOST_DRAG, "", DRAG_SOURCE)
 LIFT = ((1, 1), (1, 5), (5, 1), (5, 5), (2, 2), (2, 4), (4, 2), (4, 4))
+LITTLE = 0.01  # of a plain fin, in a column
+SLOPE = math.pi
+"""Lift slope of a fin as long as twice its chord, 2 pi/(1 + 2/2) of thin-wing theory; REMUS has 3.12."""
+PROFILE_DRAG = 0.01
+"""Drag coefficient of a fin along the flow."""
+FLATTENING = 0.05
+"""Angle over which lift goes from that of the attached flow to that of a plate [rad]."""
+STALL = 0.35
+"""Angle [rad] at which short fins stall, from which a fit begins."""
+LEAST_STALL, MOST_STALL = 0.05, 1.0
+LEAST_ROLL, MOST_ROLL = -0.375 * math.pi, 0.625 * math.pi
+"""Half a turn about elevators, rudders and the X between them: the other half is the same fins once more."""
+ROLLS = tuple((k - 0.2) * 0.25 * math.pi for k in range(-1, 3))  # rad, that are tried
+AFT, TURNED = -0.4, 0.1  # of the hull's length, and rad: where a fin is tried, and how far deflected
 
 
 @kernel
@@ -75,6 +106,47 @@ def body_lift(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> 
     tau[4] -= speed * (p[6] * w + p[7] * q)
 
 
+@kernel
+def plate(along: float, across: float, stall: float) -> tuple[float, float]:
+    """Force per 1/2 rho A along the chord and the normal of a fin that moves so through the water [m^2/s^2].
+
+    At the angle of attack a = atan2(across, along) the lift coefficient is SLOPE a up to the stall and goes
+    over to that of a flat plate, sin(2 a), whichever edge leads; drag is PROFILE_DRAG + 2 sin^2(a).
+    """
+    speed = math.sqrt(along * along + across * across)
+    if speed == 0.0:
+        return 0.0, 0.0
+    angle, sine, cosine = math.atan2(across, along), across / speed, along / speed
+    attached = 1.0 / (1.0 + math.exp((abs(angle) - stall) / FLATTENING))
+    lift = attached * SLOPE * angle + (1.0 - attached) * 2.0 * sine * cosine
+    drag = PROFILE_DRAG + 2.0 * sine * sine
+    return speed * (lift * across - drag * along), -speed * (lift * along + drag * across)
+
+
+@kernel
+def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
+
+    Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
+    turn more with the other deflection is the same fin.  The deflection is fixed; above 0 it turns the
+    trailing edge toward n, and pushes the fin toward -n when the vehicle goes ahead.  Flow along the span
+    does nothing.  The area counts for a lift slope of pi: one of another slope a appears a/pi times as large.
+    A fixed fin does no positive work, as its lift does none.
+    """
+    rx, ry, rz = p[1], p[2], p[3]
+    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
+    u = s[RELATIVE_VELOCITY] + pitch * rz - yaw * ry
+    v = s[RELATIVE_VELOCITY + 1] + yaw * rx - roll * rz
+    w = s[RELATIVE_VELOCITY + 2] + roll * ry - pitch * rx
+    ny, nz = -math.sin(p[4]), math.cos(p[4])
+    sine, cosine = math.sin(p[5]), math.cos(p[5])
+    drift = ny * v + nz * w
+    chord, normal = plate(cosine * u - sine * drift, sine * u + cosine * drift, p[6])
+    pressure = 0.5 * c[DENSITY] * p[0]
+    force = pressure * (cosine * normal - sine * chord)
+    push_at(pressure * (cosine * chord + sine * normal), ny * force, nz * force, rx, ry, rz, tau)
+
+
 def keeps_crossflow(which: int) -> Limits:
     """Nothing that would leave a coefficient below 0 in sum with the rest of the file."""
 
@@ -97,6 +169,62 @@ def as_a_wing(i: int, j: int) -> Plausible:
     return Plausible(at, words, "Hoerner (1965); thin-wing theory")
 
 
+def plain_area(vehicle: Vehicle) -> float:
+    """A fin's area that is plain to see: a hundredth of the hull's length squared [m^2]."""
+    return 0.01 * vehicle.hull.length**2
+
+
+def up_to_the_hulls(index: Index, vehicle: Vehicle) -> tuple[float, float]:
+    """Areas up to that of the hull's side or bottom [m^2]."""
+    return 0.0, vehicle.hull.length * max(vehicle.hull.width, vehicle.hull.height)
+
+
+def tail_fins(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """A small elevator and a small rudder astern: about no area at all, its place would mean nothing."""
+    aft = np.array([AFT * vehicle.hull.length, 0.0, 0.0])
+    return [_fin(0.2 * plain_area(vehicle), aft, roll) for roll in (0.0, 0.5 * math.pi)]
+
+
+def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
+    """For some rolls and stations along the hull, a fin's area, its moment along the span, its deflection.
+
+    A fin at CO is none of them: it explains by a negative area what fins ahead and astern do not.
+    """
+
+    def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
+        for roll, station in itertools.product(rolls, stations):
+            yield _at(roll, station * vehicle.hull.length, vehicle)
+
+    return shapes
+
+
+def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
+    """Columns of a fin of this roll at the station x [m]."""
+    length, area = vehicle.hull.length, plain_area(vehicle)
+    root, tip = np.array([x, 0.0, 0.0]), LEVER * length * np.array([0.0, math.cos(roll), math.sin(roll)])
+
+    def begin(amounts: Array) -> Table:
+        total = max(float(amounts.sum()), LITTLE)
+        _, out, turned = np.clip(amounts / total, -4.0, 4.0)
+        place = np.clip(root + out * tip, -length, length)
+        return _fin(total * area, place, roll, float(turned) * TURNED)
+
+    little = LITTLE * area
+    tables = _fin(little, root, roll), _fin(little, root + tip, roll), _fin(little, root, roll, TURNED)
+    return Shape(tables, (LITTLE,) * 3, begin)
+
+
+def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> Table:
+    return {
+        "name": CONTROL_SURFACE.name,
+        "area": area,
+        "position": position.tolist(),
+        "roll": roll,
+        "deflection": deflection,
+        "stall": STALL,
+    }
+
+
 BODY_LIFT = Effect(
     name="body_lift",
     family="hull",
@@ -117,6 +245,69 @@ BODY_LIFT = Effect(
         for i, j in LIFT
     ),
     kernel=body_lift,
+    advice=Advice(parted_by=(DRIFT,)),
+)
+
+CONTROL_SURFACE = Effect(
+    name="control_surface",
+    repeatable=True,
+    family="hull",
+    kind="wrench",
+    definition="1/2 rho A abs(v_p)^2 C_L(a) across the flow, C_D(a) against it, at r, with its moment r x f",
+    source="Fossen (2011), section 9.7; Prestero (2001), chapter 4 (fins); Hoerner (1965)",
+    excitation="straight runs at several speeds, drift up to large angles and turns, ahead and astern",
+    lookalikes=("body_lift", "crossflow_drag", "coupled_damping", "offset_drag"),
+    parameters=(
+        Parameter(
+            "area",
+            ("m^2",),
+            "area A, of a fin with a lift slope of pi",
+            low=0.0,
+            scale=(plain_area,),
+            plausible=Plausible(up_to_the_hulls, "up to the hull's side or bottom", "fins on the hull"),
+        ),
+        Parameter(
+            "position",
+            ("m",),
+            "point of the body where it acts",
+            (3,),
+            limits=near_the_hull,
+            plausible=within_box(BOOMS, "up to the hull's size from CO along each axis", "fins on the hull"),
+        ),
+        Parameter(
+            "roll",
+            ("rad",),
+            "roll of the span: 0 of an elevator, pi/2 of a rudder",
+            low=LEAST_ROLL,
+            high=MOST_ROLL,
+            plausible=between(LEAST_ROLL, MOST_ROLL, "rad", "half a turn more is the same fin"),
+        ),
+        Parameter(
+            "deflection",
+            ("rad",),
+            "fixed deflection",
+            low=-0.5 * math.pi,
+            high=0.5 * math.pi,
+            plausible=between(-0.7, 0.7, "rad", "stops of rudders; Fossen (2011), section 9.5"),
+        ),
+        Parameter(
+            "stall",
+            ("rad",),
+            "angle of attack at which the flow separates",
+            low=LEAST_STALL,
+            high=MOST_STALL,
+            required=True,
+            plausible=between(LEAST_STALL, MOST_STALL, "rad", "Hoerner (1965): long wings to short fins"),
+        ),
+    ),
+    kernel=control_surface,
+    identification=Identification(
+        step=1e-2,
+        starts=tail_fins,
+        coarse=fins((0.0, 0.5 * math.pi), (AFT,)),
+        fine=fins(ROLLS, (AFT, -AFT)),
+        absorbs=ABSORBED,
+    ),
     advice=Advice(parted_by=(DRIFT,)),
 )
 
@@ -153,4 +344,5 @@ EFFECTS = (
         roles=frozenset({Role.HULL_WATER, Role.DRAG}),
     ),
     BODY_LIFT,
+    CONTROL_SURFACE,
 )

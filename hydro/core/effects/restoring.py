@@ -42,15 +42,20 @@ INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull"
 
 
 @kernel
+def push_at(fx: float, fy: float, fz: float, x: float, y: float, z: float, tau: Array) -> None:
+    """Add the wrench of a force [N] in body axes at a point of the body [m]."""
+    tau[0] += fx
+    tau[1] += fy
+    tau[2] += fz
+    tau[3] += y * fz - z * fy
+    tau[4] += z * fx - x * fz
+    tau[5] += x * fy - y * fx
+
+
+@kernel
 def push_down(s: Array, force: float, x: float, y: float, z: float, tau: Array) -> None:
     """Add the wrench of a force [N], positive downward in the world, at a point of the body [m]."""
-    a, b, d = force * s[ROTATION + 6], force * s[ROTATION + 7], force * s[ROTATION + 8]
-    tau[0] += a
-    tau[1] += b
-    tau[2] += d
-    tau[3] += y * d - z * b
-    tau[4] += z * a - x * d
-    tau[5] += x * b - y * a
+    push_at(force * s[ROTATION + 6], force * s[ROTATION + 7], force * s[ROTATION + 8], x, y, z, tau)
 
 
 @kernel

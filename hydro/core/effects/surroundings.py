@@ -22,7 +22,7 @@ from hydro.core.effects.record import (
     Shape,
     Table,
 )
-from hydro.core.effects.restoring import push_down
+from hydro.core.effects.restoring import push_at, push_down
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_weight
 from hydro.core.vehicle.description import Vehicle
@@ -106,12 +106,7 @@ def tether(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     fx = pull * (s[ROTATION] * lx + s[ROTATION + 3] * ly + s[ROTATION + 6] * lz)
     fy = pull * (s[ROTATION + 1] * lx + s[ROTATION + 4] * ly + s[ROTATION + 7] * lz)
     fz = pull * (s[ROTATION + 2] * lx + s[ROTATION + 5] * ly + s[ROTATION + 8] * lz)
-    tau[0] += fx
-    tau[1] += fy
-    tau[2] += fz
-    tau[3] += ay * fz - az * fy
-    tau[4] += az * fx - ax * fz
-    tau[5] += ax * fy - ay * fx
+    push_at(fx, fy, fz, ax, ay, az, tau)
 
 
 @kernel

@@ -26,7 +26,7 @@ from hydro.core.identification.candidate import candidate
 from hydro.core.identification.tracking import tracked
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.thrusters import configuration_matrix, thrusts
+from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 
 ZERO, CONSTANT, LEAST_SQUARES = PREDICTORS = ("zero velocity", "constant velocity", "least squares")
 LEVEL = "yardstick"
@@ -174,7 +174,7 @@ def _wrench(vehicle: Vehicle, record: Recording) -> Array:
     """Wrench of the thrusters, as the file makes it of the commands, in every row, (N, 6)."""
     table = candidate(vehicle).thrusters
     force = thrusts(table, record.commands, record.t, record.segments, after_gap=record.after_gap)
-    wrench: Array = force @ configuration_matrix(vehicle).T
+    wrench: Array = force @ table[:, UNIT_WRENCH]
     return wrench
 
 

@@ -28,7 +28,7 @@ from hydro.core.thrust_curves.table import ThrustTable
 from hydro.core.vehicle.description import Thruster, Vehicle
 
 # Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
-UNIT_WRENCH = slice(0, 6)
+UNIT_WRENCH, UNIT_FORCE, UNIT_MOMENT = slice(0, 6), slice(0, 3), slice(3, 6)
 MAX_THRUST = 6  # N at +1
 MAX_REVERSE = 7  # N at -1, as a positive number
 POWER = 8  # of n that thrust goes with: 1 linear, 2 quadratic
@@ -42,17 +42,22 @@ GAIN = 15  # relative gain, thrust times 1 + g
 ASYMMETRY = 16  # a, reverse thrust times 1 - a
 INFLOW = 17  # c, thrust lost to the water's speed along the axis [s/m]
 BEYOND = 18  # effective commands reach 1 + this: a table has more thrust at more than the nominal voltage
-COLUMNS = 19
+REACTION = 19  # k, torque about the thrust's axis per thrust [m]; the unit wrench has it already
+COLUMNS = 20
 
 
 def same_states(table: Array, other: Array) -> bool:
     """Whether two thruster tables lead the same commands to the same lag states, whatever their thrusts."""
-    before = [c for c in range(COLUMNS) if c not in (GAIN, ASYMMETRY, INFLOW)]
+    after = {*range(COLUMNS)[UNIT_WRENCH], GAIN, ASYMMETRY, INFLOW, REACTION}
+    before = [c for c in range(COLUMNS) if c not in after]
     return table.shape == other.shape and np.array_equal(table[:, before], other[:, before])
 
 
 def configuration_matrix(vehicle: Vehicle) -> Array:
     """Thruster configuration B, shape (6, n): the wrench about CO of one newton of each thrust; paper (10).
+
+    It is that of the file's thrusters; with the reaction torques of actuator effects it is the transpose of
+    `UNIT_WRENCH` of `effects.thruster_table`.
 
     Raises:
         DataError: A thruster gives neither a position with a direction nor a wrench, or gives both.
@@ -76,7 +81,7 @@ def allocate(B: ArrayLike, tau: ArrayLike) -> Array:
 def thruster_table(vehicle: Vehicle) -> Array:
     """The vehicle's thrusters as rows of numbers for the kernels, shape (n, COLUMNS).
 
-    Gain, asymmetry and inflow are 0 here; effects of kind `actuator` change these and other columns.
+    Gain, asymmetry, inflow and reaction are 0 here; effects of kind `actuator` change these and others.
 
     Raises:
         DataError: A thruster's placement is missing or doubled, its `lag_step` exceeds its time constant, or
@@ -231,10 +236,13 @@ def state_derivative(row: Array, state: float, command: float) -> float:
 
 @kernel
 def inflow_speed(row: Array, nu_r: Array) -> float:
-    """Speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r."""
+    """Speed through the water along the thruster's axis [m/s]: d . (v_r + omega x r) = b . nu_r.
+
+    b is the unit wrench without the reaction torque, which is no lever arm.
+    """
     speed = 0.0
-    for i in range(6):
-        speed += row[i] * nu_r[i]
+    for i in range(3):
+        speed += row[i] * nu_r[i] + (row[3 + i] - row[REACTION] * row[i]) * nu_r[3 + i]
     return speed
 
 

@@ -26,6 +26,7 @@ from hydro.core.vehicle.thrusters import (
     GAIN,
     INFLOW,
     LAG_STEP,
+    REACTION,
     SPEED_LAG,
     TIME_CONSTANT,
 )
@@ -225,6 +226,7 @@ def _add_thruster(
     else:
         site = body.add_site(name=name, pos=HALF_TURN * np.array(thruster.position), size=[0.03, 0.03, 0.03])
         wrench = np.concatenate([thruster.direction, np.zeros(3)])
+    wrench[3:] += row[REACTION] * wrench[:3]
     actuator = spec.add_actuator(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_SITE,

@@ -5,15 +5,17 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from bench import BARE, equipped
+from bench import BARE, DAMPED, equipped, neutral
 from hypothesis import given
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 from strategies import numbers, vectors
 
-from hydro.core.effects import sensor, thruster_table, velocity_log
+from hydro.core.effects import assemble, sensor, thruster_table, velocity_log
 from hydro.core.effects.sensor import corrected, measured
+from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle import thrusters
+from hydro.core.vehicle.description import Buoyancy
 from hydro.core.vehicle.thrusters import thrusts
 
 ROWS = [[0, 200]]
@@ -89,6 +91,35 @@ def test_inflow_takes_thrust_with_the_speed_into_the_propeller(command, nu_r):
     actual = held([command, 0.0], {"name": "thruster_inflow", "c": 0.15}, nu_r=nu_r)[-1, 0]
     speed = nu_r[0] + (nu_r[4] * 0.0 - nu_r[5] * 0.1)
     assert actual == pytest.approx(plain - 0.15 * np.sqrt(abs(plain) * 80.0) * speed, abs=1e-9)
+
+
+@given(vectors(2, 0.1), vectors(6, 1.5))
+def test_a_reaction_torque_turns_about_the_thrust_s_axis_and_is_no_lever_arm(k, nu_r):
+    """The wrench of a newton becomes [d; r x d + k d]; what flows into the propeller stays the same."""
+    plain, torqued = (
+        thruster_table(BARE),
+        thruster_table(equipped({"name": "propeller_torque", "k": k.tolist()})),
+    )
+    for row, before, thruster, one in zip(torqued, plain, BARE.thruster, k, strict=True):
+        moment = np.cross(thruster.position, thruster.direction) + one * np.array(thruster.direction)
+        np.testing.assert_allclose(row[thrusters.UNIT_WRENCH], [*thruster.direction, *moment], atol=1e-15)
+        speed = thrusters.inflow_speed(before, nu_r)
+        assert thrusters.inflow_speed(row, nu_r) == pytest.approx(speed, abs=1e-12)
+    assert thrusters.same_states(plain, torqued)
+
+
+@pytest.mark.parametrize("k", [0.05, -0.03])
+def test_a_propeller_s_torque_heels_the_vehicle_to_where_weight_and_buoyancy_balance_it(k):
+    """Steady ahead at 40 N, weight W 0.1 m below buoyancy: W 0.1 sin(phi) = k 40."""
+    vehicle = msgspec.structs.replace(
+        neutral(),
+        buoyancy=Buoyancy(50.0 * 9.81, (0.0, 0.0, -0.1)),
+        effect=({"name": "propeller_torque", "k": [k]}, *DAMPED),
+    )
+    t = np.arange(4000) * 0.02
+    end = trajectory(assemble(vehicle), np.full((4000, 1), 0.5), t)[-1]
+    assert np.sin(end[3]) == pytest.approx(k * 40.0 / (50.0 * 9.81 * 0.1), rel=1e-6)
+    np.testing.assert_allclose(end[7:], 0.0, atol=1e-6)
 
 
 def motion(t):

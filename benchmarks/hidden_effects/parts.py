@@ -1,0 +1,76 @@
+"""Forces of the benchmark's simulator on what is beside the hull's damping: a part off CO, a fin, a power.
+
+As `plant`, it shares no code with `hydro.core`.  Body FRD, forces ON the vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hydro.core.columns import Array
+
+SLOPE, PROFILE, BLEND = (
+    math.pi,
+    0.01,
+    0.05,
+)  # of fins: lift slope, drag along the flow, width of the stall [rad]
+
+
+class Parts(NamedTuple):
+    """What drags and lifts beside the hull, in numbers.
+
+    Attributes:
+        power: Drag of the six axes at 1 m/s and 1 rad/s, and the power of the speed, (7,).
+        offset: Drag along the three axes and where it acts, (6,).
+        fin: 1/2 rho A, where it acts, the roll of its span, deflection and stall, (7,).
+    """
+
+    power: Array
+    offset: Array
+    fin: Array
+
+
+@njit(cache=True)
+def cross(a: Array, b: Array) -> Array:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@njit(cache=True)
+def push(tau: Array, force: Array, point: Array) -> None:
+    """Add a force in body axes at a point of the body."""
+    tau[:3] += force
+    tau[3:] += cross(point, force)
+
+
+@njit(cache=True)
+def coefficients(angle: float, stall: float) -> tuple[float, float]:
+    """Lift and drag of a fin at an angle of attack: a wing below its stall, a flat plate beyond it."""
+    plate = 0.5 * (1.0 + math.tanh(0.5 * (abs(angle) - stall) / BLEND))
+    lift = (1.0 - plate) * SLOPE * angle + plate * math.sin(2.0 * angle)
+    return lift, PROFILE + 1.0 - math.cos(2.0 * angle)
+
+
+@njit(cache=True)
+def hang(parts: Parts, n: Array, tau: Array) -> None:
+    """Add the forces of all parts at a velocity through the water."""
+    tau -= parts.power[:6] * np.sign(n) * np.abs(n) ** parts.power[6]
+    if parts.offset[:3].any():
+        place = parts.offset[3:]
+        there = n[:3] + cross(n[3:], place)
+        push(tau, -parts.offset[:3] * np.abs(there) * there, place)
+    if parts.fin[0] > 0.0:
+        place, roll, deflection = parts.fin[1:4], parts.fin[4], parts.fin[5]
+        there = n[:3] + cross(n[3:], place)
+        normal = np.array([0.0, -math.sin(roll), math.cos(roll)])
+        ahead, drift = there[0], (there * normal).sum()
+        lift, drag = coefficients(
+            (math.atan2(drift, ahead) + deflection + math.pi) % (2.0 * math.pi) - math.pi, parts.fin[6]
+        )
+        pressure = parts.fin[0] * math.hypot(ahead, drift)
+        force = -pressure * (lift * ahead + drag * drift) * normal
+        force[0] = pressure * (lift * drift - drag * ahead)
+        push(tau, force, place)
