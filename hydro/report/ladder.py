@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -108,20 +108,29 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
 
     Of a list, the entries that differ plainly from 0, counted from 1.
     """
-    for parameter in CATALOGUE[table["name"]].parameters:
-        if (found := table.get(parameter.name)) is None:
+    effect = CATALOGUE[table["name"]]
+    texts = {one.name: table[one.name] for one in effect.words if one.name in table}
+    for parameter in effect.parameters:
+        found = table.get(parameter.name)
+        if found is None or not np.size(found):
             continue
         value, error = np.asarray(found, float), np.asarray(table["standard_error"][parameter.name], float)
-        shown = [index for index in np.ndindex(*value.shape) if not index or _plain(value, error, index)]
-        name = _numbered if len(shown) < value.size else lambda index: ""
+        terms = words.terms_of(parameter, texts)
+        shown = [i for i in np.ndindex(*value.shape) if not i or terms or _plain(value, error, i)]
+        name = _name_of(terms) if len(shown) < value.size or terms else lambda index: ""
         numbers = [name(index) + _sized(float(value[index]), float(error[index])) for index in shown]
-        rest = ", all others near 0" if len(shown) < value.size else ""
+        rest = "" if len(shown) == value.size else ", all others near 0" if shown else "all near 0"
         unit = describe.unit(parameter)
         yield f"{parameter.name}: {', '.join(numbers)}{rest}{'' if unit == '1' else f' [{unit}]'}"
 
 
 def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:
     return bool(abs(value[index]) > PLAIN_ERRORS * error[index])
+
+
+def _name_of(terms: Sequence[str]) -> Callable[[tuple[int, ...]], str]:
+    """How a number of a list is told from the others: by its term, or by its place."""
+    return (lambda index: f"{terms[index[0]]} ") if terms else _numbered
 
 
 def _numbered(index: tuple[int, ...]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,16 +133,27 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
     """Numbers of an effect's table with their standard errors, one by one."""
     records = {one.name: one for one in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
+    written = CATALOGUE[effect].words if effect in CATALOGUE else ()
+    texts = {one.name: given[one.name] for one in written if one.name in given}
     found = []
     for name, value in given.items():
+        if name in texts:
+            continue
+        terms = terms_of(records.get(name), texts)
         for index, number in _entries(value):
             unit = unit_at(records[name], index) if name in records else ""
             error = sure.get(name)
             for i in index:
                 error = error[i] if isinstance(error, list) and i < len(error) else None
-            label = _entry_name(records.get(name), name, index)
+            label = terms[index[0]] if terms else _entry_name(records.get(name), name, index)
             found.append(Value(label, number, error, "" if unit == "1" else unit))
     return found
+
+
+def terms_of(record: Parameter | None, texts: Mapping[str, Sequence[str]]) -> Sequence[str]:
+    """The terms that the numbers of a parameter belong to, as the file writes them; empty of others."""
+    length = record.shape[0] if record is not None and record.shape else None
+    return texts.get(length, ()) if isinstance(length, str) else ()
 
 
 def _entries(value: Any) -> Iterator[tuple[tuple[int, ...], float]]:

@@ -1,0 +1,48 @@
+"""Formulas in reports: every number beside its term, and nothing of what is not there."""
+
+from __future__ import annotations
+
+from hydro.core.diagnosis.findings import inline
+from hydro.report import ladder, words
+
+TABLE = {
+    "forces": ["Z u q"],
+    "moments": ["N |v|^n sgn(v)"],
+    "force": [90.1],
+    "moment": [33.2],
+    "exponents": [2.47],
+}
+ERRORS = {"force": [0.5], "moment": [0.1], "exponents": [0.01]}
+
+
+def test_numbers_of_a_finding_stand_beside_their_terms():
+    found = words.values("formula", inline(TABLE), inline(ERRORS))
+    assert [(one.name, one.value, one.error, one.unit) for one in found] == [
+        ("Z u q", 90.1, 0.5, "N"),
+        ("N |v|^n sgn(v)", 33.2, 0.1, "N m"),
+        ("exponents 1", 2.47, 0.01, ""),
+    ]
+
+
+def test_the_lines_of_a_step_say_which_term_has_which_coefficient():
+    lines = list(ladder.values({"name": "formula", **TABLE, "standard_error": ERRORS}))
+    assert lines == [
+        "force: Z u q 90.1 ± 0.5 [N]",
+        "moment: N |v|^n sgn(v) 33.2 ± 0.1 [N m]",
+        "exponents: 2.47 ± 0.01",
+    ]
+
+
+def test_what_a_formula_has_not_has_no_line():
+    alone = {"name": "formula", "forces": [], "force": [], "moments": ["K"], "moment": [2.0], "exponents": []}
+    errors = {"force": [], "moment": [0.1], "exponents": []}
+    assert list(ladder.values(alone | {"standard_error": errors})) == ["moment: K 2.0 ± 0.1 [N m]"]
+
+
+def test_a_list_that_is_all_near_nothing_is_said_to_be():
+    table = {"name": "offset_drag", "drag": [300.0, 0.1, 0.1], "position": [0.01, 0.0, 0.0]}
+    errors = {"standard_error": {"drag": [3.0, 1.0, 1.0], "position": [0.1, 0.1, 0.1]}}
+    assert list(ladder.values(table | errors)) == [
+        "drag: no. 1: 300 ± 3, all others near 0 [N s^2/m^2]",
+        "position: all near 0 [m]",
+    ]
