@@ -108,6 +108,7 @@ REFERENCES = """## References
 - Fossen, T. I. (2011). *Handbook of Marine Craft Hydrodynamics and Motion Control*. Wiley.
 - Hoerner, S. F. (1965). *Fluid-Dynamic Drag*. Published by the author.
 - Kinsey, J. C. and Whitcomb, L. L. (2007). In situ alignment calibration of attitude and Doppler sensors for precision underwater vehicle navigation: theory and experiment. *IEEE Journal of Oceanic Engineering* 32(2), 286-299.
+- Lewis, E. V. (ed.) (1988). *Principles of Naval Architecture*, volume I: Stability and Strength. SNAME.
 - Morison, J. R., O'Brien, M. P., Johnson, J. W. and Schaaf, S. A. (1950). The force exerted by surface waves on piles. *Petroleum Transactions, AIME* 189, 149-154.
 - Newman, J. N. (1977). *Marine Hydrodynamics*. MIT Press.
 - Prestero, T. (2001). *Verification of a six-degree of freedom simulation model for the REMUS autonomous underwater vehicle*. Master's thesis, MIT and WHOI.

@@ -1,10 +1,8 @@
 """A wrench of one's own: terms that a vehicle file writes out, run by one kernel (no code is evaluated).
 
-A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`:
-
-* `u v w p q r`: velocity through the water [m/s, rad/s];
-* `g_x g_y g_z`: where down is, a unit vector in body axes (-sin theta, cos theta sin phi, cos theta cos phi);
-* `z`: depth of CO [m].
+A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`, of the velocity through the
+water `u v w p q r` [m/s, rad/s], of where down is in body axes, `g_x g_y g_z` (-sin theta, cos theta sin phi,
+cos theta cos phi), and of the depth of CO, `z` [m].
 
 A factor is such a name `v`, with a whole power `v^2`, its size `|v|` with any power `|v|^0.5`, or its sign
 `sgn(v)`.  The power `|v|^n` is a number of the file's that a fit may move, the next of `exponents`.

@@ -226,7 +226,7 @@ DRIFTING_BALLAST = Effect(
     family="restoring",
     kind="wrench",
     definition="g [0; x x d], x' = (S tanh(d/tilt) - x)/T in surge and sway, d = R^T [0, 0, 1]",
-    source="Lewis (1988), Principles of Naval Architecture, vol. I, section 2.8 (free surfaces), with a lag",
+    source="Lewis (1988), Principles of Naval Architecture, vol. I (free surfaces), with a lag",
     excitation="roll and pitch to several tilts, held for both less and more than T",
     lookalikes=("buoyancy_offset", "linear_damping", "payload"),
     parameters=(
