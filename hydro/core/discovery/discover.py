@@ -58,6 +58,10 @@ TRIED = 3
 MOVED = 2.0
 """Standard deviations of what is known of a value of the file's beyond which it is told what it became."""
 STEPS, LAST_STEPS = 6, 12
+LOOSE = 1e-2
+"""Information that is held beforehand on the coefficient of a term, times the mean squared residual."""
+TOLD = 0.2
+"""Part of what a recording tells of a term that the rest must tell where a part is left out."""
 LITTLE = 0.01
 """Of the vehicle's weight, or that times its length: the coefficient of a term in a column."""
 
@@ -153,9 +157,9 @@ class Discovery:
         prior = self.known(model.unknown)
         extra = len(columns) - len(model.values)
         amounts = np.concatenate([model.values / model.unknown.scales - prior.centre, np.zeros(extra)])
-        held = np.concatenate([prior.information, np.full(extra, self.known.temper * 1e-2)])
+        held = np.concatenate([prior.information, np.full(extra, self.known.temper * LOOSE)])
         new = range(len(model.values), len(columns))
-        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), 0.2)
+        return left_out_costs(Fitted(normal.of(columns), amounts, held), fold, list(new), TOLD)
 
     def better(self, choice: Choice, progress: Progress) -> Choice | None:
         """The formula with one more term; None where none is worth it."""
@@ -172,13 +176,17 @@ class Discovery:
         return best
 
     def needed(self, choice: Choice) -> Choice:
-        """The formula without the terms that the others have made needless."""
+        """The formula without terms that others have made needless; what the file has of one stays."""
+        given = {
+            text for table in self.baseline.vehicle.effects(FORMULA.name) for text, _, _ in amounts(table)
+        }
         while True:
             parts = _terms(choice.model.vehicle)
-            if len(parts) < 2:
+            new = [k for k, part in enumerate(parts) if amounts(part)[0][0] not in given]
+            if len(parts) < 2 or not new:
                 return choice
             tries = []
-            for number in range(len(parts)):
+            for number in new:
                 rest = joined([one for k, one in enumerate(parts) if k != number])
                 try:
                     tries.append(self.fitted(_replaced(choice.model.vehicle, rest), STEPS))
