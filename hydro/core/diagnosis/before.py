@@ -106,8 +106,8 @@ class Change:
 
     def seen(self, further: bool) -> bool:
         """Whether it is large enough to be named, as the first or a further one."""
-        if further:
-            return self.plain >= FURTHER
+        if further:  # what a formula of drag absorbs of an unchanged hull is no further change
+            return self.plain >= max(FURTHER, CATALOGUE[self.best.effect].identification.absorbs)
         return self.score >= NAMED and self.score * float(self.whole.sum()) >= LEAST * self.floor
 
     def interval(self, seed: int = 1) -> tuple[float, float]:
