@@ -91,7 +91,9 @@ def toml(effect: Effect, thrusters: int = 2) -> str:
     lines += [f"{one.name} = {json.dumps(one.example)}  # {one.meaning}" for one in effect.words]
     counts = {"thrusters": thrusters, "rates": 1}
     if effect.structure is not None:
-        counts |= effect.structure({one.name: one.example for one in effect.words}, "example")[1]
+        whole: dict[str, Any] = {one.name: [] for one in effect.parameters}
+        whole |= {one.name: one.example for one in effect.words}
+        counts |= effect.structure(whole, "example")[1]
     for parameter in effect.parameters:
         said = f"{parameter.meaning} [{unit(parameter)}]"
         if parameter.shape and not isinstance(parameter.shape[0], int):

@@ -145,6 +145,10 @@ def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, d
             rows.append(row)
     if not rows:
         raise DataError(f"{where}: formula needs terms in `forces` or `moments`, each {GRAMMAR}")
+    if exponents and "exponents" not in table:
+        raise DataError(
+            f"{where}.exponents: is missing: a number for each of the {exponents} powers written ^n"
+        )
     sizes = {key: len(table.get(key, [])) for key in ("forces", "moments")} | {"exponents": exponents}
     return np.concatenate([[len(rows)], *rows]), sizes
 

@@ -106,6 +106,7 @@ def test_joined_formulas_keep_each_exponent_with_its_term():
         ({"forces": []}, "needs terms"),
         ({"force": [-1.0, 2.0]}, "effect[0].force"),
         ({"forces": ["X |u|^n u"], "exponents": []}, "effect[0].exponents"),
+        ({"forces": ["X |u|^n u"]}, "a number for each of the 1 powers"),
         ({"exponents": [1.0]}, "effect[0].exponents"),
         ({"power": 2}, "no such parameter"),
     ],
