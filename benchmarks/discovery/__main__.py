@@ -30,10 +30,10 @@ import argparse
 from pathlib import Path
 
 import polars as pl
-from scipy.stats import binomtest
 
 from benchmarks.discovery.laws import KINDS
 from benchmarks.discovery.study import SCHEMA, study
+from benchmarks.hidden_effects.scoring import rate
 from benchmarks.imperfect_base.work import Results, add_report, done
 
 SEEN = 1.2
@@ -66,34 +66,17 @@ def summary(rows: pl.DataFrame) -> str:
     ]
     lines.append("|---|---:|---:|---:|---:|---:|")
     rows = rows.filter(failure="")
-    laws = rows.filter((pl.col("kind") != "none") & (pl.col("chi2_own") > SEEN))
-    near = pl.col("after") <= 1.3 * pl.col("oracle")
-    for name, part in (("all", laws), *((kind, laws.filter(kind=kind)) for kind in KINDS)):
-        count = part.height
-        every = (
-            rows.filter(pl.col("kind") == name).height
-            if name != "all"
-            else rows.filter(pl.col("kind") != "none").height
-        )
-        by_catalogue = part.filter(pl.col("catalogue") <= 1.3 * pl.col("oracle")).height
+    hidden, near = rows.filter(pl.col("kind") != "none"), 1.3 * pl.col("oracle")
+    for name, part in (("all", hidden), *((kind, hidden.filter(kind=kind)) for kind in KINDS)):
+        seen = part.filter(pl.col("chi2_own") > SEEN)
+        close = seen.select(pl.col("after", "catalogue") <= near)
         lines.append(
-            f"| {name} | {count} of {every} | {share_of(part['form'].sum(), count)} | "
-            f"{share_of(part.filter(near).height, count)} | {share_of(by_catalogue, count)} | "
-            f"{part['cpu'].median() or 0:.0f} |"
+            f"| {name} | {seen.height} of {part.height} | {rate(seen['form'])} | {rate(close['after'])} | "
+            f"{rate(close['catalogue'])} | {seen['cpu'].median() or 0:.0f} |"
         )
     nothing = rows.filter(kind="none")
-    lines.append(
-        f"| nothing hidden: discovered | | {share_of(nothing['discovered'].sum(), nothing.height)} | | | |"
-    )
+    lines.append(f"| nothing hidden: discovered | | {rate(nothing['discovered'])} | | | |")
     return "\n".join(lines) + "\n"
-
-
-def share_of(successes: int, count: int) -> str:
-    """A share with its 95 % interval (Clopper and Pearson)."""
-    if not count:
-        return "-"
-    low, high = binomtest(int(successes), count).proportion_ci()
-    return f"{successes / count:.0%} [{100 * low:.0f}, {100 * high:.0f}] ({successes} of {count})"
 
 
 def main() -> None:

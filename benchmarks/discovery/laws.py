@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.discovery.terms import amounts
-from hydro.core.effects.formula import AXES, one_term
+from hydro.core.effects.formula import AXES, amounts, one_term
 from hydro.core.vehicle.description import Vehicle
 
 SPEEDS = "uvwpqr"

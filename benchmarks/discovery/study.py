@@ -15,8 +15,7 @@ from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import Diagnosis, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.discovery.discover import discovered
-from hydro.core.discovery.terms import amounts
-from hydro.core.effects.formula import joined
+from hydro.core.effects.formula import amounts, joined
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.identification.fit import fit

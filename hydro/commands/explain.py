@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -117,8 +117,16 @@ def explain(
 
         frame = None if other is None else other.frame
         hull, done = earlier.hull if earlier else None, list(steps)
-        how: dict[str, Any] = {"hull": hull, "beyond": discovered if discover else None}
-        for step in compute(start, source.frame, holdout=frame, done=done, progress=advance, **how):
+        found = compute(
+            start,
+            source.frame,
+            holdout=frame,
+            hull=hull,
+            done=done,
+            beyond=discovered if discover else None,
+            progress=advance,
+        )
+        for step in found:
             steps.append(step)
             study.save_step(steps)
             _tell(step)

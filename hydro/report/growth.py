@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hydro.core.columns import DOF, WRENCH
+from hydro.core.columns import DOF, VELOCITY, WRENCH
 from hydro.report import words
 from hydro.report.figures import TITLES
 from hydro.report.sources import Sources
@@ -15,7 +15,7 @@ def section(sources: Sources) -> dict[str, Any] | None:
     if sources.growth is None:
         return None
     rows = sources.growth.frame.to_dicts()
-    own = [row for row in rows if WRENCH.index(row["axis"]) == "uvwpqr".index(row["against"])]
+    own = [row for row in rows if WRENCH.index(row["axis"]) == VELOCITY.index(row["against"])]
     told = [
         f"Drag in {DOF[WRENCH.index(row['axis'])]} grows as |{row['against']}| to the power "
         f"{words.figure(row['power'])} ({_interval(row)})."
@@ -31,7 +31,7 @@ def _interval(row: dict[str, Any]) -> str:
 def _line(row: dict[str, Any]) -> dict[str, Any]:
     """A term as a row of a table."""
     i, against = WRENCH.index(row["axis"]), row["against"]
-    own = "uvwpqr"[i]
+    own = VELOCITY[i]
     law = f"|{against}|^n" if against == own else f"|{against}|^n {own}"
     return {
         "axis": row["axis"],

@@ -109,7 +109,7 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
     Of a list, the entries that differ plainly from 0, counted from 1.
     """
     effect = CATALOGUE[table["name"]]
-    texts = {one.name: table[one.name] for one in effect.words if one.name in table}
+    texts = effect.written(table)
     for parameter in effect.parameters:
         found = table.get(parameter.name)
         if found is None or not np.size(found):

@@ -133,8 +133,7 @@ def values(effect: str, parameters: str, errors: str) -> list[Value]:
 def fitted(effect: str, given: dict[str, Any], sure: dict[str, Any]) -> list[Value]:
     """Numbers of an effect's table with their standard errors, one by one."""
     records = {one.name: one for one in CATALOGUE[effect].parameters} if effect in CATALOGUE else {}
-    written = CATALOGUE[effect].words if effect in CATALOGUE else ()
-    texts = {one.name: given[one.name] for one in written if one.name in given}
+    texts = CATALOGUE[effect].written(given) if effect in CATALOGUE else {}
     found = []
     for name, value in given.items():
         if name in texts:

@@ -24,9 +24,9 @@ from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Baseline
 from hydro.core.diagnosis.transfer import Known, left_out, regimes_of, sessions_of, tempered
 from hydro.core.discovery.sentences import told
-from hydro.core.discovery.terms import Term, amounts, library
+from hydro.core.discovery.terms import Term, library
 from hydro.core.effects.catalogue import CATALOGUE
-from hydro.core.effects.formula import FORMULA, joined, one_term
+from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.fit import Fit, with_uncertainty
@@ -143,7 +143,7 @@ class Discovery:
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]
         normal = model.problem.linearise(model.vehicle, [*own, *vehicles], [*steps, *[1.0] * len(vehicles)])
         count = len(own)
-        first = [self._left(model, normal, range(count), fold) for fold in self.folds]
+        first = choice.left + model.normal.freedoms
         scored = []
         for number in _most(normal, count, [term.preferred for term in terms], self.known, model):
             columns = [*range(count), count + number]

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydro.core.columns import DOF
-from hydro.core.discovery.terms import SPEEDS, amounts
-from hydro.core.effects.formula import AXES
+from hydro.core.columns import DOF, VELOCITY
+from hydro.core.effects.formula import AXES, amounts
 
 SAME = 0.3
 """Powers that differ by less are told as one law that acts off CO."""
@@ -49,7 +48,7 @@ def told(table: Mapping[str, Any], errors: Mapping[str, Any]) -> str:
 def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence[float]) -> str:
     """One term."""
     axis, *factors = text.split()
-    dof, own = DOF[AXES.index(axis)], SPEEDS[AXES.index(axis)]
+    dof, own = DOF[AXES.index(axis)], VELOCITY[AXES.index(axis)]
     what = "force" if axis in "XYZ" else "moment"
     grown = [f"{p:.2f} +- {e:.2g}" for p, e in zip(powers, spread, strict=True)]
     if not factors:
@@ -63,10 +62,10 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
         return f"{kind} in {dof} grows as |{own}|^{grown[0]}"
     if powers and len(factors) == 2 and names[1] == own and not factors[1].startswith("sgn"):
         kind = "raises" if value < 0.0 else "lowers"
-        return f"{DOF[SPEEDS.index(names[0])]} {kind} the drag in {dof}, as |{names[0]}|^{grown[0]} {own}"
+        return f"{DOF[VELOCITY.index(names[0])]} {kind} the drag in {dof}, as |{names[0]}|^{grown[0]} {own}"
     law = " ".join(f.replace("^n", f"^{grown[0]}") if grown else f for f in factors)
     if odd and len(set(names)) == 1:
-        cause = DOF[SPEEDS.index(names[0])]
+        cause = DOF[VELOCITY.index(names[0])]
         return f"{cause} brings a {what} in {dof} that grows as |{names[0]}|^{grown[0]} and turns with it"
     return f"a {what} in {dof} goes as {law}"
 

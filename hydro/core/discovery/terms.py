@@ -7,14 +7,14 @@ fit moves them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations
 from typing import Any
 
+from hydro.core.columns import VELOCITY
 from hydro.core.effects.formula import AXES, one_term
 
-SPEEDS = "uvwpqr"
 OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
 SIZE_POWERS = (0.5, 1.0, 2.0)
@@ -57,19 +57,19 @@ def library() -> list[Term]:
 
 def of_axis(axis: str) -> Iterator[Term]:
     """Candidates of one axis."""
-    own = SPEEDS[AXES.index(axis)]
+    own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
         yield Term(f"{axis} |{own}|^n sgn({own})", (power,), PLAIN)
-    for name in SPEEDS:
+    for name in VELOCITY:
         if name != own:
             for power in OTHER_POWERS:
                 yield even(Term(f"{axis} |{name}|^n sgn({name})", (power,)), name)
-    for name in SPEEDS:
+    for name in VELOCITY:
         for power in SIZE_POWERS:
             yield even(Term(f"{axis} |{name}|^n", (power,)))
-    for one, other in permutations(SPEEDS, 2):
+    for one, other in permutations(VELOCITY, 2):
         yield even(Term(f"{axis} |{one}|^n {other}", (1.0,)), other)
-    for one, other in combinations(SPEEDS, 2):
+    for one, other in combinations(VELOCITY, 2):
         yield even(Term(f"{axis} {one} {other}"), one, other)
     yield even(Term(axis))
     for name in DOWN:
@@ -81,13 +81,3 @@ def even(term: Term, *odd: str) -> Term:
     turns = sum(name in MIRRORED for name in odd) % 2
     uneven = turns != (term.text[0] in MIRRORED)
     return Term(term.text, term.powers, UNEVEN if uneven else term.preferred)
-
-
-def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Terms of a formula with their coefficients and free powers, in the order of the table."""
-    powers, found = iter(table.get("exponents", ())), []
-    for terms, values in (("forces", "force"), ("moments", "moment")):
-        for text, value in zip(table.get(terms, ()), table.get(values, ()), strict=True):
-            count = sum(word.endswith("^n") for word in text.split())
-            found.append((str(text), float(value), tuple(float(next(powers)) for _ in range(count))))
-    return found

@@ -30,7 +30,7 @@ from hydro.core.effects.record import (
     Shapes,
     Table,
 )
-from hydro.core.effects.restoring import near_the_hull, push_at
+from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_moment
 from hydro.core.vehicle.description import Vehicle
@@ -137,10 +137,7 @@ def offset(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> Non
     -x d_y, M per |u| u is -z d_x and per |w| w is x d_z.  It does no positive work, as f . v_p <= 0.
     """
     rx, ry, rz = p[3], p[4], p[5]
-    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
-    u = s[RELATIVE_VELOCITY] + pitch * rz - yaw * ry
-    v = s[RELATIVE_VELOCITY + 1] + yaw * rx - roll * rz
-    w = s[RELATIVE_VELOCITY + 2] + roll * ry - pitch * rx
+    u, v, w = moved_at(s, rx, ry, rz)
     push_at(-p[0] * abs(u) * u, -p[1] * abs(v) * v, -p[2] * abs(w) * w, rx, ry, rz, tau)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.columns import Array
+from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import POSITION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.parting import COASTING
@@ -27,14 +27,16 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Index, Plausible, between, most_drag
 
-NAMES = ("u", "v", "w", "p", "q", "r", "g_x", "g_y", "g_z", "z")
+NAMES = (*VELOCITY, "g_x", "g_y", "g_z", "z")
 PLACES = (
     *range(RELATIVE_VELOCITY, RELATIVE_VELOCITY + 6),
     *range(ROTATION + 6, ROTATION + 9),
     POSITION + 2,
 )
 """Where each of them stands in the state of motion."""
-AXES = "XYZKMN"
+AXES = WRENCH
+GROUPS = (("forces", "force"), ("moments", "moment"))
+"""Keys of the terms and of their coefficients."""
 FACTORS = 3
 """Of a term, at most."""
 ROW = 1 + 3 * FACTORS
@@ -88,7 +90,7 @@ def parsed(term: Any, where: str = "formula") -> tuple[Array, int]:
     """
     row, exponents = np.full(ROW, NOWHERE), 0
     words = term.split() if isinstance(term, str) else []
-    if not words or words[0] not in tuple(AXES) or len(words) > 1 + FACTORS:
+    if not words or words[0] not in AXES or len(words) > 1 + FACTORS:
         raise DataError(f"{where}: {term!r} is no term: write {GRAMMAR}")
     row[0] = AXES.index(words[0])
     for number, word in enumerate(words[1:]):
@@ -163,22 +165,27 @@ def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[
     return {"name": FORMULA.name, value: [term], key: [amount], "exponents": list(exponents)}
 
 
+def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
+    """Terms of a formula with their coefficients and free powers, forces first."""
+    powers, found = iter(table.get("exponents", ())), []
+    for terms, values in GROUPS:
+        for text, value in zip(table.get(terms, ()), table.get(values, ()), strict=True):
+            free = tuple(float(next(powers)) for _ in range(parsed(text)[1]))
+            found.append((str(text), float(value), free))
+    return found
+
+
 def joined(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Formulas as one, their terms in order: first all forces, then all moments.
 
     The exponents go along with their terms.
     """
+    every = [term for table in tables for term in amounts(table)]
+    forces, moments = ([one for one in every if (one[0][0] in AXES[:3]) is force] for force in (True, False))
     whole: dict[str, Any] = {"name": FORMULA.name}
-    for terms, amounts in (("forces", "force"), ("moments", "moment")):
-        whole[terms] = [term for table in tables for term in table.get(terms, [])]
-        whole[amounts] = [value for table in tables for value in table.get(amounts, [])]
-    of_forces, of_moments = list[float](), list[float]()
-    for table in tables:
-        first = sum(parsed(term)[1] for term in table.get("forces", []))
-        of_forces += list(table.get("exponents", []))[:first]
-        of_moments += list(table.get("exponents", []))[first:]
-    whole["exponents"] = [*of_forces, *of_moments]
-    return whole
+    for (terms, values), group in zip(GROUPS, (forces, moments), strict=True):
+        whole |= {terms: [text for text, _, _ in group], values: [value for _, value, _ in group]}
+    return whole | {"exponents": [power for _, _, powers in (*forces, *moments) for power in powers]}
 
 
 def as_drag(force: bool) -> Plausible:

@@ -26,7 +26,7 @@ from hydro.core.effects.record import (
     Shapes,
     Table,
 )
-from hydro.core.effects.restoring import near_the_hull, push_at
+from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
 from hydro.core.vehicle.description import Vehicle
@@ -134,10 +134,7 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     A fixed fin does no positive work, as its lift does none.
     """
     rx, ry, rz = p[1], p[2], p[3]
-    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
-    u = s[RELATIVE_VELOCITY] + pitch * rz - yaw * ry
-    v = s[RELATIVE_VELOCITY + 1] + yaw * rx - roll * rz
-    w = s[RELATIVE_VELOCITY + 2] + roll * ry - pitch * rx
+    u, v, w = moved_at(s, rx, ry, rz)
     ny, nz = -math.sin(p[4]), math.cos(p[4])
     sine, cosine = math.sin(p[5]), math.cos(p[5])
     drift = ny * v + nz * w

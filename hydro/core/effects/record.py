@@ -287,6 +287,10 @@ class Effect:
         every = (parameter.name for parameter in self.parameters)
         return frozenset(every if held is True else held or ())
 
+    def written(self, table: Mapping[str, Any]) -> Table:
+        """What a table holds in words."""
+        return {words.name: table[words.name] for words in self.words if words.name in table}
+
     def wholly_known(self, table: Mapping[str, Any]) -> bool:
         """Whether a table holds all that it gives as known."""
         given = {one.name for one in self.parameters if one.name not in self.one_of or one.name in table}

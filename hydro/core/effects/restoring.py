@@ -12,7 +12,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, ROTATION
+from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
     Advice,
@@ -39,6 +39,17 @@ ON_BOARD = tuple(
     within_box(2.0, "up to the hull's length along this axis from CO", CARRIED, i) for i in range(3)
 )
 INSIDE = tuple(within_box(1.0, "up to half of the hull's box", "inside the hull", i) for i in range(3))
+
+
+@kernel
+def moved_at(s: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Velocity v_r + omega x r through the water of a point r of the body [m], body axes [m/s]."""
+    roll, pitch, yaw = s[RELATIVE_VELOCITY + 3], s[RELATIVE_VELOCITY + 4], s[RELATIVE_VELOCITY + 5]
+    return (
+        s[RELATIVE_VELOCITY] + pitch * z - yaw * y,
+        s[RELATIVE_VELOCITY + 1] + yaw * x - roll * z,
+        s[RELATIVE_VELOCITY + 2] + roll * y - pitch * x,
+    )
 
 
 @kernel

@@ -35,7 +35,7 @@ from hydro.core.identification.levenberg_marquardt import (
 )
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.output_error import OutputError, aimed
-from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free, written
+from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
 from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
 from hydro.core.identification.prior import combined, stated
 from hydro.core.identification.tracking import shot_seconds, tracked
@@ -117,7 +117,7 @@ class Fit:
             table = effect_table(self.free, name, self.free.within(values))
             replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
             spread = _errors_of(self.free, name, errors)
-            text = written(self.free.vehicle, name)
+            text = CATALOGUE[name].written(next(iter(self.free.vehicle.effects(name))))
             tables.append({"name": name} | text | replaced | table | {"standard_error": spread})
         return tuple(tables)
 

@@ -158,12 +158,6 @@ def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
 
-def written(vehicle: Vehicle, name: str) -> dict[str, Any]:
-    """What the `[[effect]]` table of an effect of the vehicle holds in words."""
-    table = next(iter(vehicle.effects(name)), {})
-    return {words.name: table[words.name] for words in CATALOGUE[name].words if words.name in table}
-
-
 def _wanted(wanted: str | Mapping[str, Any]) -> tuple[Effect, str | None, dict[str, Any]]:
     """Record, alternative parameter and given values of what a caller named."""
     given = {} if isinstance(wanted, str) else {k: v for k, v in wanted.items() if k != "name"}

@@ -7,9 +7,9 @@ import pytest
 from bench import BARE, equipped
 
 from hydro.core.discovery.sentences import told
-from hydro.core.discovery.terms import amounts, library
+from hydro.core.discovery.terms import library
 from hydro.core.effects import assemble, validate
-from hydro.core.effects.formula import joined, one_term
+from hydro.core.effects.formula import amounts, joined, one_term
 
 
 def words(*terms):
