@@ -166,10 +166,11 @@ def one_term(term: str, amount: float, exponents: Sequence[float] = ()) -> dict[
 
 
 def amounts(table: Mapping[str, Any]) -> list[tuple[str, float, tuple[float, ...]]]:
-    """Terms of a formula with their coefficients and free powers, forces first."""
+    """Terms of a formula with their coefficients, zero where it gives none, and free powers, forces first."""
     powers, found = iter(table.get("exponents", ())), []
-    for terms, values in GROUPS:
-        for text, value in zip(table.get(terms, ()), table.get(values, ()), strict=True):
+    for group, values in GROUPS:
+        terms = table.get(group, ())
+        for text, value in zip(terms, table.get(values) or [0.0] * len(terms), strict=True):
             free = tuple(float(next(powers)) for _ in range(parsed(text)[1]))
             found.append((str(text), float(value), free))
     return found

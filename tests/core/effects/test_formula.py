@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from strategies import states, vectors, velocities
 
 from hydro.core.effects import CATALOGUE, assemble, validate
-from hydro.core.effects.formula import AXES, NAMES, joined, one_term
+from hydro.core.effects.formula import AXES, NAMES, amounts, joined, one_term
 from hydro.core.errors import DataError
 from hydro.core.simulation.simulate import trajectory
 from hydro.io import vehicle as files
@@ -74,6 +74,11 @@ def test_drag_with_the_power_three_halves_slows_a_coasting_vehicle_as_a_square()
     t = np.arange(500) * 0.02
     u = trajectory(assemble(vehicle), np.zeros((500, 1)), t, nu=[2.0, 0, 0, 0, 0, 0])[:, 6]
     np.testing.assert_allclose(u, (1.0 / np.sqrt(2.0) + 8.0 * t / 100.0) ** -2, rtol=1e-8)
+
+
+def test_a_term_without_a_coefficient_has_none():
+    table = {"name": "formula", "forces": ["X |u|^n sgn(u)"], "moments": ["N r"], "exponents": [1.5]}
+    assert amounts(table) == [("X |u|^n sgn(u)", 0.0, (1.5,)), ("N r", 0.0, ())]
 
 
 def test_joined_formulas_keep_each_exponent_with_its_term():
