@@ -40,6 +40,7 @@ DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
 DEPTH = 5.0
+MIDDLE = 20.0
 """Where sessions begin [m]."""
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
@@ -156,6 +157,7 @@ TRUTHS: dict[str, Draw] = {
     },
     "fluid_memory": lambda rng, v: {"K": [axes(v, 0.3, rng)], "rates": [float(rng.uniform(0.5, 3.0))]},
     "current_shear": lambda rng, v: several(("g_N", "g_E"), [0.08, 0.08], rng) | {"z_0": DEPTH},
+    "current_trend": lambda rng, v: several(("a_N", "a_E"), [4e-3, 4e-3], rng) | {"t_0": MIDDLE},
     "drifting_ballast": lambda rng, v: {
         "S": [float(0.01 * mass(v) * rng.uniform(0.5, 1.5)) for _ in range(2)],
         "tilt": within(0.1, 0.4, signs=False)(rng),
@@ -181,8 +183,8 @@ FORMS: dict[str, Draw] = {
     "sensor_scale.s": lambda rng, v: {"s": within(0.01, 0.05)(rng)},
 }
 """Effects of which a file may state other numbers than TRUTHS does."""
-BESIDE = {"current_shear": ("ocean_current",)}
-"""What is fitted besides: a fit counts the shear from another depth than the truth does."""
+BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current",)}
+"""What is fitted besides: a fit counts from another depth or time than the truth does."""
 
 
 def commands(vehicle: Vehicle, seconds: float, seed: int, depth: float) -> pl.DataFrame:

@@ -48,6 +48,7 @@ HIDDEN = {
     "payload": {"w": 15.0, "x": 0.4, "y": 0.1, "z": 0.1, "mass": 8.0},
     "ocean_current": {"v_N": 0.2, "v_E": -0.15, "v_D": 0.05},
     "current_shear": {"g_N": 0.08, "g_E": -0.05, "z_0": 3.5},
+    "current_trend": {"a_N": 0.01, "a_E": -0.006, "t_0": 5.0},
     "drifting_ballast": {"S": [2.0, 1.0], "tilt": 0.2, "T": 1.5},
     "tether": {"k": 4.0, "slack": 1.0, "attachment": [-0.7, 0.0, 0.1], "anchor": [0.0, 1.0, 5.0]},
     "surface_suction": {"A": 30.0, "decay": 1.5},

@@ -60,7 +60,7 @@ def build(
     extra = [np.array([body.mass * gravity, *body.center_of_gravity])]
     kappa = lifted = asymmetry = lag = delay = band = curve = inflow = 0.0
     current, tether, suction, memory = np.zeros(3), np.zeros(8), np.zeros(2), np.zeros(7)
-    gradient, ballast = np.zeros(3), np.zeros(4)
+    gradient, trend, ballast = np.zeros(3), np.zeros(3), np.zeros(4)
     power, offset, fin = np.array([0.0] * 6 + [2.0]), np.zeros(6), np.zeros(7)
     gains, reactions = np.zeros(len(vehicle.thruster)), np.zeros(len(vehicle.thruster))
     for table in (*vehicle.effect, *hidden):
@@ -107,6 +107,8 @@ def build(
                 current += [get(axis, 0.0) for axis in ("v_N", "v_E", "v_D")]
             case "current_shear":
                 gradient[:] = [get(key, 0.0) for key in ("g_N", "g_E", "z_0")]
+            case "current_trend":
+                trend[:] = [get(key, 0.0) for key in ("a_N", "a_E", "t_0")]
             case "drifting_ballast":
                 ballast[:] = [*(gravity * np.array(table["S"])), table["tilt"], table["T"]]
             case "tether":
@@ -150,6 +152,7 @@ def build(
         lift=lift,
         current=current,
         gradient=gradient,
+        trend=np.array([*trend, vehicle.buoyancy.force / gravity]),
         ballast=ballast,
         tether=tether,
         suction=np.array([*suction, *buoyancy]),

@@ -19,6 +19,7 @@ WEAKEST, STRONGEST = 0.15, 4.0
 """Bounds of the factor on an effect's usual size, drawn log-uniformly."""
 NEWEST = (
     "current_shear",
+    "current_trend",
     "drifting_ballast",
     "power_drag",
     "offset_drag",
@@ -34,6 +35,7 @@ FIXED = {
     "fluid_memory": ("rates",),
     "payload": ("x", "y", "z"),
     "current_shear": ("z_0",),
+    "current_trend": ("t_0",),
     "drifting_ballast": ("tilt", "T"),
     "power_drag": ("n",),
     "offset_drag": ("position",),
@@ -60,6 +62,7 @@ WITHIN = {
     "buoyancy_offset": 0.02,
     "ocean_current": 0.8,
     "current_shear": 0.2,
+    "current_trend": 0.01,
     "thruster_gain": 0.9,
     "thruster_asymmetry": 0.8,
     "thruster_lag": 0.4,

@@ -76,6 +76,8 @@ class Plant(NamedTuple):
         lift: Y, N of v, r and Z, M of w, q per |u|, (2, 2, 2).
         current: v_c NED, (3,).
         gradient: Growth of v_c north and east with depth [1/s], and the depth where it is v_c, (3,).
+        trend: Growth of v_c north and east with time [m/s^2], the time when it is v_c, and the mass of
+            displaced water [kg], (4,).
         ballast: Weight times travel along x and y [N m], tilt and time constant of ballast that slides, (4,).
         tether: k, slack, attachment, anchor, (8,).
         suction: A, decay and the point, (5,).
@@ -108,6 +110,7 @@ class Plant(NamedTuple):
     lift: Array
     current: Array
     gradient: Array
+    trend: Array
     ballast: Array
     tether: Array
     suction: Array
@@ -155,8 +158,8 @@ def water(plant: Plant, z: float, sink: float, t: float) -> tuple[Array, Array]:
     v, rate = plant.current * (1.0 + f[SHEAR] * (z - f[DEPTH])), plant.current * (f[SHEAR] * sink)
     below = z - plant.gradient[2]
     for i in range(2):
-        v[i] += plant.gradient[i] * below
-        rate[i] += plant.gradient[i] * sink
+        v[i] += plant.gradient[i] * below + plant.trend[i] * (t - plant.trend[2])
+        rate[i] += plant.gradient[i] * sink + plant.trend[i]
     swing, speed = math.sin(f[TIDE_RATE] * t), f[TIDE_RATE] * math.cos(f[TIDE_RATE] * t)
     v[0] += f[TIDE] * swing
     v[1] += f[TIDE_EAST] * swing
@@ -252,6 +255,10 @@ def surround(plant: Plant, p: Array, R: Array, t: float, tau: Array) -> None:
     if f[WALL] != 0.0:
         tau[:3] += R[1] * (f[WALL] / (1.0 + ((p[0] - f[WALL_X]) / f[WALL_WIDTH]) ** 2))
     tau[2] += f[SWELL] * math.sin(f[SWELL_RATE] * t)
+    stirred = np.array([plant.trend[0], plant.trend[1], 0.0])
+    push(
+        tau, plant.trend[3] * (R.T @ stirred), plant.weights[-1, 1:]
+    )  # the pressure that accelerates the water
 
 
 @njit(cache=True)

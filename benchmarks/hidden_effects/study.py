@@ -165,7 +165,7 @@ def oracle(case: Case, flown: Flown) -> Vehicle:
     record = recording(vehicle, flown.measured)
     own = [str(t["name"]) for t in given.effect if CATALOGUE[str(t["name"])].kind != "inertia"]
     wanted = [*dict.fromkeys([*own, *(str(table["name"]) for table in case.hidden)])]
-    unknown = free(vehicle, wanted, reach=record.eta[:, :3])
+    unknown = free(vehicle, wanted, reach=record.track)
     late = "sensor_delay" in wanted
     shots = multiple_shooting.make_shots(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
     start = unknown.starts[0]

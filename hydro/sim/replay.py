@@ -236,7 +236,7 @@ def _logged(
     measured, begun, bounds = record.measured, record.begun, record.bounds
     first = bounds[:, 0]
     settled = np.where(record.resumed[:, None], record.commands[first], np.nan)
-    student.start(measured[first, :6], begun[first], settled=settled)
+    student.start(measured[first, :6], begun[first], settled=settled, t=record.clock[first])
     known = np.hstack([measured[:, :6], begun])
     motion = _fly(student, known, record.commands, bounds, steps, report)
     motion[:, 6:] = _along(sensor.measured, record.log, record.clock, motion[:, 6:], bounds)

@@ -97,16 +97,20 @@ class Student:
         self._table = thrusters_of(program.flat)
         self._control = control_states(self.model, vehicle.name)
 
-    def start(self, eta: ArrayLike, nu: ArrayLike, *, settled: ArrayLike | None = None) -> None:
-        """Put all vehicles somewhere and set the clock to 0.
+    def start(
+        self, eta: ArrayLike, nu: ArrayLike, *, settled: ArrayLike | None = None, t: ArrayLike = 0.0
+    ) -> None:
+        """Put all vehicles somewhere and set the clock.
 
         Args:
             eta: Pose (count, 6), NED.
             nu: Velocity of CO over ground (count, 6), FRD.
             settled: Commands (count, n) on which the thrusters have settled; NaN, and all by default, where
                 they are at rest.
+            t: What their clocks show [s], a number or (count,).
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.batch.time[:] = np.broadcast_to(t, len(self.batch.time)).reshape(self.batch.time.shape)
         self.batch.qpos[:], self.batch.qvel[:] = states.to_mujoco(eta, nu)
         if settled is not None:
             for vehicle, commands in enumerate(np.asarray(settled, dtype=np.float64)):

@@ -29,6 +29,7 @@ from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
+from hydro.core.effects.layout import TIME
 from hydro.core.effects.record import Role
 from hydro.core.errors import DataError
 from hydro.core.recording import extent
@@ -253,7 +254,7 @@ def _follow(flat: Array, facets: Array, first: Array, course: Course, pilot: Pil
     The commands of the course are the pilot's, written row by row.
     """
     motion, thrusters = afloat(flat, facets), at_rest(flat)
-    motion.y[:BODY] = first
+    motion.y[:BODY], motion.s[TIME] = first, course.t[0]
     settle(motion)
     resume(thrusters, course, 0, False)
     return march(motion, thrusters, course, 0, out, pilot, None)

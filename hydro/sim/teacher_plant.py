@@ -10,7 +10,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import ROTATION
+from hydro.core.effects.layout import ROTATION, TIME
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
 from hydro.core.simulation.excitation import LOG_RATE
@@ -57,12 +57,13 @@ class TeacherPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
         self._y = np.zeros((count, BODY + int(flat[STATE_COUNT])))
         self._lags, self._commands = np.zeros((count, thrusters)), np.zeros((count, past, thrusters))
-        self._fleet = _Fleet(flat, subject.facets, self._y, self._lags, self._commands)
+        self._time = np.zeros(count)
+        self._fleet = _Fleet(flat, subject.facets, self._y, self._lags, self._commands, self._time)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
         self.diverged[mask], self._lags[mask], self._commands[mask] = False, 0.0, 0.0
-        self._y[mask] = 0.0
+        self._y[mask], self._time[mask] = 0.0, 0.0
         self._y[mask, :7], self._y[mask, 7:BODY] = pose[mask], velocity[mask]
         self._fly(mask, 0.0, begin=True)
 
@@ -86,7 +87,7 @@ class TeacherPlant:
             getattr(self, name)[:] = snapshot[name]
 
 
-_STATE = ("pose", "velocity", "specific_force", "thrust", "diverged", "_y", "_lags", "_commands")
+_STATE = ("pose", "velocity", "specific_force", "thrust", "diverged", "_y", "_lags", "_commands", "_time")
 
 
 class _Fleet(NamedTuple):
@@ -100,24 +101,26 @@ class _Fleet(NamedTuple):
     y: Array
     lags: Array
     commands: Array
+    time: Array
 
 
 @jit
 def _fly(mask: Mask, fleet: _Fleet, begin: bool, period: float, gravity: float, readings: Readings) -> None:
     """Fly the vehicles of a mask (N,) for a time [s]; `begin` starts the effects' internal states first."""
     motion, thrusters, past = afloat(fleet.flat, fleet.facets), at_rest(fleet.flat), fleet.commands.shape[1]
-    t = (np.arange(past) - (past - 1.0)) * period
+    ago = (np.arange(past) - (past - 1.0)) * period
     steps = int(np.ceil(period / STEP - 1e-6))
     for k in np.flatnonzero(mask):
-        course = Course(fleet.commands[k], t, steps, 0.0)
-        motion.y[:] = fleet.y[k]
+        now = fleet.time[k]
+        course = Course(fleet.commands[k], now + ago, steps, 0.0)
+        motion.y[:], motion.s[TIME] = fleet.y[k], now
         if begin:
             settle(motion)
         resume(thrusters, course, past - 1, False)
         thrusters.rotors[2] = fleet.lags[k]
         if steps > 0:
-            advance(motion, thrusters, course, 0.0, period / steps, None)
-        fleet.y[k], fleet.lags[k] = motion.y, thrusters.rotors[2]
+            advance(motion, thrusters, course, now, period / steps, None)
+        fleet.y[k], fleet.lags[k], fleet.time[k] = motion.y, thrusters.rotors[2], now + period
         _read(motion, thrusters, gravity, int(k), readings)
 
 

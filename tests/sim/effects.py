@@ -28,6 +28,7 @@ EFFECTS = {
     "payload": {"w": 12.0, "x": 0.3, "y": 0.1, "z": 0.2, "mass": 5.0},
     "ocean_current": {"v_N": 0.3, "v_E": -0.2, "v_D": 0.1},
     "current_shear": {"g_N": 0.1, "g_E": -0.06, "z_0": 1.0},
+    "current_trend": {"a_N": 0.05, "a_E": -0.03, "t_0": 1.0},
     "drifting_ballast": {"S": [1.5, 0.8], "tilt": 0.2, "T": 0.7},
     "tether": {"k": 30.0, "slack": 0.5, "attachment": [-0.5, 0.0, 0.1], "anchor": [1.0, 1.0, 0.0]},
     "surface_suction": {"A": 20.0, "decay": 1.5},

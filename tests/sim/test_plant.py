@@ -61,6 +61,26 @@ def test_the_teacher_flies_as_it_does_at_length(delay):
         np.testing.assert_allclose(plant.velocity[0], told[6:], atol=1e-9)
 
 
+def test_time_goes_on_from_step_to_step_and_begins_anew_with_a_reset():
+    """Of two vehicles in a current that changes, one is put back on the way."""
+    known, turning = craft(), {"name": "current_trend", "a_N": 0.3, "a_E": -0.2, "t_0": 0.1}
+    demand = np.random.default_rng(1).uniform(-0.5, 0.5, (30, 6))
+    motion, held = fly(teacher(known, hidden=[turning]), demand, depth=5.0, heading=0.7, nu=NU)
+    first, both = np.repeat(pose(motion[0, :6]), 2, axis=0), np.ones(2, dtype=bool)
+    plant = TeacherPlant(known, period=0.02, hidden=[turning], count=2)
+    plant.reset(both, first, np.repeat(NU[None], 2, axis=0))
+    for k in range(20):
+        plant.step(np.stack([held[k], held[k - 10]]))
+        if k == 9:
+            plant.reset(~both | [False, True], first, np.repeat(NU[None], 2, axis=0))
+            kept = plant.snapshot()
+    np.testing.assert_allclose(plant.velocity, motion[[20, 10], 6:], atol=1e-9)
+    plant.restore(kept)
+    for k in range(10, 20):
+        plant.step(np.stack([held[k], held[k - 10]]))
+    np.testing.assert_allclose(plant.velocity, motion[[20, 10], 6:], atol=1e-9)
+
+
 @pytest.mark.parametrize("make", [StudentPlant, TeacherPlant])
 def test_specific_force_is_acceleration_without_gravity(make):
     plant = make(craft(), period=0.002)

@@ -71,6 +71,18 @@ def test_a_delayed_thruster_goes_on_after_a_gap_as_if_settled(craft):
     assert abs(flown).max() < 1e-7
 
 
+def test_a_current_that_changes_has_the_time_of_the_recording(craft):
+    """Sessions and what follows a gap begin at times of their own, delayed commands among them."""
+    more = {"name": "current_trend", "a_N": 0.2, "a_E": -0.1, "t_0": 1.0}, {"name": "command_delay", "d": 0.1}
+    turning = msgspec.structs.replace(craft, effect=(*craft.effect, *more))
+    raw = recording(turning)
+    series, _ = replay(turning, raw, [EFFECTS], setup=Setup(physics=RK4))
+    flown = (
+        of(series, "effects").drop("session").to_numpy() - of(series, "measured").drop("session").to_numpy()
+    )
+    assert abs(flown).max() < 1e-7
+
+
 def test_velocities_are_compared_as_the_log_misreads_them(craft):
     """A recording through a log askew, off centre and late: the vehicle with such a log flies it again."""
     askew = (

@@ -123,7 +123,7 @@ def contend(
         progress: Called with a few words and the share of the work done.
     """
     vehicle, log = last.vehicle, compared.log
-    tried = suspects(vehicle, without=chosen, reach=log.positions)
+    tried = suspects(vehicle, without=chosen, reach=log.track)
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
@@ -134,7 +134,7 @@ def contend(
         if name not in always and left <= POOR * floor:
             break
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
-        fine = shapes(vehicle, name, reach=log.positions)
+        fine = shapes(vehicle, name, reach=log.track)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         try:
             fit = fitted(compared, last, table)
@@ -210,7 +210,7 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
 
 def fitted_together(compared: Compared, last: Model, tables: Sequence[Mapping[str, object]]) -> Model:
     """Effects fitted together to what a vehicle leaves, from the values of their tables."""
-    reach = compared.log.positions
+    reach = compared.log.track
     if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
         return fit_model(last.vehicle, tables, last.problem, reach, QUICK)
     shots = compared.problem.shots

@@ -248,13 +248,13 @@ def weighed_fit(
         The model, or the vehicle as it is where the fit diverges; the shots so weighed; and whether the fit
         did not diverge.
     """
-    model, reached = fitted_or_kept(vehicle, effects, problem, log.positions, share)
-    model = from_elsewhere(model, problem, log.positions, share)
+    model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share)
+    model = from_elsewhere(model, problem, log.track, share)
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
         names = [one if isinstance(one, str) else str(one["name"]) for one in effects]
-        model, reached = fitted_or_kept(model.vehicle, names, along, log.positions, share)
+        model, reached = fitted_or_kept(model.vehicle, names, along, log.track, share)
     return model, problem, reached
 
 
@@ -262,7 +262,7 @@ def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """All that was found and the file's own effects fitted together to the end, shrunk to the prior."""
     effects, model, warnings = [*baseline.effects, *outcome.effects], outcome.model, baseline.warnings
     try:
-        reach = baseline.log.positions
+        reach = baseline.log.track
         model = fit_model(model.vehicle, effects, model.problem, reach, ITERATIONS, share=0.0)
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
@@ -412,7 +412,7 @@ def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
     known = [*baseline.effects, *outcome.effects, *repeated_effects(model.vehicle)]
-    same = aliases(model, known, log.positions)
+    same = aliases(model, known, log.track)
     for name, others in same.items():
         yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
     for name, (_, columns) in last.ranked.items():

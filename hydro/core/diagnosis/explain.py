@@ -328,7 +328,7 @@ def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Veh
 
     What the recording does not show stays as it stands in the file of step 0.
     """
-    unknown = free(vehicle, wanted, reach=log.positions)
+    unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
     start, problem = stable_start(begun, log)
     if start is not begun:

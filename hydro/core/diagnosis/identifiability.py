@@ -125,7 +125,7 @@ def aliases(model: Model, known: Sequence[str], reach: Array | None = None) -> d
     Args:
         model: The vehicle and its free entries.
         known: Names of the effects that are in it, which are not asked about.
-        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
 
     Returns:
         The effects of the model that each alias is made of, by the alias' name.
@@ -187,7 +187,7 @@ def left_open(baseline: Baseline, outcome: Outcome, findings: Sequence[Finding])
     hidden = tuple(one.effect for one in findings if one.verdict == "not_excited")
     widened = np.sqrt(max(model.normal.chi2, 1.0) * log.record.dt * LOG_RATE)
     sigma = baseline.problem.shots.sigma * widened
-    return Question(tuple(ties), _rival("", model), hidden, sigma, log.middle, log.positions)
+    return Question(tuple(ties), _rival("", model), hidden, sigma, log.middle, log.track)
 
 
 def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Rival, ...]:

@@ -150,7 +150,7 @@ def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     released = known.releasing(rival.effect)
     others = [name for name in baseline.effects if name != rival.effect]
-    reach = baseline.log.positions
+    reach = baseline.log.track
     return fit_model(rival.model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
 
 
@@ -159,7 +159,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     if not rival.own:
         return refitted
     others = [name for name in baseline.effects if name != rival.effect]
-    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.positions, STEPS, known=known)
+    return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, STEPS, known=known)
 
 
 def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: Fit, dt: float) -> Finding:

@@ -47,9 +47,9 @@ class Preprocessed:
     _shots: dict[float, Shots] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def positions(self) -> Array:
-        """Positions along the recording [m], (N, 3)."""
-        return self.record.eta[:, :3]
+    def track(self) -> Array:
+        """Positions [m] and times [s] along the recording, (N, 4)."""
+        return self.record.track
 
     @property
     def sessions(self) -> list[str]:

@@ -111,7 +111,7 @@ def fit_model(
         vehicle: The vehicle.
         effects: What is fitted.
         problem: The shots.
-        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
         iterations: Steps at most; with 0 the values stay as they are.
         share: Of what is left: a step that would take less ends the fit.
         known: What is known of the entries beforehand; by default, little.

@@ -189,7 +189,7 @@ class Search:
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
         known = [*self.baseline.effects, *chosen, *repeated_effects(model.vehicle)]
-        return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.positions))
+        return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.track))
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
         """Hold some suspects against what a model leaves, see `model.screened`."""
@@ -283,7 +283,7 @@ class Search:
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             progress(f"{name} against what is left", 0.6 * len(fits) / CONTENDERS)
-            fine = shapes(vehicle, name, reach=self.baseline.log.positions)
+            fine = shapes(vehicle, name, reach=self.baseline.log.track)
             try:
                 finer = self.screened(screening.model, fine) if fine else screening
                 fit = self.joined(chosen, finer, name)
@@ -412,7 +412,7 @@ class Search:
     def _fit(self, vehicle: Vehicle, chosen: Wanted, problem: Problem, iterations: int) -> Model:
         """A vehicle's own effects and those chosen, fitted together."""
         wanted = [*self.baseline.effects, *chosen]
-        return fit_model(vehicle, wanted, problem, self.baseline.log.positions, iterations)
+        return fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
 
 
 def over_few(model: Model) -> Model:

@@ -143,7 +143,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
         baseline: The vehicle file and the shots, begun where the recording saw the vehicle.
         progress: Called with a few words and the share of the work done.
     """
-    file, own, reach = baseline.vehicle, baseline.effects, baseline.log.positions
+    file, own, reach = baseline.vehicle, baseline.effects, baseline.log.track
     problem = baseline.problem.some(SURVEY_SHOTS)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
@@ -200,7 +200,7 @@ def tempered(baseline: Baseline, problem: OutputError) -> tuple[Model, Known]:
 
     The temper is that of what the fit itself leaves: found twice.
     """
-    vehicle, own, reach = baseline.vehicle, list(baseline.effects), baseline.log.positions
+    vehicle, own, reach = baseline.vehicle, list(baseline.effects), baseline.log.track
     model = fit_model(vehicle, [], problem, reach, 0)
     for _ in range(2):
         known = Known(baseline.beforehand, max(model.normal.chi2, 1.0))
@@ -274,7 +274,7 @@ def _rival(
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
     """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
     file, own = baseline.vehicle, baseline.effects
-    tried = suspects(file, without=[*own, *repeated_effects(file)], reach=baseline.log.positions)
+    tried = suspects(file, without=[*own, *repeated_effects(file)], reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
     matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
     weight = CORRELATED * known.temper

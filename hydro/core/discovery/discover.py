@@ -127,7 +127,7 @@ class Discovery:
         """
         log, problem = self.baseline.log, self.baseline.problem
         effects = [*self.own, *({FORMULA.name} if vehicle.effects(FORMULA.name) else ())]
-        model = fit_model(vehicle, effects, problem, log.positions, steps, known=self.known)
+        model = fit_model(vehicle, effects, problem, log.track, steps, known=self.known)
         return Choice(model, self.transferred(model))
 
     def transferred(self, model: Model) -> Array:

@@ -108,7 +108,7 @@ def labels(
     designed, log, table = gains(chosen), velocity_log(vehicle), thruster_table(vehicle)
     known = constants(vehicle, table)
     water = current(vehicle) if (table[:, INFLOW] != 0.0).any() else None
-    after_gap, dt, driven = resumes(raw, bounds), sample_time(raw), recorded_commands(vehicle, raw)
+    after_gap, driven = resumes(raw, bounds), recorded_commands(vehicle, raw)
     count = len(commands)
     out: Array32 = np.empty((2 * 6 + count + 2 * 6, raw.height), np.float32)
 
@@ -117,13 +117,15 @@ def labels(
         part, within = raw[start:stop], bounds[first:last] - start
         motion = smooth(_velocities(part, within, log), within, chosen, acceleration, designed)
         attitude = columns(part, ("phi", "theta", "psi"))
-        nu_r = None if water is None else through_water(water, columns(part, POSE), motion[:, :, 0])
+        nu_r = (
+            None if water is None else through_water(water, columns(part, POSE), motion[:, :, 0], part["t"])
+        )
         thrust = thrusts(
             table, driven[start:stop], part["t"], within, after_gap=after_gap[first:last], nu_r=nu_r
         )
         forces = np.empty((0, 6))
         if subtract == "effects":
-            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, dt)
+            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"])
         label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike
 
 from hydro.core.columns import (
     DOF,
@@ -106,13 +107,13 @@ def labels_of_samples(
     pose, motion = np.nan_to_num(found.pose), np.nan_to_num(found.motion)
     table = thruster_table(vehicle)
     known, inflow = constants(vehicle, table), (table[:, INFLOW] != 0.0).any()
-    nu_r = through_water(current(vehicle), pose, motion[:, :, 0]) if inflow else None
+    nu_r = through_water(current(vehicle), pose, motion[:, :, 0], raw["t"]) if inflow else None
     after_gap = resumes(raw, bounds)
     driven = recorded_commands(vehicle, raw)
     thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
     forces, placed = np.empty((0, 6)), False
     if subtract == "effects":
-        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, dt)
+        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"])
     out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
     label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
     out[:, ~_determined(found, limits or Bounds(), placed)] = np.nan
@@ -226,12 +227,12 @@ def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | Non
     return sigma
 
 
-def _forces(vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, dt: float) -> tuple[Array, bool]:
+def _forces(vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike) -> tuple[Array, bool]:
     """Wrench of the effects (N, 6), and whether it depends on where the vehicle is."""
-    forces = effect_forces(vehicle, pose, nu, bounds, dt)
+    forces = effect_forces(vehicle, pose, nu, bounds, t)
     displaced = pose.copy()
     displaced[:, :3] += DISPLACED
-    return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, dt), forces)
+    return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, t), forces)
 
 
 def _determined(found: Smoothed, limits: Bounds, placed: bool) -> Mask:

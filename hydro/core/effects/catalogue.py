@@ -95,9 +95,10 @@ def added_mass_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -
 
 
 def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
-    """Motion of the water, NED, shape (5,): the sum of the vehicle's `flow` effects.
+    """Motion of the water, NED, shape (7,): the sum of the vehicle's `flow` effects.
 
-    Velocity at z = 0 [m/s], and the growth of its horizontal components with depth [1/s].
+    Velocity at z = 0 and t = 0 [m/s], and the growth of its horizontal components with depth [1/s] and with
+    time [m/s^2].
     """
     flow = np.zeros(layout.FLOW.stop - layout.FLOW.start)
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:

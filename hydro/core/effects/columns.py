@@ -7,14 +7,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, VELOCITY
+from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, TIME, VELOCITY
 from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation, rotation_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 
-def effect_wrenches(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, dt: float) -> Array:
+def effect_wrenches(
+    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, t: ArrayLike
+) -> Array:
     """Wrench ON the vehicle of all its effects of kind `wrench`, at every row of a recorded motion.
 
     Added mass is not among them (it is in M and C), nor is the thrust; a current is felt through nu_r.
@@ -25,7 +27,7 @@ def effect_wrenches(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: A
         nu: Velocity of CO over ground, body frame, shape (N, 6).
         segments: Unbroken runs of rows [start, stop), shape (S, 2); internal states begin each as if its
             first velocity had always been.
-        dt: Sample time [s].
+        t: Times of the rows, shape (N,) [s].
 
     Returns:
         Wrenches about CO, body frame, shape (N, 6) [N, N m]; 0 in rows outside all segments.
@@ -40,58 +42,64 @@ def effect_wrenches(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: A
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
-        dt,
+        np.ascontiguousarray(t, np.float64),
         np.zeros((6, program.states)),
         out,
     )
     return out
 
 
-def effect_forces(vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, dt: float) -> Array:
+def effect_forces(
+    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, t: ArrayLike
+) -> Array:
     """Wrench ON the vehicle of all its effects but for -I nu_dot, I what they add to the mass matrix.
 
     With `effect_wrenches` tau_e these are tau_e - C_I(nu_r) nu_r - I [omega x R^T v_c; 0]: the Coriolis terms
     that an inertia brings (Fossen 2011, theorem 3.2), and the part of -I nu_r_dot that a current brings; what
-    else it brings where it grows with depth is in tau_e.
+    else it brings where it grows with depth or time is in tau_e.
     Nothing of M_RB is among them, nor the thrust.
 
     Arguments, result and errors are those of `effect_wrenches`.
     """
-    out = effect_wrenches(vehicle, eta, nu, segments, dt)
+    out = effect_wrenches(vehicle, eta, nu, segments, t)
     _inertia_along(
         assemble(vehicle).flat,
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
+        np.ascontiguousarray(t, np.float64),
         out,
     )
     return out
 
 
-def through_water(flow: Array, eta: Array, nu: Array) -> Array:
+def through_water(flow: Array, eta: Array, nu: Array, t: ArrayLike) -> Array:
     """Velocity of CO through the water, nu_r in body axes, (N, 6).
 
     Args:
-        flow: Motion of the water, (5,) of `catalogue.current`.
+        flow: Motion of the water, (7,) of `catalogue.current`.
         eta: Pose, NED, (N, 6).
         nu: Velocity over ground, (N, 6).
+        t: Times of the rows, (N,) [s].
     """
     water = np.tile(flow[:3], (len(eta), 1))
-    water[:, :2] += np.outer(eta[:, 2], flow[3:])
+    water[:, :2] += np.outer(eta[:, 2], flow[3:5]) + np.outer(np.asarray(t, float), flow[5:])
     nu_r = nu.copy()
     nu_r[:, :3] -= np.einsum("kji,kj->ki", rotation(*eta[:, 3:].T), water)
     return nu_r
 
 
 @jit
-def _inertia_along(flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], out: Array) -> None:
+def _inertia_along(
+    flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], t: Array, out: Array
+) -> None:
     """Take C_I(nu_r) nu_r + I [omega x R^T v_c; 0] from every row."""
     inertia = constants_of(flat)[INERTIA : INERTIA + 36]
     s, taken, carried = np.zeros(MOTION), np.zeros(6), np.zeros(3)
     nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
     for begin, end in segments:
         for k in range(begin, end):
-            _motion(flat, eta[k], nu[k], s)
+            _motion(flat, eta[k], nu[k], t[k], s)
             taken[:] = 0.0
             coriolis_kernel(inertia, nu_r, taken)
             p, q, r = nu[k, 3], nu[k, 4], nu[k, 5]
@@ -105,7 +113,7 @@ def _inertia_along(flat: Array, eta: Array, nu: Array, segments: NDArray[np.int6
 
 @jit
 def _along(
-    flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], dt: float, states: Array, out: Array
+    flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], t: Array, states: Array, out: Array
 ) -> None:
     """Internal states go from row to row by Runge-Kutta, along a straight line of the motion between."""
     here, middle, there, unused = np.zeros(MOTION), np.zeros(MOTION), np.zeros(MOTION), np.zeros(6)
@@ -113,13 +121,14 @@ def _along(
     for begin, end in segments:
         for k in range(begin, end):
             if k == begin:
-                _motion(flat, eta[k], nu[k], here)
+                _motion(flat, eta[k], nu[k], t[k], here)
                 start(flat, here, x)
             wrench(flat, here, x, a, out[k])
             if k + 1 == end:
                 break
-            _motion(flat, eta[k + 1], nu[k + 1], there)
+            _motion(flat, eta[k + 1], nu[k + 1], t[k + 1], there)
             if x.size:
+                dt = t[k + 1] - t[k]
                 middle[:] = 0.5 * (here + there)
                 trial[:] = x + 0.5 * dt * a
                 wrench(flat, middle, trial, b, unused)
@@ -132,8 +141,9 @@ def _along(
 
 
 @jit
-def _motion(flat: Array, eta: Array, nu: Array, s: Array) -> None:
+def _motion(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
     """The state of motion `s` of one row."""
+    s[TIME] = t
     s[POSITION : POSITION + 3] = eta[:3]
     s[VELOCITY : VELOCITY + 6] = nu
     rotation_kernel(eta[3], eta[4], eta[5], s[ROTATION : ROTATION + 9])

@@ -23,16 +23,18 @@ HULL = 14  # length, width, height [m]
 HULL_CENTER = 17  # 3 [m]
 CURRENT = 20  # v_c at z = 0, 3 [m/s], NED
 CURRENT_GRADIENT = 23  # growth of v_N and v_E with depth, 2 [1/s]
-FLOW = slice(CURRENT, CURRENT_GRADIENT + 2)  # both, as `catalogue.current` gives them
-ADDED_MASS = 25  # M_A of the water alone, 36, row by row
-INERTIA = 61  # what the effects add to M_RB: M_A and rigid payloads, 36
-MASS_MATRIX = 97  # M = M_RB + INERTIA, 36
-INVERSE_MASS_MATRIX = 133  # 36
-CONSTANTS = 169  # length of c
+CURRENT_TREND = 25  # growth of v_N and v_E with time, 2 [m/s^2]
+FLOW = slice(CURRENT, CURRENT_TREND + 2)  # all three, as `catalogue.current` gives them
+ADDED_MASS = 27  # M_A of the water alone, 36, row by row
+INERTIA = 63  # what the effects add to M_RB: M_A and rigid payloads, 36
+MASS_MATRIX = 99  # M = M_RB + INERTIA, 36
+INVERSE_MASS_MATRIX = 135  # 36
+CONSTANTS = 171  # length of c
 
 # State of motion.
 RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z); 0], 6
 VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3
-MOTION = 24  # length of s
+TIME = 24  # t of the session [s]
+MOTION = 25  # length of s

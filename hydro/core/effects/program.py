@@ -178,9 +178,16 @@ def thrusters_of(flat: Array) -> Array:
 
 @kernel
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Write nu_r = nu - [R^T v_c(z); 0] from the velocity, rotation and depth in `s`."""
-    at, growth, z = HEADER + layout.CURRENT, HEADER + layout.CURRENT_GRADIENT, s[layout.POSITION + 2]
-    north, east, down = flat[at] + flat[growth] * z, flat[at + 1] + flat[growth + 1] * z, flat[at + 2]
+    """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`."""
+    at, growth, trend = (
+        HEADER + layout.CURRENT,
+        HEADER + layout.CURRENT_GRADIENT,
+        HEADER + layout.CURRENT_TREND,
+    )
+    z, t = s[layout.POSITION + 2], s[layout.TIME]
+    north = flat[at] + flat[growth] * z + flat[trend] * t
+    east = flat[at + 1] + flat[growth + 1] * z + flat[trend + 1] * t
+    down = flat[at + 2]
     for i in range(3):
         water = (
             s[layout.ROTATION + i] * north

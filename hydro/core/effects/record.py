@@ -132,7 +132,7 @@ class Shape:
 
 
 Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
-"""Shapes of an effect on a vehicle, with the positions (N, 3) of the recording where they are known."""
+"""Shapes of an effect on a vehicle, with positions and times (N, 4) of the recording where they are known."""
 
 
 ABSORBED = 0.3
@@ -239,7 +239,7 @@ class Effect:
         one_of: Names of parameters of which exactly one is given, and the others are not packed.
         kernel: Scalar compiled wrench, see `core.effects.layout`.
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
-        flow: `flow(p, flow)` adds to the current, (5,) of `catalogue.current`.
+        flow: `flow(p, flow)` adds to the current, (7,) of `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
         sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
         states: Number of internal states for a packed parameter vector.

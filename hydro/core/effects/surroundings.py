@@ -9,8 +9,16 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import ADDED_MASS, CENTER_OF_BUOYANCY, POSITION, ROTATION, VELOCITY
-from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, TILTS
+from hydro.core.effects.layout import (
+    ADDED_MASS,
+    BUOYANCY,
+    CENTER_OF_BUOYANCY,
+    GRAVITY,
+    POSITION,
+    ROTATION,
+    VELOCITY,
+)
+from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, PASSES, TILTS
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -39,6 +47,9 @@ SHEARED = between(
     -0.3, 0.3, "1/s", "boundary layers of tidal streams; elsewhere centimetres per second and metre"
 )
 DEEPEST_SEA = 11_000.0
+TURNING = between(
+    -0.02, 0.02, "m/s^2", "internal waves and eddies over a minute; a tide has a thousandth of it"
+)
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
 
 
@@ -60,7 +71,7 @@ def current_shear(p: Array, flow: Array) -> None:
     keeps to one depth.
     """
     flow[:2] -= p[:2] * p[2]
-    flow[3:] += p[:2]
+    flow[3:5] += p[:2]
 
 
 @kernel
@@ -83,9 +94,43 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
             tau[i] += c[ADDED_MASS + 6 * i + j] * rate
 
 
+def current_trend(p: Array, flow: Array) -> None:
+    """Velocity v_c + (a_N, a_E) (t - t_0) of the water [m/s], NED: it changes with the time t of the session.
+
+    A tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time that the file states
+    and no fit moves, as the depth z_0 of `current_shear`.
+    """
+    flow[:2] -= p[:2] * p[2]
+    flow[5:] += p[:2]
+
+
+@kernel
+def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench (M_A + rho V) [R^T v_c_dot; 0] with v_c_dot = (a_N, a_E, 0), rho V at the centre of buoyancy.
+
+    rho V is B/g.  The added mass feels the water's rate as under `current_shear`, and the pressure by which
+    the water is accelerated acts on the hull in the place of the water's own (Newman 1977, chapter 4; the
+    inertia coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at
+    rest in it.
+    """
+    mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
+    fx = s[ROTATION] * p[0] + s[ROTATION + 3] * p[1]
+    fy = s[ROTATION + 1] * p[0] + s[ROTATION + 4] * p[1]
+    fz = s[ROTATION + 2] * p[0] + s[ROTATION + 5] * p[1]
+    push_at(mass * fx, mass * fy, mass * fz, c[at], c[at + 1], c[at + 2], tau)
+    for i in range(6):
+        row = ADDED_MASS + 6 * i
+        tau[i] += c[row] * fx + c[row + 1] * fy + c[row + 2] * fz
+
+
 def about_the_middle(vehicle: Vehicle, reach: Array | None) -> list[Table]:
     """No shear, about the depth that a recording is about."""
     return [{"z_0": 0.0 if reach is None else round(float(np.median(reach[:, 2])), 1)}]
+
+
+def amid_the_time(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+    """No trend, about the middle of a recording's times."""
+    return [{"t_0": 0.0 if reach is None else round(float(np.median(reach[:, 3])), 1)}]
 
 
 @kernel
@@ -127,7 +172,7 @@ def on_the_hull(index: Index, rest: Rest) -> tuple[float, float]:
 
 def cables(vehicle: Vehicle, reach: Array | None) -> list[Table]:
     """Anchors amid the recorded track and on its edges, cables that pull always or far out only."""
-    track = np.zeros((1, 3)) if reach is None else reach
+    track = np.zeros((1, 3)) if reach is None else reach[:, :3]
     middle, half = np.median(track, axis=0), np.maximum(0.5 * np.ptp(track, axis=0), 2.0)
     anchors = [middle, track[0]]
     anchors += [middle + sign * half[i] * np.eye(3)[i] for i in range(3) for sign in (-1.0, 1.0)]
@@ -147,7 +192,7 @@ def without_slack(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     """
     length, stiffness = vehicle.hull.length, TETHER.parameter("k").scale_at((), vehicle)
     lever, held = LEVER * length, np.array(cables(vehicle, reach)[0]["anchor"])
-    side = max(float(np.ptp(reach, axis=0).max()), 2.0) if reach is not None else 2.0
+    side = max(float(np.ptp(reach[:, :3], axis=0).max()), 2.0) if reach is not None else 2.0
 
     def cable(k: float, anchor: Array, attachment: Array) -> Table:
         return _cable(k, 0.0, attachment, anchor)
@@ -356,6 +401,42 @@ EFFECTS = (
         kernel=dive_through_shear,
         identification=Identification(starts=about_the_middle),
         advice=Advice(parted_by=(DEPTHS, HEADINGS)),
+    ),
+    Effect(
+        name="current_trend",
+        family="surroundings",
+        kind="flow",
+        definition="v_c(t) = v_c + (a_N, a_E, 0) (t - t_0), and (M_A + rho V) [R^T (a_N, a_E, 0); 0]",
+        source="Fossen (2011), section 8.3; Newman (1977), chapter 4",
+        excitation="the same thrusts and headings early and late in a long session",
+        lookalikes=("ocean_current", "tether"),
+        parameters=(
+            Parameter(
+                "a_N",
+                ("m/s^2",),
+                "growth of the northward current with time",
+                scale=(2e-3,),
+                plausible=TURNING,
+            ),
+            Parameter(
+                "a_E",
+                ("m/s^2",),
+                "growth of the eastward current with time",
+                scale=(2e-3,),
+                plausible=TURNING,
+            ),
+            Parameter(
+                "t_0",
+                ("s",),
+                "time of the session at which it adds nothing",
+                plausible=between(-math.inf, math.inf, "s", "clocks begin anywhere"),
+                held=True,
+            ),
+        ),
+        flow=current_trend,
+        kernel=carried_along,
+        identification=Identification(starts=amid_the_time),
+        advice=Advice(parted_by=(PASSES, HEADINGS)),
     ),
     TETHER,
     SURFACE_SUCTION,

@@ -118,7 +118,7 @@ def with_samples(record: Recording) -> Mask:
 def through_water(model: Candidate, record: Recording, motion: Motion) -> Array:
     """Velocity of CO through the water that a vehicle file has, nu_r in body axes, (N, 6)."""
     flow = constants_of(model.program.flat)[FLOW]
-    return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu))
+    return columns.through_water(flow, motion.eta, true_velocity(model, record, motion.nu), record.t)
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
     Args:
         vehicle: The vehicle.
         effects: Names in the catalogue.
-        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
     """
     found: dict[str, Unseen] = {}
     for one in suspects(vehicle, reach=reach) if effects else ():

@@ -101,7 +101,7 @@ class Question:
         hidden: Effects that the recording does not show.
         sigma: What is left of each channel, the noise or more, at the rate of the library, (12,).
         pose: Where a flight would begin by itself, (6,).
-        reach: Positions of the recording, (N, 3).
+        reach: Positions and times of the recording, (N, 4).
     """
 
     ties: tuple[tuple[Rival, ...], ...]

@@ -14,7 +14,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.catalogue import entries
-from hydro.core.effects.layout import MOTION, POSITION, ROTATION, VELOCITY
+from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
 from hydro.core.effects.program import relative_to_water, start, thrusters_of, wrench
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
@@ -91,7 +91,7 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
     """
     out = np.zeros((record.rows, model.program.states))
     if model.program.states:
-        _remember(model.program.flat, eta, nu, record.segments, record.dt, out)
+        _remember(model.program.flat, eta, nu, record.t, record.segments, record.dt, out)
     return out
 
 
@@ -107,13 +107,14 @@ def accelerations_at(
     """The same at some rows (K,), where the lag states of the thrusters are `rotors` (K, n); (K, 6)."""
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
-    _accelerate_along(model.program.flat, eta[rows], nu[rows], rotors, memory, out)
+    _accelerate_along(model.program.flat, eta[rows], nu[rows], record.t[rows], rotors, memory, out)
     return out
 
 
 @jit
-def move(flat: Array, eta: Array, nu: Array, s: Array) -> None:
+def move(flat: Array, eta: Array, nu: Array, t: float, s: Array) -> None:
     """Write the state of motion `s` of one row of a recording."""
+    s[TIME] = t
     s[POSITION : POSITION + 3] = eta[:3]
     s[VELOCITY : VELOCITY + 6] = nu
     rotation_kernel(eta[3], eta[4], eta[5], s[ROTATION : ROTATION + 9])
@@ -121,14 +122,14 @@ def move(flat: Array, eta: Array, nu: Array, s: Array) -> None:
 
 
 @jit
-def _remember(flat: Array, eta: Array, nu: Array, segments: Rows, dt: float, out: Array) -> None:
+def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: float, out: Array) -> None:
     """Heun's method from row to row."""
     count = out.shape[1]
     s, unused = np.zeros(MOTION), np.zeros(6)
     here, there = np.zeros(count), np.zeros(count)
     for m in range(segments.shape[0]):
         for k in range(segments[m, 0], segments[m, 1]):
-            move(flat, eta[k], nu[k], s)
+            move(flat, eta[k], nu[k], t[k], s)
             if k == segments[m, 0]:
                 start(flat, s, out[k])
             else:
@@ -138,10 +139,12 @@ def _remember(flat: Array, eta: Array, nu: Array, segments: Rows, dt: float, out
 
 
 @jit
-def _accelerate_along(flat: Array, eta: Array, nu: Array, rotors: Array, memory: Array, out: Array) -> None:
+def _accelerate_along(
+    flat: Array, eta: Array, nu: Array, t: Array, rotors: Array, memory: Array, out: Array
+) -> None:
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
     for k in range(out.shape[0]):
-        move(flat, eta[k], nu[k], s)
+        move(flat, eta[k], nu[k], t[k], s)
         tau[:] = 0.0
         propel(flat, s, rotors[k], tau)
         accelerate(flat, s, memory[k], rates, tau, out[k])

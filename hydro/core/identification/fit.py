@@ -211,11 +211,11 @@ def fit(
     log = sound(vehicle, raw)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
-    unknown = _not_known(vehicle, effects, record.eta[:, :3])
+    unknown = _not_known(vehicle, effects, record.track)
     progress("equation error", 0.0)
     windows = weak_form.Windows.of(record, noise, most)
     share = windows.share
-    values, problem, chi2 = _begin(unknown, windows, record.eta[:, :3])
+    values, problem, chi2 = _begin(unknown, windows, record.track)
     if method == "output":
         progress("output error", 0.2)
         shots = _shots(unknown, record, noise, most)

@@ -30,7 +30,7 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
     Args:
         unknown: The free entries.
         problem: What is fitted.
-        reach: Positions of the recording, (N, 3).
+        reach: Positions and times of the recording, (N, 4).
     """
     names = [name for name in CURVED if _open(unknown, name)]
     if not names:
@@ -55,7 +55,7 @@ def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost
         unknown: The free entries.
         values: Their fitted values, (P,).
         problem: What is fitted.
-        reach: Positions of the recording, (N, 3).
+        reach: Positions and times of the recording, (N, 4).
         cost: Sum of squares at `values`; only what the linear problem expects to be less is given.
     """
     here, found = replace(unknown, vehicle=unknown.at(values), starts=(values,)), []

@@ -109,7 +109,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         vehicle: The vehicle.
         effects: Names in the catalogue, each with `.parameter` behind it where there is a choice
             (`linear_damping.matrix`), or tables with values to begin from.
-        reach: Positions of the recording, (N, 3), in which an unknown anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), in which an unknown anchor is looked for.
 
     Raises:
         DataError: An unknown name, a name given twice, or one that the vehicle file has several of.

@@ -51,7 +51,7 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
     Args:
         vehicle: The vehicle.
         without: Effects that are not to be tried.
-        reach: Positions of the recording, (N, 3), among which an anchor is looked for.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
     """
     found: list[Suspect] = []
     for name in CATALOGUE:

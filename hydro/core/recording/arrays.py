@@ -73,6 +73,11 @@ class Recording:
         """Number of rows N."""
         return len(self.t)
 
+    @property
+    def track(self) -> Array:
+        """Positions x y z [m] and times [s], (N, 4)."""
+        return np.column_stack([self.eta[:, :3], self.t])
+
 
 def recording(vehicle: Vehicle, raw: pl.DataFrame) -> Recording:
     """Read a raw table for a vehicle.

@@ -60,7 +60,7 @@ class Flow:
         """The motion of a recording past the water of a vehicle's file, CO behind its velocity log."""
         record = shots.record
         flow = constants_of(model.program.flat)[FLOW]
-        nu = through_water(flow, shots.eta, true_velocity(model, record, shots.nu))
+        nu = through_water(flow, shots.eta, true_velocity(model, record, shots.nu), record.t)
         rate = np.zeros_like(nu)
         widest = max(2 * round(CUBIC_REACH / record.dt) + 1, 5)
         for start, stop in record.segments:

@@ -79,7 +79,7 @@ def afloat(flat: Array, facets: Array) -> Motion:
 
 @kernel
 def observe(flat: Array, position: Array, quaternion: Array, nu: Array, s: Array) -> None:
-    """Write the state of motion `s`: R of a quaternion (w, x, y, z) of any length, nu_r of the current."""
+    """Write the state of motion `s` at its time: R of a quaternion (w, x, y, z) of any length, and nu_r."""
     quaternion_kernel(quaternion, s[ROTATION : ROTATION + 9])
     for i in range(3):
         s[POSITION + i] = position[i]
@@ -96,7 +96,7 @@ def observe_state(flat: Array, y: Array, s: Array) -> None:
 
 @kernel
 def settle(motion: Motion) -> None:
-    """Begin the effects' internal states as if the body had always moved as it does."""
+    """Begin the effects' internal states, at the time in `s`, as if the body had always moved as it does."""
     observe_state(motion.flat, motion.y, motion.s)
     start(motion.flat, motion.s, motion.y[BODY:])
 

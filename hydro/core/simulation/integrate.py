@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.compiled import copy_kernel, jit, kernel
+from hydro.core.effects.layout import TIME
 from hydro.core.effects.program import thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
 from hydro.core.simulation.pilot import Pilot, steer
@@ -139,12 +140,13 @@ def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: fl
 
 @kernel
 def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Array, h: float) -> None:
-    """Advance the state of a motion by one step h [s]; its quaternion is normalised.
+    """Advance the state of a motion by one step h [s] from the time in `s`; its quaternion is normalised.
 
     It takes the arrays of `Motion` one by one: taking them out of the block would cost up to a tenth of it.
     `rotors` (3, n) are the lag states at the beginning, middle and end of the step.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
+    now = s[TIME]
     total[:] = 0.0
     copy_kernel(y, trial)
     for stage in range(4):
@@ -154,6 +156,8 @@ def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Ar
         for i in range(y.size):
             total[i] += weight * rates[i]
             trial[i] = y[i] + ahead * rates[i]
+        s[TIME] = now + ahead
+    s[TIME] = now + h
     for i in range(y.size):
         y[i] += h / 6.0 * total[i]
     norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
@@ -181,6 +185,7 @@ def advance(
         now, end = begin + j * length, begin + (j + 1) * length
         close = 1e-9 * (end - now)
         while now < end - close:
+            s[TIME] = now
             until = turn(thrusters, course, now, end, close)
             if deviations is not None:
                 carry(motion, rotors, until - now, deviations)
@@ -224,6 +229,7 @@ def march(
                 deviations.out[k:] = np.nan
             return k
         if pilot is not None:
+            motion.s[TIME] = t[at + k]
             observe_state(motion.flat, y, motion.s)
             steer(pilot, at + k, motion.s, motion.work[0, :6], course.commands[at + k])
         if k < last:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from hydro.core.columns import POSE, VELOCITY, VOLTAGE, Array, checked_commands
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
+from hydro.core.effects.layout import TIME
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import require_samples, resumes, sample_time, segments
 from hydro.core.recording.supply import recorded_commands
@@ -138,7 +139,7 @@ def trajectory(
 def _follow(flat: Array, first: Array, course: Course, settled: bool, out: Array) -> int:
     """Integrate one segment from `first` (13,); the number of rows of `out` (N, 13) that stayed finite."""
     motion, thrusters = afloat(flat, NO_HULL), at_rest(flat)
-    motion.y[:BODY] = first
+    motion.y[:BODY], motion.s[TIME] = first, course.t[0]
     settle(motion)
     resume(thrusters, course, 0, settled)
     thrusters.rotors[2] = thrusters.target

@@ -23,6 +23,7 @@ from hydro.core.effects.layout import (
     POSITION,
     RELATIVE_VELOCITY,
     ROTATION,
+    TIME,
     VELOCITY,
 )
 from hydro.core.effects.program import HEADER, THRUSTER_COUNT, THRUSTER_TABLE, relative_to_water, wrench
@@ -103,6 +104,7 @@ def carry(motion: Motion, rotors: Array, h: float, deviations: Deviations) -> No
     `rotors` (3, n) are the lag states at the beginning, middle and end of the step.
     """
     delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
+    now = motion.s[TIME]
     _look_ahead(motion, rotors, h)
     _pose_slopes(motion.s, slope)
     _balance_slopes(motion, rotors[1], slope)
@@ -111,6 +113,7 @@ def carry(motion: Motion, rotors: Array, h: float, deviations: Deviations) -> No
         copy_kernel(delta[i], middle[i])
     _add(slope, push, 0.5 * h, delta, middle)
     _add(slope, push, h, middle, delta)
+    motion.s[TIME] = now
 
 
 @kernel
@@ -121,6 +124,7 @@ def _look_ahead(motion: Motion, rotors: Array, h: float) -> None:
     rates_kernel(flat, motion.facets, y, s, rotors[0], tau, rates)
     for i in range(y.size):
         middle[i] = y[i] + 0.5 * h * rates[i]
+    s[TIME] += 0.5 * h
     observe_state(flat, middle, s)
     thrust[:] = 0.0
     propel(flat, s, rotors[1], thrust)

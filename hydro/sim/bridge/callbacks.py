@@ -55,12 +55,15 @@ _mj_readCtrl = types.ExternalFunction(
         types.intp, types.intp, types.int32, types.float64, types.CPointer(types.float64), types.int32
     ),
 )
+S = slice(9, 9 + layout.MOTION)
+"""Where the state of motion stands in the room on the stack, behind a rotation."""
 FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
 
 @jit
 def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
     """The state of motion `s` of `core.effects.layout`, and P (3, 3): z-up world components to body FRD."""
+    s[layout.TIME] = number(data, structs.TIME)
     body, dof = int(vehicle[water.AT_BODY]), int(vehicle[water.AT_DOF])
     xmat, xpos, qvel = (
         numbers(data, structs.XMAT, 9 * body, 9),
@@ -146,10 +149,10 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
     room = carray(stack(), (ROOM,), np.float64)
     P, s, tau, part, half = (
         room[0:9].reshape(3, 3),
-        room[9:33],
-        room[33:39],
-        room[39:45],
-        room[45:81].reshape(6, 6),
+        room[S],
+        room[34:40],
+        room[40:46],
+        room[46:82].reshape(6, 6),
     )
     for i in range(6):
         tau[i] = 0.0
@@ -279,7 +282,7 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
     if flag[0] != 0.0 and not renew:
         return
     room = carray(stack(), (ROOM,), np.float64)
-    P, s = room[0:9].reshape(3, 3), room[9:33]
+    P, s = room[0:9].reshape(3, 3), room[S]
     _observe(data, vehicle, P, s)
     program = structs.program_of(vehicle)
     if flag[0] == 0.0:
@@ -311,7 +314,7 @@ def _internal_rates(model: int, data: int, actuator: int) -> None:
     program, at = structs.program_of(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
     room = carray(stack(), (ROOM,), np.float64)
-    s, tau = room[9:33], room[33:39]
+    s, tau = room[S], room[34:40]
     _observe(data, vehicle, room[0:9].reshape(3, 3), s)
     wrench(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
 
@@ -368,8 +371,9 @@ def _thrust(model: int, data: int, actuator: int) -> float:
         vehicle = numbers(
             model, structs.NUMERIC_DATA, structs.vehicle_address(model, actuator), structs.WHOLE
         )
-        _observe(data, vehicle, room[0:9].reshape(3, 3), room[9:33])
-        inflow = inflow_speed(row, room[9 + layout.RELATIVE_VELOCITY : 15 + layout.RELATIVE_VELOCITY])
+        s = room[S]
+        _observe(data, vehicle, room[0:9].reshape(3, 3), s)
+        inflow = inflow_speed(row, s[layout.RELATIVE_VELOCITY : layout.RELATIVE_VELOCITY + 6])
     return state_to_thrust(row, state, inflow)
 
 

@@ -28,7 +28,7 @@ PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
 MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
-VERSION = 5.0
+VERSION = 6.0
 AT_MAGIC, AT_VERSION = 0, 1
 AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
 AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared

@@ -28,7 +28,7 @@ def told(push: float, doubled: float) -> float:
     )
     raw = noisy(moved(true), 1)
     shots = multiple_shooting.make_shots(recording(file, raw))
-    model = fit_model(file, ["linear_damping"], OutputError.of(shots, file), shots.eta[:, :3], 6)
+    model = fit_model(file, ["linear_damping"], OutputError.of(shots, file), shots.record.track, 6)
     (found,) = closed_loop.own_shares(SimpleNamespace(vehicle=file), model).values()
     return found
 

@@ -172,7 +172,7 @@ def searching(known: Vehicle, raw: pl.DataFrame, sensors: dict) -> Search:
     """A search from the vehicle as it is, none of its own effects free."""
     log = preprocess(known, raw)
     problem = stable_shots(known, log)
-    model = fit_model(known, [], problem, log.positions, 0)
+    model = fit_model(known, [], problem, log.track, 0)
     return Search(Baseline(known, (), log, problem, model, model, sensors))
 
 
@@ -183,7 +183,7 @@ def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
     suspect, columns = screening.ranked["net_buoyancy"]
     far = {"name": "net_buoyancy", "dB": 1e8}
     with pytest.raises(DataError, match="diverges"):
-        fit_model(hiding(known, far), ["net_buoyancy"], problem, search.baseline.log.positions, 0)
+        fit_model(hiding(known, far), ["net_buoyancy"], problem, search.baseline.log.track, 0)
     wild = {**screening.ranked, "net_buoyancy": (replace(suspect, begin=lambda amounts: far), columns)}
     joined = search.joined([], replace(screening, ranked=wild), "net_buoyancy")
     assert joined.normal.cost <= first.normal.cost
@@ -214,7 +214,7 @@ def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch)
     gram = np.tile(np.eye(7), (100, 1, 1))
     normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
     model = Model(unknown, unknown.starts[0], None, normal)
-    log = SimpleNamespace(positions=None)
+    log = SimpleNamespace(track=None)
     baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), log=log, warnings=())
     outcome = refine(baseline, Outcome(model, (), None))
     assert outcome.model.vehicle == model.vehicle
@@ -353,7 +353,7 @@ def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
     problem = stable_shots(known, log)
     errors = []
     for names in ([], ["ocean_current"], ["ocean_current", "cross_axis_drag"]):
-        model = fit_model(known, names, problem, log.positions, 8)
+        model = fit_model(known, names, problem, log.track, 8)
         errors.append(left_out_error(model.vehicle, names, problem))
     assert errors[0] > 1.5
     assert errors[1] == pytest.approx(1.0, abs=0.05)

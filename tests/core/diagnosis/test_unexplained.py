@@ -57,7 +57,7 @@ def fitted_to_noise(believed: Vehicle, trusted: float):
     motion = moving(believed, noise=1.0)
     log = preprocess(believed, motion)
     problem = OutputError.of(make_shots(log.record, sigma=trusted * SIGMA), believed)
-    return log, fit_model(believed, [], problem, log.positions, 0)
+    return log, fit_model(believed, [], problem, log.track, 0)
 
 
 def as_searched(log, model):

@@ -53,7 +53,7 @@ def equipped(*effects: dict[str, Any], bare: Vehicle = BARE) -> Vehicle:
 def wrench(effect: dict[str, Any], eta: ArrayLike, nu: ArrayLike, *more: dict[str, Any]) -> Array:
     """Wrench of effects at one pose and velocity."""
     row = np.atleast_2d(np.asarray(eta, float)), np.atleast_2d(np.asarray(nu, float))
-    return effect_wrenches(equipped(effect, *more), *row, [[0, 1]], 0.02)[0]
+    return effect_wrenches(equipped(effect, *more), *row, [[0, 1]], [0.0])[0]
 
 
 def R(eta: Array) -> Array:

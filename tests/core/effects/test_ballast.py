@@ -28,7 +28,9 @@ def ballast(tilt=0.2, lag=1.5):
 def moments(effect, eta, dt=0.01):
     """Moment along a motion through attitudes (N, 3)."""
     pose = np.hstack([np.zeros((len(eta), 3)), eta])
-    tau = effect_wrenches(equipped(effect), pose, np.zeros((len(eta), 6)), [[0, len(eta)]], dt)
+    tau = effect_wrenches(
+        equipped(effect), pose, np.zeros((len(eta), 6)), [[0, len(eta)]], dt * np.arange(len(eta))
+    )
     assert not tau[:, :3].any(), "its weight is in the vehicle's"
     return tau[:, 3:]
 

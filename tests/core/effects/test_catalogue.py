@@ -34,6 +34,7 @@ PHYSICS = [
     "drifting_ballast",
     "ocean_current",
     "current_shear",
+    "current_trend",
     "tether",
     "surface_suction",
     "fluid_memory",
@@ -112,9 +113,14 @@ def test_currents_add():
     vehicle = equipped(
         {"name": "ocean_current", "v_N": 0.3}, {"name": "ocean_current", "v_N": 0.1, "v_D": -0.2}
     )
-    np.testing.assert_allclose(current(vehicle), [0.4, 0.0, -0.2, 0.0, 0.0])
-    sheared = [{"name": "current_shear", "g_N": 0.1, "z_0": 4.0}, {"name": "current_shear", "g_E": 0.2}]
-    np.testing.assert_allclose(current(equipped(*vehicle.effect, *sheared)), [0.0, 0.0, -0.2, 0.1, 0.2])
+    np.testing.assert_allclose(current(vehicle), [0.4, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0])
+    more = [
+        {"name": "current_shear", "g_N": 0.1, "z_0": 4.0},
+        {"name": "current_shear", "g_E": 0.2},
+        {"name": "current_trend", "a_E": -0.01, "t_0": 30.0},
+    ]
+    expected = [0.0, 0.3, -0.2, 0.1, 0.2, 0.0, -0.01]
+    np.testing.assert_allclose(current(equipped(*vehicle.effect, *more)), expected)
 
 
 REFUSED = [

@@ -35,6 +35,7 @@ EVERYTHING = (
     {"name": "payload", "w": 5.0, "x": 0.3, "mass": 2.0},
     {"name": "ocean_current", "v_N": 0.3, "v_E": -0.1},
     {"name": "current_shear", "g_N": 0.02, "g_E": 0.03, "z_0": 2.0},
+    {"name": "current_trend", "a_N": 0.004, "a_E": -0.002, "t_0": 7.0},
     {"name": "drifting_ballast", "S": [0.4, 0.2], "tilt": 0.2, "T": 1.5},
     {"name": "tether", "k": 3.0, "slack": 1.0, "anchor": [2.0, 1.0, 0.0]},
     {"name": "surface_suction", "A": 8.0, "decay": 0.7},
@@ -66,7 +67,7 @@ def test_a_program_holds_the_vehicle():
     np.testing.assert_array_equal(c[layout.MASS_MATRIX : layout.MASS_MATRIX + 36], mass.ravel())
     inverse = c[layout.INVERSE_MASS_MATRIX : layout.INVERSE_MASS_MATRIX + 36].reshape(6, 6)
     np.testing.assert_allclose(inverse @ mass, np.eye(6), atol=1e-9)
-    np.testing.assert_allclose(c[layout.CURRENT : layout.CURRENT + 3], [0.26, -0.16, 0.0])
+    np.testing.assert_allclose(c[layout.CURRENT : layout.CURRENT + 3], [0.232, -0.146, 0.0])
     assert program.states == 14
     assert program.effects[0] == "linear_damping"
     assert thrusters_of(program.flat).shape[0] == program.thrusters == 2
@@ -94,7 +95,7 @@ def test_a_second_process_starts_from_disk():
         "from hydro.core.simulation import simulate\n"
         "from bench import BARE\n"
         "p = program.assemble(BARE)\n"
-        "program.wrench(p.flat, np.zeros(24), np.zeros(0), np.zeros(0), np.zeros(6))\n"
+        "program.wrench(p.flat, np.zeros(25), np.zeros(0), np.zeros(0), np.zeros(6))\n"
         "simulate.trajectory(p, np.zeros((2, 2)), [0.0, 0.02])\n"
         "for f in (program.wrench, simulate._follow):\n"
         "    assert f.stats.cache_hits and not f.stats.cache_misses, f\n"
@@ -109,14 +110,14 @@ def test_a_second_process_starts_from_disk():
 def test_a_native_callback_runs_it_from_plain_memory():
     """As in MuJoCo: one block of doubles holds the program, the state of motion and room for results."""
     program, s = assemble(equipped(*EVERYTHING)), motion_of()
-    size, n = program.flat.size, program.states
+    size, n, MOTION = program.flat.size, program.states, layout.MOTION
 
     @numba.cfunc(types.void(types.CPointer(types.float64)))
     def callback(memory):
-        block = numba.carray(memory, size + 24 + 2 * n + 6)
-        flat, motion = block[:size], block[size : size + 24]
-        x, dx = block[size + 24 : size + 24 + n], block[size + 24 + n : size + 24 + 2 * n]
-        wrench(flat, motion, x, dx, block[size + 24 + 2 * n :])
+        block = numba.carray(memory, size + MOTION + 2 * n + 6)
+        flat, motion = block[:size], block[size : size + MOTION]
+        x, dx = block[size + MOTION : size + MOTION + n], block[size + MOTION + n : size + MOTION + 2 * n]
+        wrench(flat, motion, x, dx, block[size + MOTION + 2 * n :])
 
     block = np.concatenate([program.flat, s, np.full(n, 0.1), np.zeros(n + 6)])
     callback.ctypes(block.ctypes.data_as(callback.ctypes.argtypes[0]))
@@ -142,7 +143,7 @@ def dissipative(draw):
 @given(dissipative(), velocities())
 def test_dissipative_effects_take_power(effects, nu):
     validate(equipped(*effects))
-    tau = effect_wrenches(equipped(*effects), np.zeros((1, 6)), [nu], [[0, 1]], 0.02)[0]
+    tau = effect_wrenches(equipped(*effects), np.zeros((1, 6)), [nu], [[0, 1]], [0.0])[0]
     assert nu @ tau <= 1e-9 * (1.0 + np.abs(tau) @ np.abs(nu))
 
 
@@ -153,7 +154,7 @@ def test_fluid_memory_gives_back_no_more_than_it_took(strength, rate, seed):
     phase, speed = np.random.default_rng(seed).uniform(0.5, 6.0, (2, 6))
     nu = np.sin(np.outer(t, speed)) * np.sin(np.outer(t, phase))
     effect = {"name": "fluid_memory", "K": [strength.tolist()], "rates": [rate]}
-    tau = effect_wrenches(equipped(effect), np.zeros((300, 6)), nu, [[0, 300]], 0.01)
+    tau = effect_wrenches(equipped(effect), np.zeros((300, 6)), nu, [[0, 300]], 0.01 * np.arange(300))
     work = np.cumsum(0.5 * ((nu * tau)[1:] + (nu * tau)[:-1]).sum(axis=1)) * 0.01
     assert (work <= 1e-3 * (1.0 + strength.sum())).all()
 

@@ -206,7 +206,7 @@ def test_fluid_memory_against_direct_convolution(rate):
     axes, strength = np.arange(1, 7), np.linspace(3.0, 8.0, 6)
     nu = 0.4 + np.sin(np.outer(t, 1.0 + 0.3 * axes))
     effect = {"name": "fluid_memory", "K": [strength.tolist()], "rates": [rate]}
-    actual = effect_wrenches(equipped(effect), np.zeros((len(t), 6)), nu, [[0, len(t)]], 0.02)
+    actual = effect_wrenches(equipped(effect), np.zeros((len(t), 6)), nu, [[0, len(t)]], t)
 
     def convolution(k, i):
         w = 1.0 + 0.3 * axes[i]
@@ -221,10 +221,10 @@ def test_fluid_memory_of_several_rates_adds_and_steady_motion_feels_nothing():
     nu = np.tile([1.0, -0.5, 0.3, 0.1, 0.2, -0.4], (50, 1))
     nu[25:] *= 2.0
     both = {"name": "fluid_memory", "K": [[2.0] * 6, [5.0] * 6], "rates": [1.0, 8.0]}
-    eta, rows = np.zeros((50, 6)), [[0, 50]]
-    total = effect_wrenches(equipped(both), eta, nu, rows, 0.02)
+    eta, rows, t = np.zeros((50, 6)), [[0, 50]], 0.02 * np.arange(50)
+    total = effect_wrenches(equipped(both), eta, nu, rows, t)
     apart = sum(
-        effect_wrenches(equipped({"name": "fluid_memory", "K": [[k] * 6], "rates": [a]}), eta, nu, rows, 0.02)
+        effect_wrenches(equipped({"name": "fluid_memory", "K": [[k] * 6], "rates": [a]}), eta, nu, rows, t)
         for k, a in ((2.0, 1.0), (5.0, 8.0))
     )
     close(total, apart)

@@ -18,7 +18,7 @@ from hydro.core.identification.suspects import suspects
 from hydro.io import vehicle as files
 
 KEPT = pl.read_csv(Path(__file__).with_name("entries.csv"), schema_overrides={"starts": pl.String})
-REACH = np.array([[0.0, 0.0, 5.0], [8.0, 3.0, 7.0], [2.0, -4.0, 6.0]])
+REACH = np.array([[0.0, 0.0, 5.0, 0.0], [8.0, 3.0, 7.0, 20.0], [2.0, -4.0, 6.0, 40.0]])
 COLUMNS = {
     "added_mass": 6,
     "added_mass_coupling": 5,

@@ -85,8 +85,8 @@ def test_a_fit_begins_near_what_is_hidden_where_parameters_are_products(hidden, 
     """The linear problem tells w, w x, w y, w z of a payload, k and k times the anchor of a cable."""
     truth = CATALOGUE[hidden["name"]].pack(hidden, thrusters=8)
     record = recording(damped(), moved(damped(hidden)))
-    unknown = free(damped(), [hidden["name"]], reach=record.eta[:, :3])
-    best = initial_guesses(unknown, Windows.of(record), record.eta[:, :3])[0]
+    unknown = free(damped(), [hidden["name"]], reach=record.track)
+    best = initial_guesses(unknown, Windows.of(record), record.track)[0]
     for entry, begun, true in zip(unknown.entries, best, truth, strict=True):
         if entry.parameter in close:
             assert begun == pytest.approx(true, rel=0.5), entry.name

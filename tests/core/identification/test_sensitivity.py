@@ -56,10 +56,10 @@ def test_derivatives_are_differences_of_predictions(extra):
     shots = multiple_shooting.corrected_first(
         multiple_shooting.make_shots(record, lead=0.2), candidate(vehicle)
     )
-    unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.eta[:, :3])
+    unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.track)
     changed, steps = nudged(unknown, unknown.starts[0])
     names = [entry.effect for entry in unknown.entries]
-    for suspect in suspects(vehicle, without=names, reach=record.eta[:, :3]):
+    for suspect in suspects(vehicle, without=names, reach=record.track):
         changed, steps = [*changed, *suspect.changed], [*steps, *suspect.steps]
         names += [suspect.effect] * len(suspect.steps)
     assert set(names) == {name for name, effect in CATALOGUE.items() if not effect.words}

@@ -16,7 +16,7 @@ from hydro.io import vehicle as files
 
 SEARCHED = {name for name, effect in CATALOGUE.items() if not effect.words}
 """All but those whose terms the file has to write out."""
-REACH = np.array([[0.0, 0.0, 5.0], [8.0, 3.0, 7.0], [2.0, -4.0, 6.0]])
+REACH = np.array([[0.0, 0.0, 5.0, 0.0], [8.0, 3.0, 7.0, 20.0], [2.0, -4.0, 6.0, 40.0]])
 
 
 def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):

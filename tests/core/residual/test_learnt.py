@@ -40,7 +40,7 @@ def test_less_the_file_a_label_is_what_the_file_lacks(subtract):
     shots = multiple_shooting.make_shots(record)
     beside = Learnt(Perfect(said), file, subtract != "effects", 1).wrench(file, shots)
     alone = msgspec.structs.replace(file, effect=(EXTRA,))
-    true = effect_wrenches(alone, record.eta, record.nu, record.segments, record.dt)
+    true = effect_wrenches(alone, record.eta, record.nu, record.segments, record.t)
     inside = slice(50, -50)
     for axis in (1, 2, 4, 5):
         error = (beside - true)[inside, axis]

@@ -45,7 +45,7 @@ def test_what_a_wrench_does_is_taken_from_what_was_measured(extra, log):
     shots = exact(shots, motion, motion.nu)
     shots = dataclasses.replace(shots, nu=record.nu)
     alone = msgspec.structs.replace(vehicle, effect=(extra,))
-    wrench = effect_wrenches(alone, motion.eta, motion.nu, record.segments, record.dt)
+    wrench = effect_wrenches(alone, motion.eta, motion.nu, record.segments, record.t)
     model = candidate(vehicle)
     prepared = multiple_shooting.prepare(model, shots)
     corrected = Transitions.of(model, shots).corrected(wrench)

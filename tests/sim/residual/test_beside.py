@@ -131,7 +131,11 @@ def test_a_network_that_learnt_in_a_current_flies_in_no_other(craft):
 
 @pytest.mark.parametrize(
     "effect",
-    [{"name": "linear_damping", "diagonal": [9.0] * 6}, {"name": "current_shear", "g_N": 0.1}],
+    [
+        {"name": "linear_damping", "diagonal": [9.0] * 6},
+        {"name": "current_shear", "g_N": 0.1},
+        {"name": "current_trend", "a_E": 0.01},
+    ],
     ids=lambda effect: effect["name"],
 )
 def test_what_cannot_act_beside_it_is_refused_by_name(craft, effect):
