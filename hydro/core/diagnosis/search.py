@@ -253,7 +253,10 @@ class Search:
         reduced = CATALOGUE[best].identification.plainer if best is not None else None
         if best is None or reduced is None:
             return fits
-        table, vehicle = reduced(fits[best].vehicle.effects(best)[0]), fits[best].vehicle.without(best)
+        table, vehicle = (
+            reduced(fits[best].vehicle.effects(best)[0], self.baseline.vehicle),
+            fits[best].vehicle.without(best),
+        )
         if vehicle.effects(table["name"]):
             return fits
         try:

@@ -6,7 +6,8 @@ The third row of R, [R20, R21, R22], is the world's downward direction seen from
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -198,6 +199,30 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     yield Shape((at_origin, *pairs, dry), (little,) * 5, begin)
 
 
+def by_its_moment(table: Mapping[str, Any], vehicle: Vehicle) -> Table:
+    """The offset of buoyancy with the moment of a payload: all that one without weight and mass has."""
+    lift = max(vehicle.buoyancy.force, 1.0)
+    shift = {f"d{axis}": -table.get("w", 0.0) * table.get(axis, 0.0) / lift for axis in "xyz"}
+    return {"name": BUOYANCY_OFFSET.name} | shift
+
+
+BUOYANCY_OFFSET = Effect(
+    name="buoyancy_offset",
+    family="restoring",
+    kind="wrench",
+    definition="d x R^T [0, 0, -B]",
+    source="Fossen (2011), eq. 4.6",
+    excitation="slow roll and pitch, or trim angles at rest",
+    lookalikes=("payload", "thruster_gain"),
+    parameters=(
+        Parameter("dx", ("m",), "centre of buoyancy moved forward", scale=(0.02,), plausible=INSIDE[0]),
+        Parameter("dy", ("m",), "centre of buoyancy moved to starboard", scale=(0.02,), plausible=INSIDE[1]),
+        Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,), plausible=INSIDE[2]),
+    ),
+    kernel=buoyancy_offset,
+    advice=Advice(parted_by=(TILTS,)),
+    roles=frozenset({Role.OFTEN_LACKING}),
+)
 PAYLOAD = Effect(
     name="payload",
     repeatable=True,
@@ -229,7 +254,7 @@ PAYLOAD = Effect(
     ),
     kernel=payload,
     inertia=point_mass,
-    identification=Identification(starts=light_or_heavy, coarse=payloads),
+    identification=Identification(starts=light_or_heavy, coarse=payloads, plainer=by_its_moment),
     advice=Advice(parted_by=(TILTS,)),
 )
 DRIFTING_BALLAST = Effect(
@@ -308,25 +333,7 @@ EFFECTS = (
         advice=Advice(parted_by=(TILTS,)),
         roles=frozenset({Role.OFTEN_LACKING}),
     ),
-    Effect(
-        name="buoyancy_offset",
-        family="restoring",
-        kind="wrench",
-        definition="d x R^T [0, 0, -B]",
-        source="Fossen (2011), eq. 4.6",
-        excitation="slow roll and pitch, or trim angles at rest",
-        lookalikes=("payload", "thruster_gain"),
-        parameters=(
-            Parameter("dx", ("m",), "centre of buoyancy moved forward", scale=(0.02,), plausible=INSIDE[0]),
-            Parameter(
-                "dy", ("m",), "centre of buoyancy moved to starboard", scale=(0.02,), plausible=INSIDE[1]
-            ),
-            Parameter("dz", ("m",), "centre of buoyancy moved down", scale=(0.02,), plausible=INSIDE[2]),
-        ),
-        kernel=buoyancy_offset,
-        advice=Advice(parted_by=(TILTS,)),
-        roles=frozenset({Role.OFTEN_LACKING}),
-    ),
+    BUOYANCY_OFFSET,
     PAYLOAD,
     DRIFTING_BALLAST,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bench import BUOYANCY, CENTER_OF_BUOYANCY, R, equipped, force_at, neutral, wrench
+from bench import BARE, BUOYANCY, CENTER_OF_BUOYANCY, R, equipped, force_at, neutral, wrench
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
 from hydro.core.effects import assemble, effect_wrenches
+from hydro.core.effects.restoring import by_its_moment
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 
@@ -287,3 +288,15 @@ def test_zero_is_absence(data):
         {"name": "fluid_memory", "K": [[0.0] * 6], "rates": [2.0]},
     ):
         close(wrench(effect, eta, nu), np.zeros(6), atol=1e-9)
+
+
+@given(states(), vectors(3, 1.0), numbers(-40.0, 40.0))
+def test_a_payload_without_mass_is_a_change_of_buoyancy_and_its_offset(state, at, weight):
+    """So the offset with its moment is what a payload without weight would be."""
+    eta, nu = state
+    table = {"name": "payload", "w": weight, **dict(zip("xyz", at.tolist(), strict=True))}
+    offset = by_its_moment(table, BARE)
+    both = wrench({"name": "net_buoyancy", "dB": -weight}, eta, nu, offset)
+    center = np.add(CENTER_OF_BUOYANCY, [offset[f"d{axis}"] for axis in "xyz"])  # where dB acts
+    both[3:] -= np.cross(center, weight * R(eta)[2])
+    close(both, wrench(table, eta, nu), atol=1e-9)
