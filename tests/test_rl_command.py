@@ -101,12 +101,29 @@ def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simula
     out, details = tmp_path / "result.parquet", tmp_path / "episodes.parquet"
     assert rl("eval", run, "--in", simulator, "--episodes", 5, "--details", details, "-o", out) == 0
     result, episodes = table.read(out, "evaluations").frame, table.read(details, "episodes").frame
-    assert result.select("plant", "purpose", "episodes", "steps").row(0) == (simulator, "test", 5, 160)
+    assert result.select("flown_by", "plant", "purpose", "episodes", "steps").rows() == [
+        ("policy", simulator, "test", 5, 160),
+        ("helmsman", simulator, "test", 5, 0),
+    ]
     assert episodes.height == 5
     assert result["success"][0] == (episodes["outcome"] == "success").mean()
     again = tmp_path / "again.parquet"
     assert rl("eval", run, "--in", simulator, "--episodes", 5, "-o", again) == 0
     assert again.read_bytes() == out.read_bytes()
+
+
+def test_a_pilot_by_hand_flies_a_vehicle_file_without_any_training(tmp_path: Path) -> None:
+    out = tmp_path / "pilot.parquet"
+    assert rl("eval", VEHICLE, "--stage", 3, "--episodes", 3, "-o", out) == 0
+    (row,) = table.read(out, "evaluations").frame.rows(named=True)
+    assert (row["flown_by"], row["stage"], row["pillars"], row["success"]) == ("helmsman", 3, 8, 1.0)
+    assert 0.0 < row["cross_track"] < 1.0
+
+
+def test_a_policy_may_fly_without_the_pilot(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "alone.parquet"
+    assert rl("eval", run, "--no-pilot", "--episodes", 3, "-o", out) == 0
+    assert table.read(out, "evaluations").frame["flown_by"].to_list() == ["policy"]
 
 
 def test_what_was_flown_is_a_table_that_fits_a_terminal(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +158,10 @@ def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
     told = capsys.readouterr().err
     assert "not run: R_MLP, for want of its residual model" in told
     tests = table.read(tmp_path / "tests.parquet", "evaluations").frame
-    assert tests.select("condition", "plant").rows() == [("R_effects", "student"), ("R_effects", "teacher")]
+    assert tests.select("flown_by", "plant").rows() == [
+        (who, simulator) for simulator in ("student", "teacher") for who in ("policy", "helmsman")
+    ]
+    assert set(tests["condition"]) == {"R_effects"}
     assert (tmp_path / "curves.png").exists()
     assert rl(*line) == 0
     assert "0 of 4 steps run" in capsys.readouterr().err

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +23,21 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
     from hydro.rl.training.build import Builder
     from hydro.rl.training.config import TrainingConfig
+    from hydro.rl.training.evaluate import Actor
     from hydro.rl.training.policy import Policy
     from hydro.rl.training.train import Training
 
 NAME = "rl"
 HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
 
+Flown = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RUN",
+        show_default=False,
+        help="Folder of a training, or a vehicle file for the pilot alone.",
+    ),
+]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", show_default=False, help="Folder of a training.")]
 In = Annotated[Literal["student", "teacher"], typer.Option("--in", help="Where to fly.")]
 Stage = Annotated[
@@ -238,31 +247,42 @@ def _stderr() -> Any:
     return Console(stderr=True, highlight=False, markup=False)
 
 
-def _opened(run: Path) -> tuple[Policy, Artefact, Builder]:
+def _of_vehicle(path: Path) -> Builder:
+    """What makes fleets of a vehicle file under its own effects."""
+    from hydro.io.vehicle import read
+    from hydro.rl.training.config import TrainingConfig
+
+    return _builder(TrainingConfig(), read(path)[1], None, path.parent)
+
+
+def _opened(run: Path) -> tuple[Policy, list[Artefact], Builder]:
     """Policy of a run, its table, and what makes its fleets."""
     from hydro.rl.training.runs import Folder
 
     folder = Folder(run)
     policy, artefact = folder.policy()
     text = folder.run().provenance.vehicle or ""
-    return policy, artefact, _builder(folder.config(), text, folder.model(), run)
+    return policy, [artefact], _builder(folder.config(), text, folder.model(), run)
 
 
-def _level(policy: Policy, stage: int | None, pillars: int | None) -> tuple[int, int]:
+def _level(come_to: Mapping[str, Any], stage: int | None, pillars: int | None) -> tuple[int, int]:
     """Stage and pillars to fly, by default those that training has come to."""
-    stage = policy.training["stage"] if stage is None else stage
+    stage = come_to["stage"] if stage is None else stage
     if stage == 1:
         return 1, 0
-    return stage, policy.training["pillars"] if pillars is None else pillars
+    return stage, come_to["pillars"] if pillars is None else pillars
 
 
 def eval_(
-    run: RunFolder,
+    run: Flown,
     simulator: In = "student",
     episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
     seed: Annotated[int, seed_option("Of the tasks and the sensors' noise.")] = 1_000_000,
     stage: Stage = None,
     pillars: Pillars = None,
+    pilot: Annotated[
+        bool, typer.Option("--pilot/--no-pilot", help="Fly the same tasks with a pilot by hand, too.")
+    ] = True,
     details: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the episodes one by one."), FILE
     ] = None,
@@ -271,32 +291,44 @@ def eval_(
     """Fly a trained policy without exploration, in the simulator it was trained in or in the teacher.
 
     The same seed gives the same tasks to every policy and in both simulators: starts, goals and pillars.
-    Success with its 95 % interval (Wilson), collisions, time to goal of those that arrived and energy. A
-    policy that wins in its own simulator alone has not won. On a terminal without -o the result is printed.
+    Success with its 95 % interval (Wilson), collisions, time to goal of those that arrived, energy, distance
+    from a planned way, and how far the pillars are passed on alternating sides. A policy that wins in its own
+    simulator alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies
+    the same tasks besides (stage 3 with the map, stages 1 and 2 without). With a vehicle file in the place
+    of RUN he flies alone. On a terminal without -o the result is printed.
     """
+    import polars as pl
+
     from hydro.io import table
-    from hydro.rl.training.evaluate import fly
+    from hydro.rl.environment.helmsman import NAME as HELMSMAN
+    from hydro.rl.environment.helmsman import helmsman
+    from hydro.rl.training.evaluate import POLICY, fly
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    policy, learnt, builder = _opened(run)
-    fleet = builder(episodes, seed, simulator)
-    fleet.set_level(*_level(policy, stage, pillars))
-    with progress(f"fly {episodes} tasks"):
-        flown = fly(policy, fleet)
+    alone = run.is_file()
+    policy, learnt, builder = (None, [], _of_vehicle(run)) if alone else _opened(run)
+    begun = {"stage": 1, "pillars": builder.config.settings.world.pillars}
+    level = _level(begun if policy is None else policy.training, stage, pillars)
     parameters = {"in": simulator, "episodes": episodes, "seed": seed}
 
     def made(kind: str, frame: pl.DataFrame) -> Artefact:
-        return table.make(kind, frame, stage="rl eval", parameters=parameters, seed=seed, inputs=[learnt])
+        return table.make(kind, frame, stage="rl eval", parameters=parameters, seed=seed, inputs=learnt)
 
-    if details is not None:
-        table.write(made("episodes", flown), details)
-    who = {
-        "condition": builder.config.condition,
-        "seed": builder.config.seed,
-        "steps": policy.training["steps"],
-    }
-    result = _result(flown, who | {"plant": simulator, "purpose": "test"})
+    actors: dict[str, Actor] = {} if policy is None else {POLICY: policy}
+    actors |= {HELMSMAN: helmsman} if alone or pilot else {}
+    rows = list[pl.DataFrame]()
+    for name, actor in actors.items():
+        fleet = builder(episodes, seed, simulator)
+        fleet.set_level(*level)
+        with progress(f"fly {episodes} tasks ({name})"):
+            flown = fly(actor, fleet)
+        if details is not None and not rows:
+            table.write(made("episodes", flown), details)
+        steps = 0 if policy is None or name == HELMSMAN else policy.training["steps"]
+        who = {"flown_by": name, "condition": builder.config.condition, "seed": builder.config.seed}
+        rows.append(_result(flown, who | {"steps": steps, "plant": simulator, "purpose": "test"}))
+    result = pl.concat(rows)
     if shows_table(output):
         print_table(result.drop("purpose"), f"{run}, flown in the {simulator}")
     else:
@@ -307,11 +339,12 @@ def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
     """What flown episodes come to, behind what they are: one row of `evaluations`."""
     import polars as pl
 
-    from hydro.rl.training.evaluate import summary
+    from hydro.rl.training.evaluate import RARE, summary
 
     stage, pillars = flown.select("stage", "pillars").row(0)
     found = what | {"stage": stage, "pillars": pillars} | summary(flown)
-    return pl.DataFrame([found], schema_overrides={"time_to_goal": pl.Float64})
+    rare = dict.fromkeys(("time_to_goal", *RARE), pl.Float64)
+    return pl.DataFrame([found], schema_overrides=rare)
 
 
 def watch(
@@ -333,7 +366,7 @@ def watch(
 
     policy, _, builder = _opened(run)
     fleet = builder(1, task, simulator)
-    fleet.set_level(*_level(policy, stage, pillars))
+    fleet.set_level(*_level(policy.training, stage, pillars))
     flight = trace(policy, fleet)
     settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
     world = settings.world

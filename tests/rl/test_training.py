@@ -1,19 +1,22 @@
 """A training goes on after a kill with the same bits, passes its levels, and keeps what it did."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import msgspec
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.distance import cdist
 
 from hydro.core.errors import DataError, UsageError
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.rl.environment.config import Settings, Task
+from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.training.build import Builder
 from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
-from hydro.rl.training.evaluate import fly, interval, summary, trace
+from hydro.rl.training.evaluate import alternating, fly, interval, summary, trace
 from hydro.rl.training.runs import Folder, changed, config_of, policy_of, run_artefact
 from hydro.rl.training.train import Training
 
@@ -190,6 +193,47 @@ def test_arrivals_are_counted(auv151):
     found = summary(fly(lambda observations: observations[:, :6], Builder(config, vehicle)(5, 0)))
     assert found["success"] == 1.0
     assert found["time_to_goal"] == pytest.approx(0.04)
+
+
+def way(*points):
+    """A flight along straight lines between points north and east, 5 m deep."""
+    legs = [np.linspace(a, b, 50) for a, b in pairwise(points)]
+    return np.column_stack([np.vstack(legs), np.full(50 * len(legs), 5.0)])
+
+
+SLALOM = np.array([[9.0, 0.6], [5.0, 0.6], [7.0, -0.6], [np.nan, np.nan]])
+
+
+@pytest.mark.parametrize(
+    ("flown", "share"),
+    [
+        (way((0.0, 0.0), (12.0, 0.0)), 1.0),
+        (way((12.0, 0.0), (0.0, 0.0)), 1.0),
+        (way((0.0, 3.0), (12.0, 3.0)), 0.0),
+        (way((0.0, 0.0), (8.0, 0.0), (8.0, 3.0), (12.0, 3.0)), 0.5),
+        (way((0.0, 0.0), (8.0, 0.0)), 1.0),
+        (way((0.0, 0.0), (6.0, 0.0)), None),
+    ],
+)
+def test_pillars_passed_on_alternating_sides_are_counted(flown, share):
+    assert alternating(flown, SLALOM) == share
+
+
+def test_off_the_way_is_measured_as_it_was_flown(auv151):
+    """The helmsman's own distance from the corners of the plan, by a dense sampling of it."""
+    vehicle, _ = auv151
+    config = replace(QUICK, settings=Settings())
+    told = fly(helmsman, led(config, vehicle, 2))["cross_track"].to_list()
+    flight = trace(helmsman, led(config, vehicle, 1))
+    corners = [np.linspace(a, b, 2000) for a, b in pairwise(flight.way)]
+    off = cdist(flight.pose[1:, :3], np.vstack(corners)).min(axis=1)
+    assert told[0] == pytest.approx(np.sqrt((off**2).mean()), rel=0.02)
+
+
+def led(config, vehicle, count):
+    fleet = Builder(config, vehicle)(count, 3)
+    fleet.set_level(3, 8)
+    return fleet
 
 
 def test_intervals_are_wilsons():

@@ -27,6 +27,7 @@ class Guidance:
 
     Attributes:
         ways: Corners of every vehicle's way (N, K, 3), NED; the last is repeated.
+        off: How far from its way each was when it was looked for last (N,) [m].
     """
 
     def __init__(self, settings: Settings, count: int) -> None:
@@ -34,7 +35,7 @@ class Guidance:
         self._world, self._weight = settings.world, settings.reward.path
         self._grid = Grid(settings.world.length, settings.world.width)
         self.ways = np.zeros((count, 2, 3))
-        self._along = np.zeros(count)
+        self.off, self._along = np.zeros(count), np.zeros(count)
         self._ahead = np.full((count, 3), np.nan)
 
     def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
@@ -58,7 +59,7 @@ class Guidance:
             others are as good as any.
         """
         cost = np.zeros(len(positions))
-        follow_kernel(mask, positions, self.ways, self._along, self._ahead, cost)
+        follow_kernel(mask, positions, self.ways, self._along, self._ahead, self.off, cost)
         return self._ahead.copy(), self._weight * cost
 
     def state(self) -> State:
@@ -79,7 +80,9 @@ def cross_track_cost(error: float) -> float:
 
 
 @jit
-def follow_kernel(mask: Mask, positions: Array, ways: Array, along: Array, ahead: Array, cost: Array) -> None:
+def follow_kernel(
+    mask: Mask, positions: Array, ways: Array, along: Array, ahead: Array, off: Array, cost: Array
+) -> None:
     """Move every vehicle's place on its way and the smoothed point ahead of it.
 
     Args:
@@ -88,14 +91,15 @@ def follow_kernel(mask: Mask, positions: Array, ways: Array, along: Array, ahead
         ways: Corners (N, K, 3).
         along: Where on its way each was (N,) [m]; rewritten.
         ahead: Smoothed points ahead (N, 3), NaN at the beginning; rewritten.
+        off: Distances to the ways (N,) [m], written.
         cost: (N,) written, without weight.
     """
     point = np.empty(3)
     for k in range(len(mask)):
         if not mask[k]:
             continue
-        off, along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
-        cost[k] = cross_track_cost(off)
+        off[k], along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
+        cost[k] = cross_track_cost(off[k])
         at(ways[k], along[k] + AHEAD, point)
         for i in range(3):
             if math.isnan(ahead[k, i]):

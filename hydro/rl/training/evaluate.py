@@ -15,12 +15,16 @@ from hydro.rl.environment.fleet import Fleet, Step
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.environment.tasks import GUIDED
 
+POLICY = "policy"
+"""Who flies, where it is not a pilot by hand."""
 Actor = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """Observations (N, 36) to actions (N, 6)."""
 
 OUTCOMES = ("success", "collision", "diverged", "time")
 CONFIDENCE = 0.95
 POSITION = ("x", "y", "z")
+RARE = ("cross_track", "alternating")
+"""What not every task has."""
 
 
 def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
@@ -34,19 +38,49 @@ def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
         The episodes, a table of kind `episodes`.
     """
     observations = fleet.reset()
-    starts, goals = fleet.starts.copy(), fleet.goals.copy()
+    starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
+    led = fleet.guidance if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED else None
+    places, squares = [fleet.plant.pose[:, :3].copy()], np.zeros(fleet.count)
     rows: dict[int, dict[str, Any]] = {}
     while len(rows) < fleet.count:
         step = fleet.step(actor(observations))
         observations = step.obs
         for k in np.flatnonzero(step.terminated | step.truncated):
             if k not in rows:
-                rows[int(k)] = _ended(step, int(k), fleet.settings.period)
+                off = None if led is None else float(np.sqrt(squares[k] / max(len(places) - 1, 1)))
+                weaving = alternating(np.array([at[k] for at in places]), pillars[k])
+                ended = _ended(step, int(k), fleet.settings.period)
+                rows[int(k)] = ended | {"cross_track": off, "alternating": weaving}
+        places.append(fleet.plant.pose[:, :3].copy())
+        if led is not None:
+            squares += led.off**2
     level = {"stage": fleet.stage, "pillars": fleet.level}
-    frame = pl.DataFrame([level | rows[k] for k in range(fleet.count)])
-    places = {f"start_{axis}": starts[:, i] for i, axis in enumerate(POSITION)}
-    places |= {f"goal_{axis}": goals[:, i] for i, axis in enumerate(POSITION)}
-    return frame.with_columns(**{name: pl.Series(values) for name, values in places.items()})
+    frame = pl.DataFrame(
+        [level | rows[k] for k in range(fleet.count)], schema_overrides=dict.fromkeys(RARE, pl.Float64)
+    )
+    ends = {f"start_{axis}": starts[:, i] for i, axis in enumerate(POSITION)}
+    ends |= {f"goal_{axis}": goals[:, i] for i, axis in enumerate(POSITION)}
+    return frame.with_columns(**{name: pl.Series(values) for name, values in ends.items()})
+
+
+def alternating(way: Array, pillars: Array) -> float | None:
+    """Share of the pillars passed that were passed on the other side than the one before.
+
+    Args:
+        way: Positions along a flight (K, 3), NED [m].
+        pillars: Axes of the pillars (P, 2) along north or south, NaN where there is none.
+
+    Returns:
+        1 where it weaves through all, 0 where it goes round them; None where fewer than two are passed.
+    """
+    standing = pillars[np.isfinite(pillars).all(axis=1)]
+    sides = []
+    for north, east in standing[np.argsort(standing[:, 0])]:
+        ahead = way[:, 0] > north
+        crossed = np.flatnonzero(ahead[1:] != ahead[:-1])
+        if len(crossed):
+            sides.append(way[crossed[-1], 1] > east)
+    return float(np.mean(np.diff(sides))) if len(sides) > 1 else None
 
 
 class Flight(NamedTuple):
@@ -116,7 +150,8 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
     Returns:
         `episodes`; `success` with `success_low`, `success_high` (Wilson, 95 %); shares of `collision` and
         `diverged`; means of `reward`, `energy` and `overspeed`; `time_to_goal`, median of those that arrived,
-        None where none did.
+        None where none did; `cross_track`, r.m.s. over episodes, and mean `alternating`, None where no task
+        has them.
     """
     count = episodes.height
     arrived = episodes.filter(pl.col("outcome") == "success")
@@ -129,6 +164,8 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
         **{name: episodes["outcome"].eq(name).mean() for name in ("collision", "diverged")},
         "time_to_goal": arrived["duration"].median(),
         **{name: episodes[name].mean() for name in ("reward", "energy", "overspeed")},
+        "cross_track": episodes.select(pl.col("cross_track").pow(2).mean().sqrt()).item(),
+        "alternating": episodes["alternating"].mean(),
     }
 
 

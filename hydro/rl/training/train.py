@@ -20,7 +20,7 @@ from hydro.rl.environment.observation import ENCODING
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
 from hydro.rl.training.divergence import Watch
-from hydro.rl.training.evaluate import fly, summary
+from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.sac import Learner, Losses
 
@@ -159,7 +159,7 @@ class Training:
         with self._part("evaluating"):
             found = summary(fly(self._learner.best, fleet))
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
-        why = {"plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
+        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
         self.evaluations.append(who | why | found)
         if purpose == "curve":
             self.watch.evaluation(found["success"])
@@ -190,7 +190,9 @@ class Training:
         return {
             "curves": pl.DataFrame(self.curves, infer_schema_length=None, schema_overrides=_NUMBERS),
             "evaluations": pl.DataFrame(
-                self.evaluations, infer_schema_length=None, schema_overrides={"time_to_goal": pl.Float64}
+                self.evaluations,
+                infer_schema_length=None,
+                schema_overrides=dict.fromkeys(("time_to_goal", *RARE), pl.Float64),
             ),
         }
 
@@ -213,7 +215,9 @@ class Training:
         """Go on from the `state` of a training alike, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
-        self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])
+        lacking = {"flown_by": POLICY} | dict.fromkeys(RARE)  # in checkpoints of earlier versions
+        self.curves = list(state["curves"])
+        self.evaluations = [lacking | row for row in state["evaluations"]]
         self._observations = state["observations"]
         self._returns, self._losses = list(state["returns"]), list(state["losses"])
         self.curriculum.restore(state["curriculum"])

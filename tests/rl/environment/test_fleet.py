@@ -11,6 +11,7 @@ from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.config import Settings, Task
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
+from hydro.rl.environment.helmsman import helmsman
 
 
 def flown(subject, steps, seed=0):
@@ -239,21 +240,12 @@ def test_a_vehicle_without_some_axis_ignores_its_demand():
     assert (subject.plant.thrust == 0.0).all()
 
 
-def pilot(seen):
-    """Demands of a helmsman without learning: at the target, bow first, slower when near, and level."""
-    way, velocity, rates, down = seen[:, :3], seen[:, 3:6], seen[:, 6:9], seen[:, 13:16] / 9.81
-    away = np.linalg.norm(way, axis=1, keepdims=True)
-    thrust = 2.0 * (way / away * np.minimum(1.6, 0.7 * away) - velocity)
-    turn = np.column_stack([-down[:, 1], down[:, 0], np.arctan2(way[:, 1], way[:, 0])])
-    return np.hstack([thrust, turn - 0.8 * rates])
-
-
 def arrivals(subject):
     """Share of a fleet's first episodes that the helmsman ends at the goal."""
     seen, success = subject.reset(), np.zeros(subject.count, dtype=bool)
     going = ~success
     while going.any():
-        step = subject.step(pilot(seen.astype(float)), renew=False)
+        step = subject.step(helmsman(seen), renew=False)
         seen, success = step.obs, success | (going & step.info.success)
         going &= ~(step.terminated | step.truncated)
     return success.mean()
