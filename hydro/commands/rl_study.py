@@ -42,9 +42,9 @@ def study(
 
     Conditions: R_0 without water forces, R_MLP and R_PhysFeat with residual networks, R_effects with the
     vehicle file's effects. Each training goes through the curriculum and is then tested in the student and
-    in the teacher on the same tasks, which a pilot by hand flies besides. Every step is an ordinary command, printed as it runs; seeds come
-    before conditions, so that a study that is stopped has something of each. One that was interrupted goes
-    on where it stopped, inside a training too.
+    in the teacher on the same tasks, which a pilot by hand flies besides. Every step is an ordinary command,
+    printed as it runs; seeds come before conditions, so that a study that is stopped has something of each.
+    One that was interrupted goes on where it stopped, inside a training too.
 
     DIR gets a folder per training, tests.parquet with all tests and curves.png. What is not run, for want of
     a model, is said.
@@ -67,8 +67,8 @@ def study(
     ran = runner(context, output, workers).run(plan, workers)
     message(f"{ran} of {len(plan)} steps run, the others were done")
     shown = policies.summarise(runs, output).select(
-        "condition", "flown_by", "seed", "steps", "plant", "stage", "pillars", "success", "success_low", "success_high",
-        "collision", "time_to_goal", "energy",
+        "condition", "flown_by", "seed", "steps", "plant", "stage", "pillars",
+        "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
     )  # fmt: skip
     print_table(shown, "Flown without exploration, with 95 % intervals")
     for name in left:

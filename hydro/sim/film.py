@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -43,6 +43,20 @@ class Flown:
     period: float
 
 
+class Room(NamedTuple):
+    """A tank to look at.
+
+    Attributes:
+        size: Length, width and depth [m].
+        pillars: How many there may be.
+        radius: Theirs [m].
+    """
+
+    size: tuple[float, float, float]
+    pillars: int
+    radius: float
+
+
 def film(
     vehicle: Vehicle,
     flown: Flown,
@@ -72,36 +86,66 @@ def film(
         raise UsageError(
             "films need the extra `video`: pip install 'deep-hydro-sim[video]', or name a .png"
         ) from error
-    model = scene.tank(vehicle, size, pillars=len(flown.pillars), radius=radius, folder=folder)
-    model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
-    model.stat.extent = max(size)  # pillars that are put away are far; what is near would be clipped
-    model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.4, 0.6
-    try:
-        renderer = mujoco.Renderer(model, height=SIZE[1], width=SIZE[0])
-    except Exception as error:  # whatever the platform's OpenGL raises
-        raise UsageError(
-            "MuJoCo finds no OpenGL to render with: set MUJOCO_GL=egl or osmesa, or name a .png"
-        ) from error
     films: Any = imageio
-    with renderer, films.get_writer(output, fps=round(1.0 / flown.period), macro_block_size=8) as writer:
-        for frame in _frames(model, renderer, flown):
-            writer.append_data(frame)
+    room = Room(size, len(flown.pillars), radius)
+    with (
+        closing(Camera(vehicle, room, folder=folder)) as camera,
+        films.get_writer(output, fps=round(1.0 / flown.period), macro_block_size=8) as writer,
+    ):
+        for pose, target in zip(flown.pose, flown.targets, strict=True):
+            writer.append_data(camera.picture(pose, flown.pillars, target))
 
 
-def _frames(model: mujoco.MjModel, renderer: Any, flown: Flown) -> Iterator[NDArray[np.uint8]]:
-    """One picture per pose, from a camera that follows."""
-    data = mujoco.MjData(model)
-    camera = mujoco.MjvCamera()
-    camera.distance, camera.elevation = DISTANCE, ELEVATION
-    camera.azimuth = bow(flown.pose[0])
-    for now, target in zip(flown.pose, flown.targets, strict=True):
-        data.qpos[:], data.qvel[:] = states.coordinates(now, np.zeros(6))
-        scene.place(model, data, flown.pillars, target)
-        mujoco.mj_forward(model, data)
-        camera.lookat[:] = data.qpos[:3]
-        camera.azimuth += SWING * np.degrees(wrapped(np.radians(bow(now) - camera.azimuth)))
-        renderer.update_scene(data, camera)
-        yield renderer.render()
+class Camera:
+    """Follows a vehicle in a tank, from behind and above."""
+
+    def __init__(self, vehicle: Vehicle, room: Room, *, folder: Path | None = None) -> None:
+        """Set the tank up, and what renders it.
+
+        Args:
+            vehicle: The vehicle file.
+            room: The tank and its pillars.
+            folder: Folder of the vehicle file, where a hull mesh is looked for.
+
+        Raises:
+            UsageError: There is nothing to render with.
+        """
+        model = scene.tank(vehicle, room.size, pillars=room.pillars, radius=room.radius, folder=folder)
+        model.vis.global_.offwidth, model.vis.global_.offheight = SIZE
+        model.stat.extent = max(room.size)  # pillars put away are far; what is near would be clipped
+        model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.4, 0.6
+        try:
+            self._renderer: Any = mujoco.Renderer(model, height=SIZE[1], width=SIZE[0])
+        except Exception as error:  # whatever the platform's OpenGL raises
+            raise UsageError(
+                "MuJoCo finds no OpenGL to render with: set MUJOCO_GL=egl or osmesa, or name a .png"
+            ) from error
+        self._model, self._data, self._view = model, mujoco.MjData(model), mujoco.MjvCamera()
+        self._view.distance, self._view.elevation = DISTANCE, ELEVATION
+        self._follows = False
+
+    def picture(self, pose: Array, pillars: Array, target: Array) -> NDArray[np.uint8]:
+        """What it sees now, (height, width, 3).
+
+        Args:
+            pose: x y z, NED [m], and the quaternion (w, x, y, z) from FRD to NED, (7,).
+            pillars: Axes (P, 2), NED [m], at most as many as the room has.
+            target: What the vehicle swims to (3,), NED [m].
+        """
+        data, view = self._data, self._view
+        data.qpos[:], data.qvel[:] = states.coordinates(pose, np.zeros(6))
+        scene.place(self._model, data, pillars, target)
+        mujoco.mj_forward(self._model, data)
+        view.lookat[:] = data.qpos[:3]
+        swing = SWING if self._follows else 1.0
+        view.azimuth += swing * np.degrees(wrapped(np.radians(bow(pose) - view.azimuth)))
+        self._follows = True
+        self._renderer.update_scene(data, view)
+        return np.asarray(self._renderer.render(), dtype=np.uint8)
+
+    def close(self) -> None:
+        """Give the renderer back."""
+        self._renderer.close()
 
 
 def bow(pose: Array) -> float:

@@ -113,8 +113,9 @@ def _of_a_run(study: Study, run: Run) -> Iterator[Step]:
     line = ("rl", "train", str(study.vehicle), *which, *options, "-o", str(run.folder))
     yield Step(line, reads, run.files)
     for simulator in SIMULATORS:
-        flown = ("rl", "eval", str(run.folder), "--in", simulator, "--episodes", str(study.episodes))
-        flown += () if run.seed == 0 else ("--no-pilot",)  # one pilot stands for all seeds of a condition
+        # one pilot stands for all seeds of a condition
+        alone = () if run.seed == 0 else ("--no-pilot",)
+        flown = ("rl", "eval", str(run.folder), "--in", simulator, "--episodes", str(study.episodes), *alone)
         tested = run.tested(simulator)
         yield Step((*flown, "-o", str(tested)), (run.folder / "policy.parquet",), (tested,))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -27,7 +27,10 @@ from hydro.rl.environment import conditions, tasks
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet, Guidance, Info
-from hydro.rl.environment.observation import bounds
+from hydro.rl.environment.observation import ENCODING, bounds
+
+if TYPE_CHECKING:
+    from hydro.sim.film import Camera
 
 VEHICLE = "auv151"
 """The vehicle of the reference paper."""
@@ -107,13 +110,24 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     `info` holds the entries of `fleet.Info`; observations are described in `rl.environment.observation`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
 
-    def __init__(self, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
-        """Take the fields of `FleetConfig`; `reset` seeds."""
+    def __init__(
+        self, stage: int = tasks.POINT_TO_POINT, *, render_mode: str | None = None, **choices: Any
+    ) -> None:
+        """Take the fields of `FleetConfig`; `reset` seeds.
+
+        Raises:
+            UsageError: There is no such way to render.
+        """
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UsageError(f"render_mode {render_mode!r}: choose 'rgb_array', or none")
+        self.render_mode, self._choices = render_mode, choices | {"stage": stage}
         self.fleet = make_fleet(FleetConfig(stage, **choices))
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.fleet.settings.period)}
         self.observation_space, self.action_space = _spaces(self.fleet.settings)
         self._begun = False
+        self._camera: Camera | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -136,16 +150,64 @@ class Single(gymnasium.Env):  # type: ignore[misc]
             info,
         )
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """The vehicle in its tank, from behind and above (height, width, 3); None without `render_mode`.
+
+        Raises:
+            UsageError: There is nothing to render with.
+        """
+        if self.render_mode is None:
+            return super().render()  # type: ignore[no-any-return]
+        from hydro.sim.film import Camera, Room
+
+        fleet, world = self.fleet, self.fleet.settings.world
+        if self._camera is None:
+            room = Room((world.length, world.width, world.depth), world.pillars, world.pillar_radius)
+            self._camera = Camera(fleet.plant.vehicle, room)
+        standing = fleet.pillars[0][np.isfinite(fleet.pillars[0]).all(axis=1)]
+        return self._camera.picture(fleet.plant.pose[0], standing, fleet.targets[0])
+
+    def close(self) -> None:
+        """Give the camera back."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as how it was made and where it stands: a copy goes on with the same bits."""
+        made = _Made(Single, self._choices | {"render_mode": self.render_mode})
+        return made, (), (self._begun, self._np_random, self._np_random_seed, self.fleet.state())
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Go on from where a pickled one stood."""
+        self._begun, self._np_random, self._np_random_seed, fleet = state
+        self.fleet.restore(fleet)
+
 
 class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
-    """Many vehicles; those whose episode ends begin their next one in the same step."""
+    """Many vehicles, which begin their next episode as `autoreset_mode` says.
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    In the same step in which the last one ends, as by default; in the next, whose action is then not heeded
+    and whose reward is 0; or, where it is disabled, when `reset` is told by its `reset_mask`.
+    """
 
-    def __init__(self, num_envs: int = 8, stage: int = tasks.POINT_TO_POINT, **choices: Any) -> None:
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 8,
+        stage: int = tasks.POINT_TO_POINT,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **choices: Any,
+    ) -> None:
         """Take the fields of `FleetConfig`; `reset` seeds."""
+        self._mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         self.fleet = make_fleet(FleetConfig(stage, **choices), count=num_envs)
         self.num_envs = num_envs
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._choices = choices | {"stage": stage, "num_envs": num_envs, "autoreset_mode": self._mode.value}
         self.single_observation_space, self.single_action_space = _spaces(self.fleet.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -166,19 +228,69 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         anew = seed is not None or not self._begun
         self._begun = True
         fresh = _draw(self.np_random) if anew else None
-        return self.fleet.reset(None if mask is None else np.asarray(mask, dtype=np.bool_), fresh), {}
+        which = np.ones(self.num_envs, np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
+        self._ended[which] = False
+        return self.fleet.reset(which, fresh), {}
 
     def step(
         self, actions: ArrayLike
     ) -> tuple[Array32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fly one control step; where episodes end, `info` has their `final_obs` and `final_info`."""
-        step = self.fleet.step(actions)
+        """Fly one control step.
+
+        Where episodes begin anew in the step that ends the last, `info` has their `final_obs` and
+        `final_info`.
+        """
+        same, before = self._mode is AutoresetMode.SAME_STEP, self._ended
+        step = self.fleet.step(actions, renew=same)
         info: dict[str, Any] = dict(step.info._asdict())
-        ended = step.terminated | step.truncated
-        if ended.any():
-            info |= {"final_obs": step.final_obs, "_final_obs": ended}
-            info |= {"final_info": dict(step.info._asdict()), "_final_info": ended}
-        return step.obs, step.reward.astype(np.float64), step.terminated, step.truncated, info
+        self._ended = step.terminated | step.truncated
+        if same and self._ended.any():
+            info |= {"final_obs": step.final_obs, "_final_obs": self._ended}
+            info |= {"final_info": dict(step.info._asdict()), "_final_info": self._ended}
+        seen, reward = step.obs, step.reward.astype(np.float64)
+        if self._mode is AutoresetMode.NEXT_STEP and before.any():
+            seen, reward[before] = self.fleet.reset(before), 0.0
+            for flags in (step.terminated, step.truncated, self._ended):
+                flags[before] = False
+        return seen, reward, step.terminated, step.truncated, info
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as `Single` is."""
+        where = (self._begun, self._np_random, self._np_random_seed, self._ended, self.fleet.state())
+        return _Made(Vector, self._choices), (), where
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Go on from where a pickled one stood."""
+        self._begun, self._np_random, self._np_random_seed, self._ended, fleet = state
+        self.fleet.restore(fleet)
+
+
+class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
+    """Observations as the policies of `hydro rl` are given them: of size one, ranges as how near they are.
+
+    For learners that do not scale what they see, see `rl.environment.encoding`.
+    """
+
+    def __init__(self, env: gymnasium.Env) -> None:
+        """Wrap an environment of one vehicle."""
+        super().__init__(env)
+        space = env.observation_space
+        ends = np.sort([ENCODING(space.low.copy()), ENCODING(space.high.copy())], axis=0)
+        self.observation_space = spaces.Box(*ends, dtype=np.float32)
+
+    def observation(self, observation: Array32) -> Array32:
+        """What a network is given of it."""
+        return ENCODING(observation)
+
+
+class _Made:
+    """Makes an environment with some choices: what can be pickled of a constructor with keywords."""
+
+    def __init__(self, kind: type, choices: dict[str, Any]) -> None:
+        self._kind, self._choices = kind, choices
+
+    def __call__(self) -> Any:
+        return self._kind(**self._choices)
 
 
 def _draw(rng: np.random.Generator) -> int:

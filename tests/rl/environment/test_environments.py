@@ -1,5 +1,7 @@
 """The environments as their users know them: Gymnasium, its vector interface, TorchRL, Stable-Baselines3."""
 
+import os
+import pickle
 import subprocess
 import sys
 import warnings
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
 from stable_baselines3 import SAC
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from torchrl.envs.utils import check_env_specs
@@ -16,7 +19,8 @@ from torchrl.envs.utils import check_env_specs
 import hydro.rl  # noqa: F401  registers the environments
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.config import Settings, Task
-from hydro.rl.environment.environments import FleetConfig, make_fleet
+from hydro.rl.environment.environments import Encoded, FleetConfig, Single, make_fleet
+from hydro.rl.environment.observation import ENCODING
 from hydro.rl.environment.torch_env import FleetEnv
 
 SHORT = Settings(task=Task(steps=20))
@@ -67,6 +71,88 @@ def test_a_vector_of_vehicles():
         envs.reset(seed=[1, 2, 3])
 
 
+def test_ids_are_found_without_an_import():
+    """Gymnasium imports what stands before a colon."""
+    code = "import gymnasium; gymnasium.make('hydro.rl:hydro/PointToPoint-v0').reset(seed=1)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def flown(envs, steps=25):
+    """What a vector of vehicles that stand still comes to, step by step."""
+    envs.reset(seed=1)
+    return [envs.step(np.zeros((2, 6))) for _ in range(steps)]
+
+
+def test_the_next_episode_begins_in_the_next_step():
+    next_step = flown(vectors("NextStep"))
+    ends = [bool(truncated.all()) for _, _, _, truncated, _ in next_step]
+    assert ends == [step == 19 for step in range(25)]
+    last, first = next_step[19], next_step[20]
+    assert (last[0][:, :3] != first[0][:, :3]).any()  # another goal
+    assert (first[1] == 0.0).all()
+    assert (next_step[21][4]["episode_length"] == 1).all()
+    assert "final_obs" not in last[4]
+
+
+def test_without_autoreset_an_episode_waits_for_its_reset():
+    envs = vectors("Disabled")
+    ended = flown(envs, 20)[-1]
+    assert ended[3].all()
+    seen, _ = envs.reset(options={"reset_mask": np.array([True, False])})
+    np.testing.assert_array_equal(seen[1], ended[0][1])
+    assert (seen[0, :3] != ended[0][0, :3]).any()
+
+
+def vectors(mode):
+    envs = gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=2, settings=SHORT, autoreset_mode=mode)
+    assert envs.metadata["autoreset_mode"] == AutoresetMode(mode)
+    return envs
+
+
+def test_a_pickled_environment_goes_on_with_the_same_bits():
+    env = gymnasium.make("hydro/Guided-v0", level=3, condition="R_0").unwrapped
+    many = gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=2, settings=SHORT).unwrapped
+    env.reset(seed=3)
+    many.reset(seed=3)
+    for _ in range(5):
+        env.step(np.full(6, 0.3))
+        many.step(np.full((2, 6), 0.3))
+    for one, actions in ((env, np.full(6, 0.2)), (many, np.full((2, 6), 0.2))):
+        other = pickle.loads(pickle.dumps(one))
+        for _ in range(20):
+            seen, again = one.step(actions), other.step(actions)
+            np.testing.assert_array_equal(seen[0], again[0])
+            np.testing.assert_array_equal(seen[1], again[1])
+        np.testing.assert_array_equal(one.reset()[0], other.reset()[0])
+
+
+def test_observations_may_be_encoded_as_the_policies_are_given_them():
+    env = Encoded(gymnasium.make("hydro/Slalom-v0", level=3))
+    plain = gymnasium.make("hydro/Slalom-v0", level=3)
+    seen, raw = env.reset(seed=2)[0], plain.reset(seed=2)[0]
+    assert env.observation_space.contains(seen)
+    np.testing.assert_array_equal(seen, ENCODING(raw))
+    for _ in range(30):
+        seen, *_ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(seen)
+
+
+@pytest.mark.skipif("MUJOCO_GL" not in os.environ, reason="pictures need MUJOCO_GL")
+def test_a_picture_shows_the_vehicle():
+    env = gymnasium.make("hydro/Slalom-v0", render_mode="rgb_array")
+    env.reset(seed=1)
+    picture = env.render()
+    assert picture.shape == (360, 640, 3)
+    red, green, blue = picture[180, 320].astype(int)
+    assert min(red, green) > 2 * blue, "the middle of the picture is the yellow hull"
+    env.close()
+
+
+def test_another_way_to_render_is_refused():
+    with pytest.raises(UsageError, match="rgb_array"):
+        Single(render_mode="human")
+
+
 def test_torchrls_checker_is_content():
     check_env_specs(FleetEnv(make_fleet(FleetConfig(settings=SHORT), count=3)))
 
@@ -85,7 +171,7 @@ def test_torchrl_resets_the_vehicles_whose_episode_has_ended():
 
 
 def test_stable_baselines3_trains_on_it():
-    env = gymnasium.make("hydro/PointToPoint-v0")
+    env = Encoded(gymnasium.make("hydro/PointToPoint-v0"))
     check_for_sb3(env, skip_render_check=True)
     agent = SAC(
         "MlpPolicy",
