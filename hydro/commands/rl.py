@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -64,6 +64,10 @@ Start = Annotated[
         help="Begin with what another training has learnt, under whatever physics; not with its levels.",
     ),
 ]
+Recipe = Annotated[
+    Literal["paper", "demos"],
+    typer.Option(help="Choices that go together: as in the paper, or begun with what a pilot by hand does."),
+]
 Choices = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
@@ -79,6 +83,7 @@ def train(
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
     steps: Steps = 500_000,
     start: Start = None,
+    recipe: Recipe = "paper",
     choices: Choices = None,
 ) -> None:
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
@@ -88,12 +93,18 @@ def train(
     without exploration, of which 97 % pass a level (curriculum.share). Training ends with the last level or
     with the steps.
 
+    With --recipe demos a pilot by hand, who has the map, flies each level first. The policy is made to do as
+    he does, is examined at once and every 10,000 steps, and keeps his flights in half of every batch, with
+    critics whose layers are normalised: a level that he masters is passed in seconds.
+
     DIR gets run.parquet with every choice, curves.parquet, evaluations.parquet and policy.parquet, written
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
     bits as if it never had; with more --steps, --stages or another curriculum it goes on beyond. With --start
     a policy that has learnt under one condition learns on under another, from the first level.
     """
-    given = _Given(vehicle, output, condition, model, seed, stages, steps, start, tuple(choices or ()))
+    given = _Given(
+        vehicle, output, condition, model, seed, stages, steps, start, recipe, tuple(choices or ())
+    )
     _train(given)
 
 
@@ -109,6 +120,7 @@ class _Given:
     stages: int
     steps: int
     start: Path | None
+    recipe: str
     choices: tuple[str, ...]
 
 
@@ -146,14 +158,16 @@ def _train(given: _Given) -> None:
 
 def _config(given: _Given) -> TrainingConfig:
     """All choices of a training; a line on stderr for each under the name of an earlier version."""
-    from hydro.rl.training.config import Curriculum, TrainingConfig
+    from hydro.rl.training.config import RECIPES
     from hydro.rl.training.runs import changed, current_name
 
-    config = TrainingConfig(
+    recipe = RECIPES[given.recipe]
+    config = replace(
+        recipe,
         condition=given.condition,
         seed=given.seed,
         steps=given.steps,
-        curriculum=Curriculum(last=given.stages),
+        curriculum=replace(recipe.curriculum, last=given.stages),
     )
     choices = dict(_choice(one) for one in given.choices)
     for name in choices:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -18,6 +18,9 @@ Models = Annotated[
 ]
 Conditions = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Only this condition; repeat for several.")
+]
+Recipe = Annotated[
+    Literal["paper", "demos"], typer.Option(help="Of every training, see `hydro rl train --help`.")
 ]
 Choices = Annotated[
     list[str] | None,
@@ -36,6 +39,7 @@ def study(
     steps: Annotated[int, typer.Option(min=1, help="Steps of each training at most.")] = 2_000_000,
     episodes: Annotated[int, typer.Option(min=1, help="Tasks of each test.")] = 200,
     workers: Annotated[int, typer.Option(min=1, help="Steps side by side, each a process.")] = 1,
+    recipe: Recipe = "paper",
     choices: Choices = None,
 ) -> None:
     """Train every condition with several seeds, fly every policy in both simulators, and compare.
@@ -60,6 +64,7 @@ def study(
         stages=stages,
         steps=steps,
         episodes=episodes,
+        recipe=recipe,
         choices=tuple(choices or ()),
     )
     runs, left = policies.runs(known)

@@ -49,6 +49,7 @@ class Study:
         stages: Last stage of the curriculum.
         steps: Of each training at most.
         episodes: Tasks of each test.
+        recipe: Of every training.
         choices: Other choices of every training, as `NAME=VALUE`.
     """
 
@@ -60,6 +61,7 @@ class Study:
     stages: int = 3
     steps: int = 2_000_000
     episodes: int = 200
+    recipe: str = "paper"
     choices: tuple[str, ...] = ()
 
 
@@ -107,7 +109,7 @@ def _of_a_run(study: Study, run: Run) -> Iterator[Step]:
     """Training and tests of one run."""
     given = () if run.model is None else ("--model", str(run.model))
     which = ("--condition", run.condition, *given, "--seed", str(run.seed))
-    options = ["--stages", str(study.stages), "--steps", str(study.steps)]
+    options = ["--stages", str(study.stages), "--steps", str(study.steps), "--recipe", study.recipe]
     options += [word for one in study.choices for word in ("--set", one)]
     reads = (study.vehicle,) if run.model is None else (study.vehicle, run.model)
     line = ("rl", "train", str(study.vehicle), *which, *options, "-o", str(run.folder))

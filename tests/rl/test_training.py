@@ -15,7 +15,8 @@ from hydro.io import vehicle as vehicles
 from hydro.rl.environment.config import Settings, Task
 from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.training.build import Builder
-from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
+from hydro.rl.training.config import RECIPES, Curriculum, SACConfig, TrainingConfig
+from hydro.rl.training.demonstrations import demonstrations
 from hydro.rl.training.evaluate import alternating, fly, interval, summary, trace
 from hydro.rl.training.runs import Folder, changed, config_of, policy_of, run_artefact
 from hydro.rl.training.train import Training
@@ -54,9 +55,10 @@ def train(path, config, auv151, evaluations=1000):
     return training
 
 
-def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151):
+@pytest.mark.parametrize("shown", [{}, {"demonstrations": 3, "clone": 5}], ids=["alone", "shown"])
+def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151, shown):
     """More steps than memory holds, so that it has been overwritten when the kill comes."""
-    config = replace(QUICK, steps=480)
+    config = replace(QUICK, steps=480, **shown)
     train(tmp_path / "straight", config, auv151)
     killed = train(tmp_path / "broken", config, auv151, evaluations=4)
     killed.advance()  # not saved: this is what the kill takes away
@@ -122,6 +124,37 @@ def test_the_curriculum_is_passed_to_its_end(tmp_path, auv151):
     exams = evaluations.filter(purpose="exam")
     assert exams.select("stage", "pillars").rows() == [(1, 0), (2, 0), (2, 8), (3, 8)]
     assert (exams["success"] == 1.0).all()
+
+
+def test_a_pilot_shows_the_way_past_pillars_that_the_policy_does_not_see_on_a_map(auv151):
+    """In stage 2 what is seen has the goal for its target, and yet he arrives."""
+    fleet = Builder(TrainingConfig(), auv151[0])(4, 5)
+    fleet.set_level(2, 8)
+    steps = list(demonstrations(fleet))
+    assert len(steps) == 500
+    ended = np.array([step.ended for step in steps])
+    arrived = np.array([step.rewards for step in steps]) > 10.0
+    assert arrived.sum() >= 0.9 * ended.sum() > 0
+    first = steps[0].observations[:, :3]
+    np.testing.assert_allclose(np.linalg.norm(first, axis=1), 19.0, atol=2.0)  # the slalom is 19 m long
+
+
+def test_what_a_pilot_shows_may_pass_a_level_without_learning(tmp_path, auv151):
+    levels = Curriculum(last=2, pillars=(0,), window=4, share=0.5)
+    config = replace(
+        RECIPES["demos"], demonstrations=8, clone=800, steps=80, curriculum=levels, record=80, evaluate=80
+    )
+    training = train(tmp_path, replace(config, settings=Settings()), auv151)
+    assert training.curriculum.passed == [(1, 0), (2, 0)]
+    assert training.steps == 0
+    assert (Folder(tmp_path).evaluations().frame["steps"] == 0).all()
+
+
+def test_examinations_may_come_by_a_schedule(tmp_path, auv151):
+    levels = Curriculum(examine=120, window=4)
+    train(tmp_path, replace(QUICK, steps=400, curriculum=levels), auv151)
+    exams = Folder(tmp_path).evaluations().frame.filter(purpose="exam")
+    assert exams["steps"].to_list() == [120, 240, 360]
 
 
 def test_tables_say_where_they_come_from(tmp_path, auv151):

@@ -12,6 +12,13 @@ from hydro.rl.environment.config import Settings
 from hydro.rl.environment.tasks import STAGES
 
 
+def _counted(counts: Mapping[str, int]) -> None:
+    """Refuse a number of things that is below 1."""
+    for name, count in counts.items():
+        if count < 1:
+            raise UsageError(f"{name} is {count}; give 1 or more")
+
+
 @dataclass(frozen=True)
 class SACConfig:
     """What SAC is run with; the paper's where it says (IV-C).
@@ -28,7 +35,10 @@ class SACConfig:
         target_entropy: Of the policy, in nats.
         temperature: First alpha. From 1, it takes 13,000 updates at this rate to come down to where a step's
             reward weighs as much as its entropy.
+        norm: Whether the critics' hidden layers are normalised (Ball et al. 2023): values of actions that
+            nobody has tried then stay within reach.
         batch: Transitions of an update.
+        demonstrated: Share of them from demonstrations, where there are any.
         capacity: Transitions that are kept.
         rate: Learning rate of actor, critics and temperature.
         random: Steps of all vehicles together that are flown at random before the policy flies.
@@ -42,7 +52,9 @@ class SACConfig:
     average: float = 0.001
     target_entropy: float = -6.0
     temperature: float = 0.05
+    norm: bool = False
     batch: int = 512
+    demonstrated: float = 0.5
     capacity: int = 1_000_000
     rate: float = 3e-4
     random: int = 5_000
@@ -59,6 +71,8 @@ class SACConfig:
         for name in ("discount", "tau", "average"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a share above 0, at most 1")
+        if not 0.0 <= self.demonstrated <= 1.0:
+            raise UsageError(f"sac.demonstrated is {self.demonstrated:g}; give a share within 0 and 1")
         for name in ("temperature", "rate"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise UsageError(f"sac.{name} is {getattr(self, name):g}; give a number above 0")
@@ -77,6 +91,8 @@ class Curriculum:
         ready: Share of the last episodes of training from which on they are flown; exploration itself makes
             a policy fail that would not by itself, the more the closer it passes by pillars.
         window: Episodes that both are taken of.
+        examine: Steps of all vehicles together from one examination to the next, whatever episodes of
+            training come to; 0: when these are `ready`.
     """
 
     last: int = 1
@@ -84,6 +100,7 @@ class Curriculum:
     share: float = 0.97
     ready: float = 0.9
     window: int = 150
+    examine: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what is no curriculum.
@@ -97,6 +114,8 @@ class Curriculum:
             raise UsageError("stage 2 needs at least one level, of 0 pillars or more")
         if not (0.0 < self.share <= 1.0 and 0.0 < self.ready <= 1.0) or self.window < 1:
             raise UsageError("the curriculum goes on at a share within 0 and 1 of at least one episode")
+        if self.examine < 0:
+            raise UsageError(f"curriculum.examine is {self.examine}; give a number of steps, or 0")
 
     @property
     def levels(self) -> tuple[tuple[int, int], ...]:
@@ -119,6 +138,9 @@ class TrainingConfig:
         evaluate: Steps from one evaluation, and one state kept, to the next.
         record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
         episodes: Of an evaluation.
+        demonstrations: Vehicles that a pilot by hand flies, for as long as an episode may last, before a
+            level is learnt; 0: none.
+        clone: Batches by which the policy is made to do as he did before it flies at a level.
         curriculum: When it goes on.
         sac: The learner.
         settings: The environment.
@@ -133,6 +155,8 @@ class TrainingConfig:
     evaluate: int = 20_000
     record: int = 4_000
     episodes: int = 50
+    demonstrations: int = 0
+    clone: int = 0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
     settings: Settings = field(default_factory=Settings)
@@ -147,6 +171,10 @@ class TrainingConfig:
         seeds.check(self.seed)
         counts = ("steps", "vehicles", "threads", "evaluate", "record", "episodes")
         _counted({name: getattr(self, name) for name in counts})
+        if self.demonstrations < 0 or self.clone < 0:
+            raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
+        if self.clone and not self.demonstrations:
+            raise UsageError("there is nothing to clone without demonstrations; give some")
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
@@ -154,8 +182,13 @@ class TrainingConfig:
             )
 
 
-def _counted(counts: Mapping[str, int]) -> None:
-    """Refuse a number of things that is below 1."""
-    for name, count in counts.items():
-        if count < 1:
-            raise UsageError(f"{name} is {count}; give 1 or more")
+RECIPES = {
+    "paper": TrainingConfig(),
+    "demos": TrainingConfig(
+        demonstrations=40,
+        clone=3_000,
+        curriculum=Curriculum(examine=10_000),
+        sac=SACConfig(layers=(128, 128), norm=True, batch=256, random=0),
+    ),
+}
+"""Choices that go together: soft actor-critic as in the paper, and begun with what a pilot by hand does."""

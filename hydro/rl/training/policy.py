@@ -17,10 +17,12 @@ from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
 
 
-def layers(inputs: int, outputs: int, widths: tuple[int, ...]) -> nn.Module:
-    """Linear layers with ReLU between them."""
+def layers(inputs: int, outputs: int, widths: tuple[int, ...], *, norm: bool = False) -> nn.Module:
+    """Linear layers with ReLU between them, behind layer normalisation where that is wanted."""
+    shapes = [{"normalized_shape": width} for width in widths]
+    normed = {"norm_class": nn.LayerNorm, "norm_kwargs": shapes} if norm else {}
     made: nn.Module = MLP(
-        in_features=inputs, out_features=outputs, num_cells=list(widths), activation_class=nn.ReLU
+        in_features=inputs, out_features=outputs, num_cells=list(widths), activation_class=nn.ReLU, **normed
     )
     return made
 

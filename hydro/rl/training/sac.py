@@ -9,7 +9,7 @@ both critics in one pass, and no gradient that nobody asks for.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +32,11 @@ from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
 
 torchrl_logger.setLevel("WARNING")
+
+CLONING = 1e-3
+"""Learning rate of `Learner.clone`."""
+SPREAD = 0.2
+"""Scale of the normal under the tanh of a policy that was cloned."""
 
 
 class Losses(NamedTuple):
@@ -85,7 +90,8 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
             return_log_prob=True,
         )
         critic = ValueOperator(
-            layers(observations + actions, 1, config.layers), in_keys=["observation", "action"]
+            layers(observations + actions, 1, config.layers, norm=config.norm),
+            in_keys=["observation", "action"],
         )
         super().__init__(
             actor,
@@ -142,7 +148,8 @@ def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Te
     """Both critics' values (2, B).
 
     Args:
-        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last.
+        weights: Weight (2, out, in) and bias (2, out) of every layer, first to last; of a normalisation
+            behind one, (2, out) both.
         observations: (B, O).
         actions: (B, A).
     """
@@ -150,8 +157,11 @@ def twin(weights: Sequence[Tensor], observations: Tensor, actions: Tensor) -> Te
     both = functional.linear(torch.cat([observations, actions], -1), first.flatten(0, 1), bias.flatten())
     layers = list(both.chunk(2, -1))
     for weight, offset in zip(deeper[::2], deeper[1::2], strict=True):
-        parts = zip(layers, weight.unbind(0), offset.unbind(0), strict=True)
-        layers = [functional.linear(layer.relu(), *part) for layer, *part in parts]
+        parts = list(zip(layers, weight.unbind(0), offset.unbind(0), strict=True))
+        if weight.dim() == 2:
+            layers = [functional.layer_norm(layer, layer.shape[-1:], w, b) for layer, w, b in parts]
+        else:
+            layers = [functional.linear(layer.relu(), w, b) for layer, w, b in parts]
     return torch.stack([layer.squeeze(-1) for layer in layers])
 
 
@@ -182,17 +192,16 @@ class Learner:
             follow = get_ema_multi_avg_fn(1.0 - config.average)  # type: ignore[no-untyped-call]
             self._average = AveragedModel(self.network, multi_avg_fn=follow)
         self._optimiser = torch.optim.Adam(self.loss.parameters(), config.rate, fused=True)
-        self._replay = ReplayBuffer(
-            storage=LazyTensorStorage(config.capacity),
-            batch_size=config.batch,
-            generator=self._generators["batches"],
+        self._replay, self._shown = (
+            ReplayBuffer(storage=LazyTensorStorage(config.capacity), generator=self._generators["batches"])
+            for _ in range(2)
         )
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
     def ready(self) -> bool:
         """Whether there is something to learn from."""
-        return len(self._replay) > 0
+        return len(self._replay) + len(self._shown) > 0
 
     @torch.no_grad()
     def act(self, observations: Array32) -> Array32:
@@ -233,10 +242,32 @@ class Learner:
         once, ended = np.ones(len(rewards), dtype=np.int64), terminated | truncated
         step = Transition(observations, actions, rewards, terminated, ended, following, once)
         if (made := self._horizon.add(step)) is not None:
-            self._keep(made)
+            self._keep(made, self._replay)
 
-    def _keep(self, made: Transition) -> None:
-        """Put transitions into the memory, under TorchRL's names."""
+    def watch(self, steps: Iterable[Transition]) -> None:
+        """Keep what somebody else has done, step by step of N vehicles, apart from what the policy does."""
+        horizon = Horizon(self.config.horizon, self.config.discount)
+        for step in steps:
+            if (made := horizon.add(step)) is not None:
+                self._keep(made, self._shown)
+
+    def clone(self, batches: int) -> None:
+        """Make the policy, and its average, do as was shown: least squares over so many batches.
+
+        What it explores by is brought to SPREAD besides.
+        """
+        optimiser = torch.optim.Adam(self.network.parameters(), CLONING)
+        for _ in range(batches):
+            shown = self._shown.sample(self.config.batch)
+            mean, scale = self.network(shown["observation"])
+            error = (mean.tanh() - shown["action"]).square().mean() + (scale - SPREAD).square().mean()
+            optimiser.zero_grad()
+            error.backward()
+            optimiser.step()
+        self._average.module.load_state_dict(self.network.state_dict())
+
+    def _keep(self, made: Transition, memory: ReplayBuffer) -> None:
+        """Put transitions into a memory, under TorchRL's names."""
         rows = len(made.rewards)
         after = {
             "observation": torch.from_numpy(self._encoding(made.following)),
@@ -248,11 +279,19 @@ class Learner:
             "observation": torch.from_numpy(self._encoding(made.observations)),
             "action": torch.from_numpy(made.actions),
         }
-        self._replay.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
+        memory.extend(TensorDict(now | {"next": TensorDict(after, rows)}, rows))
+
+    def _batch(self) -> TensorDict:
+        """What is learnt from next: of what was shown and of what was done."""
+        share = self.config.demonstrated if len(self._replay) else 1.0
+        shown = round(share * self.config.batch) if len(self._shown) else 0
+        parts = [self._shown.sample(shown)] if shown else []
+        parts += [self._replay.sample(self.config.batch - shown)] if shown < self.config.batch else []
+        return torch.cat(parts) if len(parts) > 1 else parts[0]
 
     def update(self) -> Losses:
         """Learn from one batch; the losses before."""
-        losses = self.loss(self._replay.sample())
+        losses = self.loss(self._batch())
         self._optimiser.zero_grad()
         (losses.critic + losses.actor + losses.temperature).backward()
         self._optimiser.step()
@@ -268,21 +307,13 @@ class Learner:
             "average": self._average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "generators": {name: each.get_state() for name, each in self._generators.items()},
-            "transitions": self._transitions(),
+            "transitions": _transitions(self._replay),
             "writer": self._replay.writer.state_dict(),
+            "shown": _transitions(self._shown),
+            "shown_writer": self._shown.writer.state_dict(),
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
-
-    def _transitions(self) -> dict[str, Any]:
-        """What the memory holds; of one that is not full a copy, for a view is saved with all behind it."""
-        if not len(self._replay):
-            return {}
-        kept = self._replay[:]
-        if len(kept) < self._replay.storage.max_size:
-            kept = kept.clone()
-        transitions: dict[str, Any] = kept.flatten_keys(".").to_dict()
-        return transitions
 
     def begin_with(self, learnt: Mapping[str, Any]) -> None:
         """Take over what another learner has learnt, of its `state`: policy, critics, temperature.
@@ -302,13 +333,28 @@ class Learner:
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])
-        self._replay.empty()
-        if transitions := state["transitions"]:
-            rows = len(transitions["action"])
-            self._replay.extend(TensorDict(transitions, rows).unflatten_keys("."))
-        self._replay.writer.load_state_dict(state["writer"])
+        for memory, name, writer in (
+            (self._replay, "transitions", "writer"),
+            (self._shown, "shown", "shown_writer"),
+        ):
+            memory.empty()
+            if transitions := state[name]:
+                rows = len(transitions["action"])
+                memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
+            memory.writer.load_state_dict(state[writer])
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
         self.updates = state["updates"]
+
+
+def _transitions(memory: ReplayBuffer) -> dict[str, Any]:
+    """What a memory holds; of one that is not full a copy, for a view is saved with all behind it."""
+    if not len(memory):
+        return {}
+    kept = memory[:]
+    if len(kept) < memory.storage.max_size:
+        kept = kept.clone()
+    transitions: dict[str, Any] = kept.flatten_keys(".").to_dict()
+    return transitions
 
 
 def _leaves(parameters: Any) -> list[Tensor]:

@@ -19,6 +19,7 @@ from hydro.rl.environment.fleet import Fleet, Step
 from hydro.rl.environment.observation import ENCODING
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
+from hydro.rl.training.demonstrations import demonstrations
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
 from hydro.rl.training.policy import Policy
@@ -26,6 +27,8 @@ from hydro.rl.training.sac import Learner, Losses
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
 """Of the tasks of evaluations and of examinations: the same for every training."""
+SHOWN_SEED = 500_000
+"""Beyond its own, that of the tasks which a training is shown."""
 
 
 Build = Callable[[int, int], Fleet]
@@ -80,6 +83,7 @@ class Training:
         self._fleet = build(config.vehicles, config.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
+        self._shown = self._examined = 0
 
     @property
     def finished(self) -> bool:
@@ -95,8 +99,10 @@ class Training:
         if self.finished:
             return
         while True:
-            self._step()
-            if self.curriculum.ready:
+            self._learn_from_the_pilot()
+            if not self.curriculum.done:
+                self._step()
+            if not self.curriculum.done and self._due:
                 self._examine()
             if self.finished or self.steps % self.config.record == 0:
                 self._record()
@@ -105,6 +111,31 @@ class Training:
                 break
         if not self.watch.broken:
             self._evaluate("curve", self.config.episodes, CURVE_SEED)
+
+    def _learn_from_the_pilot(self) -> None:
+        """Watch a pilot by hand at a level that is new, do as he does, and be examined at once.
+
+        What is passed by that alone needs no learning, and the next level is begun likewise.
+        """
+        while self.config.demonstrations and self._shown == len(self.curriculum.passed):
+            if self.curriculum.done:
+                return
+            self._shown += 1
+            with self._part("flying"):
+                fleet = self._build(self.config.demonstrations, self.config.seed + SHOWN_SEED)
+                fleet.set_level(*self.curriculum.level)
+                self._learner.watch(demonstrations(fleet))
+            if self.config.clone:
+                with self._part("learning"):
+                    self._learner.clone(self.config.clone)
+                self._skilled = True
+                self._examine()
+
+    @property
+    def _due(self) -> bool:
+        """Whether it is time for an examination."""
+        every = self.config.curriculum.examine
+        return self.steps - self._examined >= every if every else self.curriculum.ready
 
     def policy(self) -> Policy:
         """What has been learnt so far."""
@@ -148,6 +179,7 @@ class Training:
     def _examine(self) -> None:
         """Let the policy show without exploration that it has learnt the level, and go on if it has."""
         share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED)
+        self._examined = self.steps
         if self.curriculum.examined(share):
             self._fleet.set_level(*self.curriculum.level)
 
@@ -227,7 +259,7 @@ class Training:
         self._learner.restore(state["learner"])
 
 
-_COUNTS = ("steps", "episodes", "_overspeed", "_skilled")
+_COUNTS = ("steps", "episodes", "_overspeed", "_skilled", "_shown", "_examined")
 _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
 
 

@@ -14,7 +14,8 @@ from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import SACConfig
 from hydro.rl.training.policy import Policy
-from hydro.rl.training.sac import Learner, twin
+from hydro.rl.training.returns import Transition
+from hydro.rl.training.sac import SPREAD, Learner, twin
 
 SMALL = SACConfig(layers=(16, 16), batch=32, capacity=500, horizon=3)
 ENCODING = Encoding(
@@ -50,10 +51,11 @@ def transitions(made):
     return made.state()["transitions"]
 
 
-def test_losses_and_gradients_are_torchrls_own():
-    made = learner()
+@pytest.mark.parametrize("norm", [False, True])
+def test_losses_and_gradients_are_torchrls_own(norm):
+    made = learner(replace(SMALL, norm=norm))
     made.loss._generator = None  # both then draw from the global stream
-    batch = made._replay.sample()
+    batch = made._batch()
     batch["next", "done"] = batch["next", "terminated"]
 
     def gradients(values):
@@ -101,7 +103,7 @@ def test_the_density_of_actions_integrates_to_one():
 
 def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_one_is_not():
     made = learner()
-    batch = made._replay.sample()
+    batch = made._batch()
     batch["next", "reward"] = torch.zeros_like(batch["next", "reward"])
     batch["steps_to_next_obs"] = torch.full_like(batch["steps_to_next_obs"], 2)
     with torch.no_grad():
@@ -114,6 +116,50 @@ def test_an_episode_that_time_ended_is_worth_what_would_follow_and_a_terminated_
         for terminated, worth in ((True, 0.0), (False, 0.99**2 * 10.0)):
             batch["next", "terminated"] = torch.full_like(batch["next", "terminated"], terminated)
             assert made.loss(batch).critic.item() == pytest.approx(2.0 * worth**2, rel=1e-5)
+
+
+def shown(count, learn):
+    """What a pilot does who acts by a law of what he sees, over `count` steps of 8 vehicles."""
+    rng = np.random.default_rng(7)
+    for _ in range(count):
+        seen, after = (rng.standard_normal((8, 5)).astype(np.float32) for _ in range(2))
+        rest = np.zeros(8, np.float32), np.zeros(8, bool), np.zeros(8, bool), after, np.ones(8, np.int64)
+        yield Transition(seen, learn(seen), *rest)
+
+
+def law(seen):
+    return np.tanh(seen[:, :2] - 0.5 * seen[:, 2:4]).astype(np.float32)
+
+
+def test_a_clone_does_as_was_shown():
+    made = Learner(plain(5), 2, replace(SMALL, layers=(32, 32)), 0)
+    made.watch(shown(300, law))
+    observations = np.random.default_rng(1).standard_normal((500, 5)).astype(np.float32)
+    before = np.abs(made.best(observations) - law(observations)).mean()
+    made.clone(1500)
+    assert np.abs(made.best(observations) - law(observations)).mean() < 0.2 * before
+    spread = made.network(torch.from_numpy(observations))[1]
+    assert spread.mean().item() == pytest.approx(SPREAD, rel=0.1)
+
+
+def test_a_share_of_every_batch_is_of_what_was_shown():
+    """Shown actions are marked by their size; without anything done yet all is of them."""
+    made = Learner(ENCODING, 2, replace(SMALL, demonstrated=0.25), 0)
+    made.watch(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)))
+    assert (made._batch()["action"] == 0.999).all()
+    feed(made, 200)
+    batch = made._batch()
+    assert (batch["action"] == 0.999).all(1).sum() == 8
+    assert batch.batch_size == (32,)
+
+
+def test_what_was_shown_is_in_the_state():
+    made, other = (Learner(ENCODING, 2, SMALL, seed) for seed in (0, 1))
+    made.watch(shown(30, law))
+    feed(made, 80)
+    made.update()
+    other.restore(copy.deepcopy(made.state()))
+    assert [made.update() for _ in range(4)] == [other.update() for _ in range(4)]
 
 
 def test_critics_begin_apart_and_their_targets_with_them():
