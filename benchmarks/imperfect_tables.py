@@ -19,9 +19,9 @@ import polars as pl
 from benchmarks.hidden_effects.scoring import rate
 from benchmarks.imperfect_base.scoring import Score, score
 from benchmarks.imperfect_base.study import SHARE
-from benchmarks.imperfect_logs.study import CONDITIONS
+from benchmarks.imperfect_logs.study import CLOSED, CONDITIONS, SPOILT
 from benchmarks.kept_tables import Row, keep, origin
-from benchmarks.rivals.contest import BASE
+from benchmarks.rivals.contest import BASE, SCHEMA
 
 HIDDEN, UNCHANGED = ("changed", "one"), ("nothing", "none")
 
@@ -88,15 +88,21 @@ def base(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
         if scored:
             yield {"by": f"`hydro diagnose{words}`", **told(scored)}
     yield from _rivals(others.filter(condition=BASE))
-    hidden, nothing = _parted([score(row) for row in results.filter(failure="").to_dicts()])
+    hidden, _ = _parted([score(row) for row in results.filter(failure="").to_dicts()])
     best = [one.row | {"after": one.row["oracle"]} for one in hidden if one.row["oracle"] is not None]
     if best:
         yield {"by": "the true change, fitted (bound)", "error after / before": _ratio(best)}
+    yield as_given(results)
+
+
+def as_given(results: pl.DataFrame) -> Row:
+    """The baseline: the file itself, which names nothing."""
+    hidden, nothing = _parted([score(row) for row in results.filter(failure="").to_dicts()])
     silent = {
         "nothing named": rate(True for _ in hidden),
         "alarm, nothing hidden": rate(False for _ in nothing),
     }
-    yield {"by": "the file as given (baseline)", **silent, "error after / before": "1.00"}
+    return {"by": "the file as given (baseline)", **silent, "error after / before": "1.00"}
 
 
 def logs(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
@@ -107,6 +113,14 @@ def logs(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
             yield {"log": condition, "by": "`hydro diagnose`", **told([score(row) for row in rows])}
         for row in _rivals(others.filter(condition=condition)):
             yield {"log": condition, **row}
+    scored = [score(row) for row in results.filter(failure="").to_dicts()]
+    for name, part in (("sensors, all together", tuple(SPOILT)), ("controllers, all together", CLOSED)):
+        yield {
+            "log": name,
+            "by": "`hydro diagnose`",
+            **told([s for s in scored if s.row["condition"] in part]),
+        }
+    yield {"log": "all", **as_given(results)}
 
 
 def _rivals(others: pl.DataFrame) -> Iterator[Row]:
@@ -118,11 +132,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("which", choices=("base", "logs"))
     parser.add_argument("results", type=Path)
-    parser.add_argument("--rivals", type=Path, required=True)
+    parser.add_argument("--rivals", type=Path, help="results of rivals on the same studies")
     parser.add_argument("--commit", required=True, help="of the code that was measured")
     parser.add_argument("--rivals-commit", help="of the code that the rivals ran beside; by default the same")
     chosen = parser.parse_args()
-    results, others = pl.read_parquet(chosen.results), pl.read_parquet(chosen.rivals)
+    results = pl.read_parquet(chosen.results)
+    others = pl.DataFrame(schema=SCHEMA) if chosen.rivals is None else pl.read_parquet(chosen.rivals)
     rows = list({"base": base, "logs": logs}[chosen.which](results, others))
     command = f"python -m benchmarks.imperfect_{chosen.which} run --seconds {results['seconds'][0]:g}"
     whence = origin(results, command, chosen.commit)

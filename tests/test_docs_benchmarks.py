@@ -61,7 +61,9 @@ def test_the_readme_quotes_the_result_tables() -> None:
     two = cell("hidden_effects", "shown", hidden="two effects of at least")
     alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
     assert alarms == "0"
+    three = cell("hidden_effects", "shown", hidden="three effects")
     assert f"right in {one.split(',')[0]} studies, two at once exactly in {two.split(',')[0]}" in README
+    assert f"three in {three.split(',')[0]}" in README
     assert f"false alarm in {studies}" in README
     slalom, planned = "8 pillars, no plan", "8 pillars, planned way"
     teacher = {
