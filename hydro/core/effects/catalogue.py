@@ -12,6 +12,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects import (
     actuator,
+    currents,
     damping,
     formula,
     hull,
@@ -27,7 +28,7 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
-FAMILIES = (inertia, damping, hull, restoring, surroundings, memory, actuator, sensor, formula)
+FAMILIES = (inertia, damping, hull, restoring, currents, surroundings, memory, actuator, sensor, formula)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
 
 ROUNDING = 1e-6

@@ -1,4 +1,4 @@
-"""What the surroundings do to a vehicle: the current, a tether, the nearness of the surface."""
+"""What else the surroundings do to a vehicle: a tether, the nearness of the surface."""
 
 from __future__ import annotations
 
@@ -10,15 +10,11 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import (
-    ADDED_MASS,
-    BUOYANCY,
     CENTER_OF_BUOYANCY,
-    GRAVITY,
     POSITION,
     ROTATION,
-    VELOCITY,
 )
-from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, PASSES, TILTS
+from hydro.core.effects.parting import HEADINGS, TILTS
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -26,7 +22,6 @@ from hydro.core.effects.record import (
     Index,
     Parameter,
     Rest,
-    Role,
     Shape,
     Table,
 )
@@ -41,96 +36,7 @@ LITTLE = 0.01  # of the plain stiffness, in a column
 FAR = 1e4
 """Distance of an anchor whose pull is as good as steady [m]."""
 DECAYS = (0.5, 1.5, 4.0)  # m, depths of decay that are tried
-TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not fly against more")
-VERTICAL = between(-1.0, 1.0, "m/s", "overfalls; elsewhere centimetres per second")
-SHEARED = between(
-    -0.3, 0.3, "1/s", "boundary layers of tidal streams; elsewhere centimetres per second and metre"
-)
-DEEPEST_SEA = 11_000.0
-TURNING = between(
-    -0.02, 0.02, "m/s^2", "internal waves and eddies over a minute; a tide has a thousandth of it"
-)
 LEAST_DECAY, SHALLOWEST, DEEPEST = 1e-3, 0.1, 30.0
-
-
-def ocean_current(p: Array, flow: Array) -> None:
-    """Velocity v_c of the water [m/s], NED: steady, irrotational, uniform.
-
-    Every force of the water then depends on nu_r = nu - [R^T v_c; 0] and nu_r_dot = nu_dot + [omega x R^T
-    v_c; 0] (the current is at rest in the world and thus turns in the body frame).  A vehicle left alone
-    drifts with it.
-    """
-    flow[:3] += p
-
-
-def current_shear(p: Array, flow: Array) -> None:
-    """Velocity v_c + (g_N, g_E) (z - z_0) of the water [m/s], NED: it grows with depth z and is steady.
-
-    z_0 is a depth that the file states and no fit moves: about it the shear says nothing of the mean current,
-    which `ocean_current` stands for.  Counted from the surface it would be one itself wherever a recording
-    keeps to one depth.
-    """
-    flow[:2] -= p[:2] * p[2]
-    flow[3:5] += p[:2]
-
-
-@kernel
-def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench M_A [R^T v_c_dot; 0] with v_c_dot = (g_N, g_E, 0) z_dot, the water's rate as the vehicle dives.
-
-    Of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0] it is the last term.  It acts through the
-    added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
-    + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.  Left out are the lift of a body in a flow
-    with vorticity, the gradient over the hull, and the pressure of accelerating water, rho V (v_c grad) v_c,
-    which a horizontal current does not have.
-    """
-    sinking = (
-        s[ROTATION + 6] * s[VELOCITY] + s[ROTATION + 7] * s[VELOCITY + 1] + s[ROTATION + 8] * s[VELOCITY + 2]
-    )
-    north, east = p[0] * sinking, p[1] * sinking
-    for j in range(3):
-        rate = s[ROTATION + j] * north + s[ROTATION + 3 + j] * east
-        for i in range(6):
-            tau[i] += c[ADDED_MASS + 6 * i + j] * rate
-
-
-def current_trend(p: Array, flow: Array) -> None:
-    """Velocity v_c + (a_N, a_E) (t - t_0) of the water [m/s], NED: it changes with the time t of the session.
-
-    A tide, an eddy or an internal wave within the minutes of a recording.  t_0 is a time that the file states
-    and no fit moves, as the depth z_0 of `current_shear`.
-    """
-    flow[:2] -= p[:2] * p[2]
-    flow[5:] += p[:2]
-
-
-@kernel
-def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench (M_A + rho V) [R^T v_c_dot; 0] with v_c_dot = (a_N, a_E, 0), rho V at the centre of buoyancy.
-
-    rho V is B/g.  The added mass feels the water's rate as under `current_shear`, and the pressure by which
-    the water is accelerated acts on the hull in the place of the water's own (Newman 1977, chapter 4; the
-    inertia coefficient 1 + C_A of Morison et al. 1950).  So a neutral vehicle at rest in the water stays at
-    rest in it.
-    """
-    mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
-    fx = s[ROTATION] * p[0] + s[ROTATION + 3] * p[1]
-    fy = s[ROTATION + 1] * p[0] + s[ROTATION + 4] * p[1]
-    fz = s[ROTATION + 2] * p[0] + s[ROTATION + 5] * p[1]
-    push_at(mass * fx, mass * fy, mass * fz, c[at], c[at + 1], c[at + 2], tau)
-    for i in range(6):
-        row = ADDED_MASS + 6 * i
-        tau[i] += c[row] * fx + c[row + 1] * fy + c[row + 2] * fz
-
-
-def about_the_middle(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """No shear, about the depth that a recording is about."""
-    return [{"z_0": 0.0 if reach is None else round(float(np.median(reach[:, 2])), 1)}]
-
-
-def amid_the_time(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """No trend, about the middle of a recording's times."""
-    return [{"t_0": 0.0 if reach is None else round(float(np.median(reach[:, 3])), 1)}]
 
 
 @kernel
@@ -351,93 +257,6 @@ SURFACE_SUCTION = Effect(
 )
 
 EFFECTS = (
-    Effect(
-        name="ocean_current",
-        family="surroundings",
-        kind="flow",
-        definition="nu_r = nu - [R^T v_c; 0]",
-        source="Fossen (2011), section 8.3, property 8.1",
-        excitation="several headings with a known thrust, or free drift",
-        lookalikes=("sensor_bias", "net_buoyancy", "tether"),
-        parameters=(
-            Parameter("v_N", ("m/s",), "northward velocity of the water", plausible=TIDAL),
-            Parameter("v_E", ("m/s",), "eastward velocity of the water", plausible=TIDAL),
-            Parameter("v_D", ("m/s",), "downward velocity of the water", plausible=VERTICAL),
-        ),
-        flow=ocean_current,
-        advice=Advice(parted_by=(HEADINGS, DISTANCES)),
-        roles=frozenset({Role.OFTEN_LACKING}),
-    ),
-    Effect(
-        name="current_shear",
-        family="surroundings",
-        kind="flow",
-        definition="v_c(z) = v_c + (g_N, g_E, 0) (z - z_0), and M_A [R^T (g_N, g_E, 0) z_dot; 0]",
-        source="Fossen (2011), section 8.3; nu_r_dot by differentiation",
-        excitation="the same thrust and heading at several depths, or dives under way",
-        lookalikes=("ocean_current", "body_lift", "coupled_damping"),
-        parameters=(
-            Parameter(
-                "g_N",
-                ("1/s",),
-                "growth of the northward current with depth",
-                scale=(0.05,),
-                plausible=SHEARED,
-            ),
-            Parameter(
-                "g_E", ("1/s",), "growth of the eastward current with depth", scale=(0.05,), plausible=SHEARED
-            ),
-            Parameter(
-                "z_0",
-                ("m",),
-                "depth at which it adds nothing",
-                plausible=between(
-                    -10.0, DEEPEST_SEA, "m", "the deepest sea; NED may begin below its surface"
-                ),
-                held=True,
-            ),
-        ),
-        flow=current_shear,
-        kernel=dive_through_shear,
-        identification=Identification(starts=about_the_middle),
-        advice=Advice(parted_by=(DEPTHS, HEADINGS)),
-    ),
-    Effect(
-        name="current_trend",
-        family="surroundings",
-        kind="flow",
-        definition="v_c(t) = v_c + (a_N, a_E, 0) (t - t_0), and (M_A + rho V) [R^T (a_N, a_E, 0); 0]",
-        source="Fossen (2011), section 8.3; Newman (1977), chapter 4",
-        excitation="the same thrusts and headings early and late in a long session",
-        lookalikes=("ocean_current", "tether"),
-        parameters=(
-            Parameter(
-                "a_N",
-                ("m/s^2",),
-                "growth of the northward current with time",
-                scale=(2e-3,),
-                plausible=TURNING,
-            ),
-            Parameter(
-                "a_E",
-                ("m/s^2",),
-                "growth of the eastward current with time",
-                scale=(2e-3,),
-                plausible=TURNING,
-            ),
-            Parameter(
-                "t_0",
-                ("s",),
-                "time of the session at which it adds nothing",
-                plausible=between(-math.inf, math.inf, "s", "clocks begin anywhere"),
-                held=True,
-            ),
-        ),
-        flow=current_trend,
-        kernel=carried_along,
-        identification=Identification(starts=amid_the_time),
-        advice=Advice(parted_by=(PASSES, HEADINGS)),
-    ),
     TETHER,
     SURFACE_SUCTION,
 )
