@@ -47,6 +47,16 @@ UNKNOWN = ("none_of_the_known", "", (), None)
 NOTHING = ("nothing_missing", "", (), None)
 
 
+def test_a_mean_current_beside_one_that_changes_is_where_it_counts_from():
+    found = [missing("ocean_current"), missing("current_trend")]
+    one = scoring.score(row(called=("current_trend",), found=found))
+    assert one.exact
+    assert one.top
+    both = scoring.score(row(called=("current_trend", "ocean_current"), found=found))
+    assert both.exact
+    assert not scoring.score(row(called=("tether",), found=found)).exact
+
+
 def test_a_right_answer():
     one = scoring.score(row(found=[missing("ocean_current")]))
     assert one.top

@@ -19,6 +19,9 @@ NOTHING, UNKNOWN = "nothing", "none of the known"
 STRATA = ((0.02, "below 2 %"), (0.1, "2 to 10 %"), (0.5, "10 to 50 %"), (1.01, "above 50 %"))
 SLACK = 1.1
 """Factor on the oracle's error that an error after adding may have, besides the noise floor."""
+COUNTED_FROM = frozenset({"current_shear", "current_trend"})
+"""Beside them an `ocean_current` says no more than from which depth or time they count: a fit puts that where
+the recording is, and what is hidden counts from elsewhere."""
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 
 
@@ -116,12 +119,13 @@ def score(row: Mapping[str, Any]) -> Score:
     """Score a row that holds an answer."""
     truth = frozenset(row["called"])
     excused = set(row.get("misjudged") or ()) - truth
+    same = {"ocean_current"} - truth if truth & COUNTED_FROM else set[str]()
     supports = row.get("supports") or [None] * len(row["verdicts"])
     told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], supports, strict=True)
     named = tuple(
         Named(effect, frozenset(members) | {effect}, confidence, support)
         for verdict, effect, members, confidence, support in told
-        if verdict in NAMING and not (verdict == "retune" and effect in excused)
+        if verdict in NAMING and not (verdict == "retune" and effect in excused) and effect not in same
     )
     return Score(row, truth, named, not LEFT.isdisjoint(row["verdicts"]))
 
