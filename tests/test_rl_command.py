@@ -183,6 +183,7 @@ def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
             )
         ),
         (("eval", "nowhere", "-o", "x.parquet"), "nowhere", 1),
+        (("eval", "nowhere.toml", "-o", "x.parquet"), "nowhere.toml: no such file", 1),
         (("watch", "nowhere", "-o", "x.gif"), "name a .png for a picture", 2),
         (("curves", "nowhere", "-o", "x.png"), "nowhere", 1),
         (("study", VEHICLE, "--condition", "R_MLP", "-o", "x"), "add --model FILE", 2),

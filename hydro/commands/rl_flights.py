@@ -109,7 +109,7 @@ def eval_(
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    alone = run.is_file()
+    alone = run.is_file() or run.suffix == ".toml"
     policy, learnt, builder = (None, [], _of_vehicle(run)) if alone else _opened(run)
     begun = {"stage": 1, "pillars": builder.config.settings.world.pillars}
     level = _level(begun if policy is None else policy.training, stage, pillars)
