@@ -155,7 +155,7 @@ def unsure(monkeypatch: pytest.MonkeyPatch) -> None:
     unknown = free(known, ["net_buoyancy"])
     model = Rival("net_buoyancy", unknown, unknown.starts[0], np.eye(len(unknown.entries)))
     asked = Question(
-        (), model, ("thruster_asymmetry",), NOISE, np.array([0, 0, 3.0, 0, 0, 0]), np.zeros((1, 3))
+        (), model, ("thruster_asymmetry",), NOISE, np.array([0, 0, 3.0, 0, 0, 0]), np.zeros((1, 4))
     )
     made = Diagnosis(FOUND, known, (9.0, 5.0, 1.0), question=asked)
     monkeypatch.setattr("hydro.core.diagnosis.diagnose.diagnose_log", lambda *_, **__: made)

@@ -247,9 +247,7 @@ class Training:
         """Go on from the `state` of a training alike, or of one with fewer steps or another curriculum."""
         for name, value in state["counts"].items():
             setattr(self, name, value)
-        lacking = {"flown_by": POLICY} | dict.fromkeys(RARE)  # in checkpoints of earlier versions
-        self.curves = list(state["curves"])
-        self.evaluations = [lacking | row for row in state["evaluations"]]
+        self.curves, self.evaluations = list(state["curves"]), list(state["evaluations"])
         self._observations = state["observations"]
         self._returns, self._losses = list(state["returns"]), list(state["losses"])
         self.curriculum.restore(state["curriculum"])

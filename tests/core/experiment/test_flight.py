@@ -44,7 +44,7 @@ def rival(vehicle: Vehicle, effect: str, known: float) -> Rival:
 def question(*rivals: Rival, hidden: tuple[str, ...] = ()) -> Question:
     model = rivals[0]
     ties = (rivals,) if len(rivals) > 1 else ()
-    return Question(ties, model, hidden, NOISE, POSE_DEEP, np.zeros((2, 3)))
+    return Question(ties, model, hidden, NOISE, POSE_DEEP, np.zeros((2, 4)))
 
 
 def test_what_a_rival_imitates_does_not_count():
