@@ -13,25 +13,25 @@ import msgspec
 import numpy as np
 
 from benchmarks.hidden_effects.vehicles import preset
+from hydro.core.columns import VELOCITY
 from hydro.core.effects import effect_wrenches
 from hydro.core.effects.formula import AXES, joined, one_term
 
 ROWS, ROUNDS = 200_000, 15
-SPEEDS = "uvwpqr"
 
 
 def quadratic() -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Quadratic damping, the same as a formula, and that with powers of its own."""
     sizes = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
-    same = [one_term(f"{AXES[i]} |{SPEEDS[i]}| {SPEEDS[i]}", -sizes[i]) for i in range(6)]
-    free = [one_term(f"{AXES[i]} |{SPEEDS[i]}|^n sgn({SPEEDS[i]})", -sizes[i], [2.1]) for i in range(6)]
+    same = [one_term(f"{AXES[i]} |{VELOCITY[i]}| {VELOCITY[i]}", -sizes[i]) for i in range(6)]
+    free = [one_term(f"{AXES[i]} |{VELOCITY[i]}|^n sgn({VELOCITY[i]})", -sizes[i], [2.1]) for i in range(6)]
     return {"name": "quadratic_damping", "diagonal": sizes}, joined(same), joined(free)
 
 
 def across() -> tuple[dict[str, Any], dict[str, Any]]:
     """Cross-axis drag, fifteen terms, and the same as a formula."""
     pairs = [(i, j) for i in range(6) for j in range(3) if i != j]
-    same = [one_term(f"{AXES[i]} |{SPEEDS[j]}| {SPEEDS[i]}", -1.0) for i, j in pairs]
+    same = [one_term(f"{AXES[i]} |{VELOCITY[j]}| {VELOCITY[i]}", -1.0) for i, j in pairs]
     return {"name": "cross_axis_drag", **{f"D{i}{j}": 1.0 for i, j in pairs}}, joined(same)
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from hydro.core.columns import VELOCITY
 from hydro.core.effects.formula import AXES, amounts, one_term
 from hydro.core.vehicle.description import Vehicle
 
-SPEEDS = "uvwpqr"
 KINDS = ("power off CO", "power on another axis", "product", "raised drag", "threshold")
 CLOSE = 0.3
 """How near a power must be."""
@@ -41,13 +41,13 @@ def law(seed: int, vehicle: Vehicle, rng: np.random.Generator) -> Law:
     if kind == "product":
         axis, one, other = ((2, 0, 4), (1, 0, 5), (3, 1, 5), (5, 0, 3), (4, 0, 2))[int(rng.integers(5))]
         amount = float(rng.choice([-1.0, 1.0])) * size * m * (0.3 * arm if axis > 2 else 1.0)
-        text = f"{AXES[axis]} {SPEEDS[one]} {SPEEDS[other]}"
+        text = f"{AXES[axis]} {VELOCITY[one]} {VELOCITY[other]}"
         return kind, [[axis, amount, one, 1, 0, other, 1, 1]], [one_term(text, amount)]
     if kind == "raised drag":
         axis, cause = ((0, 5), (1, 5), (5, 0), (5, 1), (4, 2), (0, 4))[int(rng.integers(6))]
         raised = float(rng.uniform(0.6, 1.6))
         amount = -size * m * (arm**2 if axis > 2 else 1.0) * (2.0 if cause > 2 else 1.0)
-        text = f"{AXES[axis]} |{SPEEDS[cause]}|^n {SPEEDS[axis]}"
+        text = f"{AXES[axis]} |{VELOCITY[cause]}|^n {VELOCITY[axis]}"
         return kind, [[axis, amount, axis, 1, 0, cause, raised, 0]], [one_term(text, amount, [raised])]
     axis, cause = ((5, 1), (4, 0), (2, 0), (3, 1))[int(rng.integers(4))]
     amount = float(rng.choice([-1.0, 1.0])) * size * m * (0.5 * arm if axis > 2 else 0.5)
@@ -57,7 +57,7 @@ def law(seed: int, vehicle: Vehicle, rng: np.random.Generator) -> Law:
 
 def odd(axis: int, amount: float, cause: int, power: float) -> dict[str, Any]:
     """A power with the sign of its velocity."""
-    return one_term(f"{AXES[axis]} |{SPEEDS[cause]}|^n sgn({SPEEDS[cause]})", amount, [power])
+    return one_term(f"{AXES[axis]} |{VELOCITY[cause]}|^n sgn({VELOCITY[cause]})", amount, [power])
 
 
 def form(table: Mapping[str, Any]) -> dict[tuple[Any, ...], float]:
@@ -72,7 +72,7 @@ def form(table: Mapping[str, Any]) -> dict[tuple[Any, ...], float]:
             power = 0.0 if factor.startswith("sgn") else left.pop(0) if factor.endswith("^n") else 1.0
             powers[name] = powers.get(name, 0.0) + power
             signs[name] = (signs.get(name, 0) + signed) % 2
-        own = SPEEDS[AXES.index(axis)]
+        own = VELOCITY[AXES.index(axis)]
         if list(powers) == [own] and signs[own]:
             continue  # the file's own damping may take it up
         key = (axis, tuple(sorted((name, signs[name]) for name in powers)))
@@ -100,10 +100,10 @@ def right(
 
 def ahead_only(raw: pl.DataFrame) -> list[str]:
     """Velocities of which next to all motion has one sign."""
-    motion = raw.select(list(SPEEDS)).to_numpy()
+    motion = raw.select(VELOCITY).to_numpy()
     ways = np.stack([(np.abs(motion) * (motion * way > 0.0)).sum(axis=0) for way in (-1.0, 1.0)])
     return [
         name
-        for name, less, all_ in zip(SPEEDS, ways.min(axis=0), ways.sum(axis=0), strict=True)
+        for name, less, all_ in zip(VELOCITY, ways.min(axis=0), ways.sum(axis=0), strict=True)
         if less < 0.02 * all_
     ]

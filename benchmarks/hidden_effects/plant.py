@@ -256,9 +256,8 @@ def surround(plant: Plant, p: Array, R: Array, t: float, tau: Array) -> None:
         tau[:3] += R[1] * (f[WALL] / (1.0 + ((p[0] - f[WALL_X]) / f[WALL_WIDTH]) ** 2))
     tau[2] += f[SWELL] * math.sin(f[SWELL_RATE] * t)
     stirred = np.array([plant.trend[0], plant.trend[1], 0.0])
-    push(
-        tau, plant.trend[3] * (R.T @ stirred), plant.weights[-1, 1:]
-    )  # the pressure that accelerates the water
+    accelerating = plant.trend[3] * (R.T @ stirred)  # the pressure that accelerates the water
+    push(tau, accelerating, plant.weights[-1, 1:])
 
 
 @njit(cache=True)

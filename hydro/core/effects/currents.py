@@ -5,6 +5,8 @@ Every force of the water depends on the velocity through it, nu_r = nu - [R^T v_
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hydro.core.columns import Array
@@ -14,7 +16,7 @@ from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Role, Table
 from hydro.core.effects.restoring import push_at
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.plausible import between
+from hydro.core.vehicle.plausible import Plausible, between
 
 TIDAL = between(-3.0, 3.0, "m/s", "strong tidal streams; vehicles do not fly against more")
 VERTICAL = between(-1.0, 1.0, "m/s", "overfalls; elsewhere centimetres per second")
@@ -49,23 +51,35 @@ def current_shear(p: Array, flow: Array) -> None:
 
 
 @kernel
-def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
-    """Wrench M_A [R^T v_c_dot; 0] with v_c_dot = (g_N, g_E, 0) z_dot, the water's rate as the vehicle dives.
+def quickened(north: float, east: float, c: Array, s: Array, tau: Array) -> tuple[float, float, float]:
+    """Add the wrench M_A [R^T v_c_dot; 0] of water that quickens by (north, east, 0) [m/s^2], NED.
 
     Of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0] it is the last term.  It acts through the
     added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
-    + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.  Left out are the lift of a body in a flow
-    with vorticity, the gradient over the hull, and the pressure of accelerating water, rho V (v_c grad) v_c,
-    which a horizontal current does not have.
+    + [omega x R^T v_c; 0]) + C_RB(nu_r) nu_r holds for any v_c.
+
+    Returns:
+        R^T v_c_dot.
     """
-    sinking = (
-        s[ROTATION + 6] * s[VELOCITY] + s[ROTATION + 7] * s[VELOCITY + 1] + s[ROTATION + 8] * s[VELOCITY + 2]
-    )
-    north, east = p[0] * sinking, p[1] * sinking
-    for j in range(3):
-        rate = s[ROTATION + j] * north + s[ROTATION + 3 + j] * east
-        for i in range(6):
-            tau[i] += c[ADDED_MASS + 6 * i + j] * rate
+    x = s[ROTATION] * north + s[ROTATION + 3] * east
+    y = s[ROTATION + 1] * north + s[ROTATION + 4] * east
+    z = s[ROTATION + 2] * north + s[ROTATION + 5] * east
+    for i in range(6):
+        row = ADDED_MASS + 6 * i
+        tau[i] += c[row] * x + c[row + 1] * y + c[row + 2] * z
+    return x, y, z
+
+
+@kernel
+def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array) -> None:
+    """Wrench M_A [R^T v_c_dot; 0] with v_c_dot = (g_N, g_E, 0) z_dot, the water's rate as the vehicle dives.
+
+    Left out are the lift of a body in a flow with vorticity, the gradient over the hull, and the pressure of
+    accelerating water, rho V (v_c grad) v_c, which a horizontal current does not have.
+    """
+    down = ROTATION + 6
+    sinking = s[down] * s[VELOCITY] + s[down + 1] * s[VELOCITY + 1] + s[down + 2] * s[VELOCITY + 2]
+    quickened(p[0] * sinking, p[1] * sinking, c, s, tau)
 
 
 def current_trend(p: Array, flow: Array) -> None:
@@ -88,23 +102,31 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
     rest in it.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
-    fx = s[ROTATION] * p[0] + s[ROTATION + 3] * p[1]
-    fy = s[ROTATION + 1] * p[0] + s[ROTATION + 4] * p[1]
-    fz = s[ROTATION + 2] * p[0] + s[ROTATION + 5] * p[1]
+    fx, fy, fz = quickened(p[0], p[1], c, s, tau)
     push_at(mass * fx, mass * fy, mass * fz, c[at], c[at + 1], c[at + 2], tau)
-    for i in range(6):
-        row = ADDED_MASS + 6 * i
-        tau[i] += c[row] * fx + c[row + 1] * fy + c[row + 2] * fz
 
 
-def about_the_middle(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """No shear, about the depth that a recording is about."""
-    return [{"z_0": 0.0 if reach is None else round(float(np.median(reach[:, 2])), 1)}]
+def amid(name: str, column: int) -> Callable[[Vehicle, Array | None], list[Table]]:
+    """No growth, about the depth (column 2) or the time (column 3) that a recording is about."""
+
+    def start(vehicle: Vehicle, reach: Array | None) -> list[Table]:
+        return [{name: 0.0 if reach is None else round(float(np.median(reach[:, column])), 1)}]
+
+    return start
 
 
-def amid_the_time(vehicle: Vehicle, reach: Array | None) -> list[Table]:
-    """No trend, about the middle of a recording's times."""
-    return [{"t_0": 0.0 if reach is None else round(float(np.median(reach[:, 3])), 1)}]
+def growth(names: str, unit: str, over: str, scale: float, plausible: Plausible) -> tuple[Parameter, ...]:
+    """Rates at which the northward and the eastward current grow with depth or with time."""
+    return tuple(
+        Parameter(
+            f"{names}_{axis[0].upper()}",
+            (unit,),
+            f"growth of the {axis}ward current with {over}",
+            scale=(scale,),
+            plausible=plausible,
+        )
+        for axis in ("north", "east")
+    )
 
 
 EFFECTS = (
@@ -134,16 +156,7 @@ EFFECTS = (
         excitation="the same thrust and heading at several depths, or dives under way",
         lookalikes=("ocean_current", "body_lift", "coupled_damping"),
         parameters=(
-            Parameter(
-                "g_N",
-                ("1/s",),
-                "growth of the northward current with depth",
-                scale=(0.05,),
-                plausible=SHEARED,
-            ),
-            Parameter(
-                "g_E", ("1/s",), "growth of the eastward current with depth", scale=(0.05,), plausible=SHEARED
-            ),
+            *growth("g", "1/s", "depth", 0.05, SHEARED),
             Parameter(
                 "z_0",
                 ("m",),
@@ -156,7 +169,7 @@ EFFECTS = (
         ),
         flow=current_shear,
         kernel=dive_through_shear,
-        identification=Identification(starts=about_the_middle),
+        identification=Identification(starts=amid("z_0", 2)),
         advice=Advice(parted_by=(DEPTHS, HEADINGS)),
     ),
     Effect(
@@ -168,20 +181,7 @@ EFFECTS = (
         excitation="the same thrusts and headings early and late in a long session",
         lookalikes=("ocean_current", "tether"),
         parameters=(
-            Parameter(
-                "a_N",
-                ("m/s^2",),
-                "growth of the northward current with time",
-                scale=(2e-3,),
-                plausible=TURNING,
-            ),
-            Parameter(
-                "a_E",
-                ("m/s^2",),
-                "growth of the eastward current with time",
-                scale=(2e-3,),
-                plausible=TURNING,
-            ),
+            *growth("a", "m/s^2", "time", 2e-3, TURNING),
             Parameter(
                 "t_0",
                 ("s",),
@@ -192,7 +192,7 @@ EFFECTS = (
         ),
         flow=current_trend,
         kernel=carried_along,
-        identification=Identification(starts=amid_the_time),
+        identification=Identification(starts=amid("t_0", 3)),
         advice=Advice(parted_by=(PASSES, HEADINGS)),
     ),
 )

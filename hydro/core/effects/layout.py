@@ -32,7 +32,7 @@ INVERSE_MASS_MATRIX = 135  # 36
 CONSTANTS = 171  # length of c
 
 # State of motion.
-RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z); 0], 6
+RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z, t); 0], 6
 VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3

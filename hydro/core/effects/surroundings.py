@@ -9,11 +9,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import (
-    CENTER_OF_BUOYANCY,
-    POSITION,
-    ROTATION,
-)
+from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
 from hydro.core.effects.parting import HEADINGS, TILTS
 from hydro.core.effects.record import (
     Advice,

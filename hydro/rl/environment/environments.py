@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -175,7 +176,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as how it was made and where it stands: a copy goes on with the same bits."""
-        made = _Made(Single, self._choices | {"render_mode": self.render_mode})
+        made = partial(Single, **self._choices, render_mode=self.render_mode)
         return made, (), (self._begun, self._np_random, self._np_random_seed, self.fleet.state())
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
@@ -257,7 +258,7 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as `Single` is."""
         where = (self._begun, self._np_random, self._np_random_seed, self._ended, self.fleet.state())
-        return _Made(Vector, self._choices), (), where
+        return partial(Vector, **self._choices), (), where
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Go on from where a pickled one stood."""
@@ -281,16 +282,6 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
     def observation(self, observation: Array32) -> Array32:
         """What a network is given of it."""
         return ENCODING(observation)
-
-
-class _Made:
-    """Makes an environment with some choices: what can be pickled of a constructor with keywords."""
-
-    def __init__(self, kind: type, choices: dict[str, Any]) -> None:
-        self._kind, self._choices = kind, choices
-
-    def __call__(self) -> Any:
-        return self._kind(**self._choices)
 
 
 def _draw(rng: np.random.Generator) -> int:

@@ -41,17 +41,20 @@ def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
     led = fleet.guidance if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED else None
     places, squares = [fleet.plant.pose[:, :3].copy()], np.zeros(fleet.count)
+    weaved = bool(np.isfinite(pillars).any())
     rows: dict[int, dict[str, Any]] = {}
     while len(rows) < fleet.count:
         step = fleet.step(actor(observations))
         observations = step.obs
         for k in np.flatnonzero(step.terminated | step.truncated):
             if k not in rows:
-                off = None if led is None else float(np.sqrt(squares[k] / max(len(places) - 1, 1)))
-                weaving = alternating(np.array([at[k] for at in places]), pillars[k])
                 ended = _ended(step, int(k), fleet.settings.period)
+                flown = max(int(step.info.episode_length[k]) - 1, 1)
+                off = None if led is None else float(np.sqrt(squares[k] / flown))
+                weaving = alternating(np.array([at[k] for at in places]), pillars[k]) if weaved else None
                 rows[int(k)] = ended | {"cross_track": off, "alternating": weaving}
-        places.append(fleet.plant.pose[:, :3].copy())
+        if weaved:
+            places.append(fleet.plant.pose[:, :3].copy())
         if led is not None:
             squares += led.off**2
     level = {"stage": fleet.stage, "pillars": fleet.level}

@@ -196,6 +196,7 @@ class Learner:
             ReplayBuffer(storage=LazyTensorStorage(config.capacity), generator=self._generators["batches"])
             for _ in range(2)
         )
+        self._memories = {"done": self._replay, "shown": self._shown}
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
@@ -307,10 +308,10 @@ class Learner:
             "average": self._average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "generators": {name: each.get_state() for name, each in self._generators.items()},
-            "transitions": _transitions(self._replay),
-            "writer": self._replay.writer.state_dict(),
-            "shown": _transitions(self._shown),
-            "shown_writer": self._shown.writer.state_dict(),
+            "memories": {
+                name: (_transitions(memory), memory.writer.state_dict())
+                for name, memory in self._memories.items()
+            },
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
@@ -333,15 +334,13 @@ class Learner:
         self._optimiser.load_state_dict(state["optimiser"])
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])
-        for memory, name, writer in (
-            (self._replay, "transitions", "writer"),
-            (self._shown, "shown", "shown_writer"),
-        ):
+        for name, memory in self._memories.items():
+            transitions, writer = state["memories"][name]
             memory.empty()
-            if transitions := state[name]:
+            if transitions:
                 rows = len(transitions["action"])
                 memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
-            memory.writer.load_state_dict(state[writer])
+            memory.writer.load_state_dict(writer)
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
         self.updates = state["updates"]
 

@@ -48,7 +48,7 @@ def feed(made, rows, seed=0):
 
 
 def transitions(made):
-    return made.state()["transitions"]
+    return made.state()["memories"]["done"][0]
 
 
 @pytest.mark.parametrize("norm", [False, True])
@@ -200,7 +200,7 @@ def test_a_learner_goes_on_from_its_state_bit_for_bit(rows):
     assert losses[0] == losses[1]
     again, there = other.state(), made.state()
     torch.testing.assert_close(again["loss"], there["loss"], rtol=0, atol=0)
-    torch.testing.assert_close(again["transitions"], there["transitions"], rtol=0, atol=0)
+    torch.testing.assert_close(again["memories"]["done"][0], there["memories"]["done"][0], rtol=0, atol=0)
     assert again["updates"] == there["updates"] == 8
     observations = np.ones((3, 5), dtype=np.float32)
     np.testing.assert_array_equal(made.act(observations), other.act(observations))
