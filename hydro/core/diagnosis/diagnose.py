@@ -21,6 +21,7 @@ from scipy.stats import f as fisher
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
+    RIGHT,
     by_likelihood_confidence,
     doubted,
     explained_share,
@@ -148,8 +149,7 @@ def diagnose_log(
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
     baseline = replace(refit(vehicle, log, problem, start), file=file)
-    search = Search(baseline)
-    outcome = search.grow(progress)
+    search, outcome = searched(baseline, progress)
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, progress)
     outcome = search.reconsider(outcome, part(progress, 0.8, 0.85))
@@ -166,6 +166,21 @@ def diagnose_log(
     question = left_open(baseline, outcome, findings)
     progress("done", 1.0)
     return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question)
+
+
+def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
+    """What a search finds, and the search: a second one from the file's values where the first fits nothing.
+
+    Fitted without what is missing the file's own effects may run away to where no step leads back from.
+    """
+    first, again = Search(baseline), Search(baseline, from_file=True)
+    found = first.grow(part(progress, 0.0, 0.85))
+    if found.model.normal.chi2 <= RIGHT:
+        return first, found
+    other = again.grow(part(progress, 0.65, 0.8))
+    if other.model.normal.chi2 < found.model.normal.chi2:
+        return again, other
+    return first, found
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:

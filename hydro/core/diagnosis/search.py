@@ -11,6 +11,7 @@ must still be needed beside the others, and be the best in its place.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -60,7 +61,8 @@ SURE = 3.0  # standard errors from a plainer effect by which a more general one 
 ALMOST_ALL = 0.9
 """Part of the error from which likelihood names what explains it, though more than noise is left."""
 EACH = 0.25
-"""Part of the error that findings must explain on average for the search to go on."""
+"""Part of the error that findings must explain on average for the search to go on; what kinematics alone
+shows may explain little."""
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
 FEW = 48
@@ -152,9 +154,16 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Search:
-    """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it."""
+    """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it.
+
+    Attributes:
+        baseline: What it starts from.
+        from_file: Whether it, and every fit that leaves far more than the noise, begins at the file's values
+            too: fitted without what is missing, these may run away to where no step leads back from.
+    """
 
     baseline: Baseline
+    from_file: bool = False
 
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
@@ -182,9 +191,12 @@ class Search:
 
     def belongs(self, effect: str, gain: float, before: Model) -> bool:
         """Whether an effect is a finding: it matters, or kinematics shows it, however much else is wrong."""
-        sensors = self.baseline.sensors
-        sure = effect in sensors and shown(sensors[effect])
-        return self.material(gain, before) or (sure and self.visible(gain))
+        return self.material(gain, before) or (self.sure(effect) and self.visible(gain))
+
+    def sure(self, effect: str) -> bool:
+        """Whether kinematics alone shows that the velocity log misreads so, whatever the dynamics lack."""
+        test = self.baseline.sensors.get(effect)
+        return test is not None and shown(test)
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
@@ -220,16 +232,30 @@ class Search:
         known = known or {}
         if not screening.significant:
             return dict(known)
+        gains = screening.gains
+        sure = [name for name in self.baseline.sensors if name in gains and self.sure(name)]
+        material = {name: gains[name] for name in sure if self.material(gains[name], model)}
+        fits = self.fitted(model, chosen, screening, material, part(progress, 0.0, 0.3), known)
+        new = fits.keys() - known.keys()
+        if not any(self.belongs(name, model.normal.cost - fits[name].normal.cost, model) for name in new):
+            # Refuted, or no better: what else is missing spoils what the dynamics say of the log.
+            rest = {name: gain for name, gain in gains.items() if name not in material}
+            fits = self.fitted(model, chosen, screening, rest, part(progress, 0.3, 1.0), known)
+        return fits
+
+    def fitted(
+        self,
+        model: Model,
+        chosen: Sequence[str],
+        screening: Screening,
+        gains: Mapping[str, float],
+        progress: Progress,
+        known: Mapping[str, Model],
+    ) -> dict[str, Model]:
+        """Quick fits of some suspects, with the closest of them fitted to the end; see `contend`."""
         few = screening.model is not model
         rivals = {name: over_few(fit) if few else fit for name, fit in known.items()}
-        gains, sensors = screening.gains, self.baseline.sensors
-        sure = [name for name, test in sensors.items() if shown(test) and name in gains]
-        material = {name: gains[name] for name in sure if self.material(gains[name], model)}
-        fits = self.quick_fits(chosen, screening, material, rivals, progress)
-        if fits.keys() == known.keys():
-            # All refuted: what else is missing spoils what the dynamics say of the log.
-            rest = {name: gain for name, gain in gains.items() if name not in material}
-            fits = self.quick_fits(chosen, screening, rest, rivals, progress)
+        fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
         for number, name in enumerate((not_ruled_out(fits) if few else order)[:CLOSEST]):
@@ -312,18 +338,31 @@ class Search:
         """
         few = len(quick.costs) < len(before.costs)
         enough = quick.normal.chi2 * (ROOM if few else 1.0)
-        at_sight = self.baseline.problem.at_measured_states(quick.vehicle)
-        along = before.problem if few else quick.problem
-        for problem, most in ((at_sight, enough), (along, np.inf)):
+        at_sight = self.baseline.problem.at_measured_states
+        along, best = before.problem if few else quick.problem, quick
+        for problem, most in ((at_sight(quick.vehicle), enough), (along, np.inf)):
             try:
                 again = self._fit(quick.vehicle, chosen, problem, ITERATIONS)
             except Diverges:
                 continue
             if again.normal.chi2 <= most:
-                return again
-        if few:
+                best = again
+                break
+        if self.from_file and (best is quick or best.normal.chi2 > RIGHT):
+            filed = self.as_filed(quick.vehicle)
+            with suppress(Diverges):
+                again = self._fit(filed, chosen, at_sight(filed), ITERATIONS)
+                best = again if again.normal.chi2 < best.normal.chi2 else best
+        if few and best is quick:
             raise Diverges("a fit to a few of the shots does not hold for all of them")
-        return quick
+        return best
+
+    def as_filed(self, vehicle: Vehicle) -> Vehicle:
+        """A vehicle with the file's own effects at the values that the file gives them."""
+        base = self.baseline
+        own = [table for table in (base.start or base.vehicle).effect if table["name"] in base.effects]
+        others = [table for table in vehicle.effect if table["name"] not in base.effects]
+        return msgspec.structs.replace(vehicle, effect=(*own, *others))
 
     def refuted(self, effect: str, vehicle: Vehicle) -> bool:
         """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
@@ -353,23 +392,30 @@ class Search:
             chosen = [one.effect for one in found]
             told = part(progress, 0.2 + 0.12 * len(found), 0.32 + 0.12 * len(found))
             told(f"{len(found)} found, looking for more", 0.0)
-            screening = self.screen(self.fewer(model), chosen)
-            if screening.model is not model and not screening.significant:
-                screening = self.screen(model, chosen)
-            telling = any(self.belongs(name, gain, model) for name, gain in screening.gains.items())
+            begun = self.at_file() if self.from_file and not found else model
+            screening = self.screen(self.fewer(begun), chosen)
+            if screening.model is not begun and not screening.significant:
+                screening = self.screen(begun, chosen)
+            telling = any(self.belongs(name, gain, begun) for name, gain in screening.gains.items())
             if len(found) == MOST_FINDINGS or not telling:
                 break
-            fits = self.contend(model, chosen, screening, part(told, 0.3, 1.0))
+            fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0))
             best = leader(fits)
             if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
                 break
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
-            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < EACH * len(found):
+            doubtful = sum(not self.sure(one.effect) for one in found)
+            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < EACH * doubtful:
                 break
         if screening.model is not model:
             screening = self.screen(model, [one.effect for one in found])
         return Outcome(model, tuple(found), screening)
+
+    def at_file(self) -> Model:
+        """The file's own effects free, at the values that it gives them."""
+        base = self.baseline
+        return fit_model(base.start or base.vehicle, base.effects, base.problem, base.log.track, 0)
 
     def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
         """Drop what the others have made needless, and swap what another effect does better in its place."""

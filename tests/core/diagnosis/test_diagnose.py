@@ -11,7 +11,16 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.diagnose import _retuned, diagnose, refine, refit, stable_shots, stable_start
+from hydro.core.diagnosis.confidence import RIGHT
+from hydro.core.diagnosis.diagnose import (
+    _retuned,
+    diagnose,
+    refine,
+    refit,
+    searched,
+    stable_shots,
+    stable_start,
+)
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
@@ -358,3 +367,55 @@ def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
     assert errors[0] > 1.5
     assert errors[1] == pytest.approx(1.0, abs=0.05)
     assert errors[2] > 0.995 * errors[1]
+
+
+def test_what_the_log_misreads_a_little_does_not_end_the_search(known):
+    """Kinematics shows it first, and it explains less than what is found must explain on average."""
+    arm = {"name": "sensor_lever_arm", "r": [0.12, -0.12, 0.1]}
+    cable = {"name": "tether", "k": 6.0, "slack": 2.3, "attachment": [0.15, -0.17, -0.04]}
+    hidden = hiding(known, arm, cable | {"anchor": [1.3, -2.0, 4.0]})
+    found = diagnose(misjudged(known), recorded(hidden, rows=2500))
+    named = {one.effect: one for one in found.findings if one.verdict == "missing"}
+    assert named.keys() == {"sensor_lever_arm", "tether"}
+    assert named["sensor_lever_arm"].share < 0.25 < named["tether"].share
+    assert found.chi2[-1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_fit_that_ran_away_is_begun_again_from_the_file(known):
+    """A roll damping of seven hundred answers to nothing, and no step leads back from there."""
+    file = misjudged(known)
+    log = preprocess(file, recorded(hiding(known, CURRENT)))
+    start, problem = stable_start(file, log)
+    baseline = refit(file, log, problem, start)
+    away = [
+        table | {"diagonal": [10.0, 10.0, 10.0, 700.0, 700.0, 700.0]}
+        if table["name"] == "linear_damping"
+        else table
+        for table in file.effect
+    ]
+    vehicle = msgspec.structs.replace(file, effect=tuple(away))
+    quick = fit_model(hiding(vehicle, CURRENT), [*baseline.effects, "ocean_current"], problem, log.track, 0)
+    plain, again = Search(baseline), Search(baseline, from_file=True)
+    assert plain.converged(quick, baseline.refitted, ["ocean_current"]).normal.chi2 > RIGHT
+    found = again.converged(quick, baseline.refitted, ["ocean_current"])
+    assert found.normal.chi2 == pytest.approx(1.0, abs=0.05)
+    assert again.at_file().vehicle == file
+
+
+def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypatch):
+    file = misjudged(known)
+    log = preprocess(file, recorded(hiding(known, CURRENT)))
+    start, problem = stable_start(file, log)
+    baseline = refit(file, log, problem, start)
+    search, outcome = searched(baseline, silent)
+    assert not search.from_file
+    grow = Search.grow
+
+    def stuck(self, progress):
+        return grow(self, progress) if self.from_file else Outcome(self.baseline.refitted, (), None)
+
+    monkeypatch.setattr(Search, "grow", stuck)
+    search, other = searched(baseline, silent)
+    assert search.from_file
+    assert other.effects == outcome.effects == ["ocean_current"]
+    assert other.model.normal.chi2 == pytest.approx(outcome.model.normal.chi2, rel=1e-3)
