@@ -2,9 +2,11 @@
 
     python -m benchmarks.flown_advice run --studies 60 --first-seed 0 -o flown.parquet
     python -m benchmarks.flown_advice report flown.parquet
+    python -m benchmarks.flown_advice write flown.parquet --commit 1234567
 
 A results file grows by one row per study; the same command goes on where an earlier one stopped.  `--tied N`
 ends a run at so many open studies.  Seeds below 10,000 are for development, those from 70,000 are held back.
+`write` makes benchmarks/results/flown_advice.csv and the page that shows it.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ import polars as pl
 from benchmarks.flown_advice import study
 from benchmarks.hidden_effects.scoring import rate
 from benchmarks.imperfect_base.work import Results, add_report, done
+from benchmarks.kept_tables import Row, keep, markdown, origin
+from hydro.core.diagnosis.findings import SURE
 
 KEY = ("seed", "seconds")
 FLIGHTS = {"advised": "the advised flight", "random": "a random one as long"}
@@ -59,30 +63,45 @@ def line(row: dict[str, Any]) -> str:
 
 def summary(results: pl.DataFrame) -> str:
     """Everything that a table of results says, as Markdown."""
-    rows = results.filter(failure="").to_dicts()
-    tied = [row for row in rows if row["open"]]
-    after = " | ".join(f"truth named first after {words}" for words in FLIGHTS.values())
+    tied = results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
     lines = [
         f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has "
         "the truth among rivals, or says that the recording does not show it. 95 % intervals after Clopper "
         "and Pearson.",
         "",
-        f"| open | studies | {after} | stated at 0.9 or more after the advised one | wrong name after it |",
-        "|---|---:|---:|---:|---:|---:|",
+        markdown(table(results)),
     ]
-    for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):
-        group = [row for row in tied if part in ("all", row["open"], row["family"])]
-        if not group:
-            continue
-        named = [rate(row[f"{flight}_outcome"] == "named" for row in group) for flight in FLIGHTS]
-        sure = rate(row["advised_outcome"] == "named" and row["advised_confidence"] >= 0.9 for row in group)
-        wrong = rate(row["advised_outcome"].startswith("wrong") for row in group)
-        lines.append(f"| {part} | {len(group)} | {' | '.join(named)} | {sure} | {wrong} |")
     inside = sum(bool(row["inside"]) for row in tied)
     lines += ["", f"{inside} of {len(tied)} advised flights kept to the limits with what was hidden."]
     failed = results.filter(pl.col("failure") != "")
     lines += [f"Seed {seed} failed: {why}" for seed, why in failed.select("seed", "failure").rows()]
     return "\n".join(lines) + "\n"
+
+
+def table(results: pl.DataFrame) -> list[Row]:
+    """Open studies, all and by what left them open: what is named after either flight."""
+    tied = results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
+    rows: list[Row] = []
+    for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):
+        group = [row for row in tied if part in ("all", row["open"], row["family"])]
+        if not group:
+            continue
+        named = {
+            f"truth first after {words}": rate(row[f"{flight}_outcome"] == "named" for row in group)
+            for flight, words in FLIGHTS.items()
+        }
+        sure = rate(row["advised_outcome"] == "named" and row["advised_confidence"] >= SURE for row in group)
+        wrong = rate(row["advised_outcome"].startswith("wrong") for row in group)
+        told = {"stated after the advised one": sure, "wrong after it": wrong}
+        rows.append({"open": part, "studies": len(group)} | named | told)
+    return rows
+
+
+def write(chosen: argparse.Namespace) -> None:
+    """Keep the table, and make the pages that show it anew."""
+    results = pl.read_parquet(chosen.results)
+    command = "python -m benchmarks.flown_advice run"
+    keep("flown_advice", [row | origin(results, command, chosen.commit) for row in table(results)])
 
 
 def parser() -> argparse.ArgumentParser:
@@ -98,6 +117,10 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("-o", "--out", type=Path, default=Path("flown_advice.parquet"))
     one.set_defaults(action=run)
     add_report(commands, summary, KEY)
+    one = commands.add_parser("write", help="make benchmarks/results/flown_advice.csv")
+    one.add_argument("results", type=Path)
+    one.add_argument("--commit", required=True, help="of the code that was measured")
+    one.set_defaults(action=write)
     return top
 
 
