@@ -169,7 +169,7 @@ def diagnose_log(
 
 
 def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
-    """What a search finds, and the search: a second one from the file's values where the first fits nothing.
+    """What a search finds, and the search: one from the file's values where it fits and the first does not.
 
     Fitted without what is missing the file's own effects may run away to where no step leads back from.
     """
@@ -178,9 +178,7 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
     if found.model.normal.chi2 <= RIGHT:
         return first, found
     other = again.grow(part(progress, 0.65, 0.8))
-    if other.model.normal.chi2 < found.model.normal.chi2:
-        return again, other
-    return first, found
+    return (again, other) if other.model.normal.chi2 <= RIGHT else (first, found)
 
 
 def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:

@@ -159,7 +159,8 @@ class Search:
     Attributes:
         baseline: What it starts from.
         from_file: Whether it, and every fit that leaves far more than the noise, begins at the file's values
-            too: fitted without what is missing, these may run away to where no step leads back from.
+            too: fitted without what is missing, these may run away to where no step leads back from.  It
+            goes on where what it finds first explains ALMOST_ALL: no hull's own error is met with more.
     """
 
     baseline: Baseline
@@ -406,7 +407,8 @@ class Search:
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
             doubtful = sum(not self.sure(one.effect) for one in found)
-            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < EACH * doubtful:
+            least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
+            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < least:
                 break
         if screening.model is not model:
             screening = self.screen(model, [one.effect for one in found])
