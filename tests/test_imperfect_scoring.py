@@ -118,6 +118,17 @@ def test_bins_hold_equal_counts_and_every_naming_once():
         assert tops == sorted(tops)
 
 
+def test_equal_confidences_share_a_bin_and_those_below_have_one():
+    """Most are certain: where enough are not, these are not hidden among them."""
+    confidence = np.concatenate([np.full(290, 1.0), np.linspace(0.1, 0.9, 110)])
+    doubtful, certain = scoring.bins(confidence)
+    assert sorted(doubtful) == list(range(290, 400))
+    assert sorted(certain) == list(range(290))
+    assert len(scoring.bins(confidence[:-11])) == 1
+    middle = np.concatenate([np.linspace(0.1, 0.4, 110), np.full(120, 0.5), np.linspace(0.6, 0.9, 110)])
+    assert [part.size for part in scoring.bins(middle)] == [230, 110]
+
+
 def test_the_brier_score_of_a_calibrated_forecast_is_its_variance():
     rng = np.random.default_rng(4)
     stated = rng.uniform(0.0, 1.0, 200_000)

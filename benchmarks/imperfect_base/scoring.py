@@ -133,13 +133,19 @@ def brier(confidence: np.ndarray, right: np.ndarray) -> float:
 def bins(confidence: np.ndarray) -> list[np.ndarray]:
     """Indices of namings by rising confidence in at most ten bins of equal count, at least `BIN` each.
 
-    Equal confidences share a bin: which of them is right must not hang on their order.
+    Equal confidences share a bin: which of them is right must not hang on their order.  Those of the
+    greatest have one of their own where they fill it, lest they hide what is less sure.
     """
-    count = int(np.clip(confidence.size // BIN, 1, 10))
     order = np.argsort(confidence, kind="stable")
+    rising = confidence[order]
+    below = int(np.searchsorted(rising, rising[-1:].max(initial=0.0), "left"))
+    if min(below, order.size - below) >= BIN:
+        lower, greatest = np.split(order, [below])
+        return [*(lower[part] for part in bins(confidence[lower])), greatest]
+    count = int(np.clip(order.size // BIN, 1, 10))
     ends = np.cumsum([part.size for part in np.array_split(order, count)])
     edges = [0]
-    for end in np.searchsorted(confidence[order], confidence[order[ends - 1]], "right"):
+    for end in np.searchsorted(rising, rising[ends - 1], "right"):
         if end - edges[-1] >= BIN:
             edges.append(int(end))
     if len(edges) > 1 and order.size - edges[-1] < BIN:
