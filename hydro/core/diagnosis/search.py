@@ -272,28 +272,25 @@ class Search:
         return self.with_plainer(last, chosen)
 
     def with_plainer(self, fits: dict[str, Model], chosen: Sequence[str]) -> dict[str, Model]:
-        """The fits, and that of the plainer effect which the best of them nearly is, begun from there.
+        """The fits, and those of the plainer effects which the best of them nearly is, begun from there.
 
-        Where that does as well, to within SURE standard errors of what else the best has, it takes its place.
+        Where one does as well, to within SURE standard errors of what else the best has, it takes its place.
         """
         best = leader(fits)
         reduced = CATALOGUE[best].identification.plainer if best is not None else None
         if best is None or reduced is None:
             return fits
-        table, vehicle = (
-            reduced(fits[best].vehicle.effects(best)[0], self.baseline.vehicle),
-            fits[best].vehicle.without(best),
-        )
-        if vehicle.effects(table["name"]):
-            return fits
-        try:
-            plain = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
-        except Diverges:
-            return fits
-        gain = plain.normal.cost - fits[best].normal.cost
-        if gain <= SURE**2 * max(fits[best].normal.chi2, 1.0):
+        vehicle = fits[best].vehicle.without(best)
+        plain = dict[str, Model]()
+        for table in reduced(fits[best].vehicle.effects(best)[0], self.baseline.vehicle):
+            if vehicle.effects(table["name"]):
+                continue
+            with suppress(Diverges):
+                plain[table["name"]] = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
+        least = min((model.normal.cost for model in plain.values()), default=np.inf)
+        if least - fits[best].normal.cost <= SURE**2 * max(fits[best].normal.chi2, 1.0):
             del fits[best]
-        return {**fits, table["name"]: plain}
+        return {**fits, **plain}
 
     def quick_fits(
         self,

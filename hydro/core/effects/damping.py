@@ -172,10 +172,10 @@ def without_drag(n: float) -> Table:
     return {"name": POWER_DRAG.name, "diagonal": [0.0] * 6, "n": n}
 
 
-def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> Table:
+def nearest_plain(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
     """Linear or quadratic damping, whichever its power is nearer to."""
     plain = LINEAR_DAMPING if table["n"] < NEARER else QUADRATIC_DAMPING
-    return {"name": plain.name, "diagonal": list(table["diagonal"])}
+    return [{"name": plain.name, "diagonal": list(table["diagonal"])}]
 
 
 def parts(vehicle: Vehicle, reach: Array | None) -> list[Table]:

@@ -153,8 +153,8 @@ class Identification:
         fine: More of them, which tell where to begin.
         absorbs: Share of the error of data it was not fitted to that it removes of hulls no formula
             describes, where nothing is missing but a formula.
-        plainer: The table of the effect with fewer parameters that it nearly is on a vehicle, from its own:
-            that one is tried as well wherever this one would be named.
+        plainer: The tables of effects with fewer parameters that it may nearly be on a vehicle, from its own:
+            they are tried as well wherever this one would be named.
     """
 
     form: str | None = None
@@ -164,7 +164,7 @@ class Identification:
     coarse: Shapes | None = None
     fine: Shapes | None = None
     absorbs: float = 0.0
-    plainer: Callable[[Mapping[str, Any], Vehicle], Table] | None = None
+    plainer: Callable[[Mapping[str, Any], Vehicle], list[Table]] | None = None
 
     @property
     def linear(self) -> bool:

@@ -199,11 +199,14 @@ def payloads(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
     yield Shape((at_origin, *pairs, dry), (little,) * 5, begin)
 
 
-def by_its_moment(table: Mapping[str, Any], vehicle: Vehicle) -> Table:
-    """The offset of buoyancy with the moment of a payload: all that one without weight and mass has."""
-    lift = max(vehicle.buoyancy.force, 1.0)
-    shift = {f"d{axis}": -table.get("w", 0.0) * table.get(axis, 0.0) / lift for axis in "xyz"}
-    return {"name": BUOYANCY_OFFSET.name} | shift
+def weight_or_moment(table: Mapping[str, Any], vehicle: Vehicle) -> list[Table]:
+    """The weight of a payload at the centre of buoyancy, and the offset of buoyancy with its moment.
+
+    One is all that a payload without mass has close to that centre, the other one without weight and mass.
+    """
+    weight, lift = table.get("w", 0.0), max(vehicle.buoyancy.force, 1.0)
+    shift = {f"d{axis}": -weight * table.get(axis, 0.0) / lift for axis in "xyz"}
+    return [{"name": "net_buoyancy", "dB": -weight}, {"name": BUOYANCY_OFFSET.name} | shift]
 
 
 BUOYANCY_OFFSET = Effect(
@@ -254,7 +257,7 @@ PAYLOAD = Effect(
     ),
     kernel=payload,
     inertia=point_mass,
-    identification=Identification(starts=light_or_heavy, coarse=payloads, plainer=by_its_moment),
+    identification=Identification(starts=light_or_heavy, coarse=payloads, plainer=weight_or_moment),
     advice=Advice(parted_by=(TILTS,)),
 )
 DRIFTING_BALLAST = Effect(

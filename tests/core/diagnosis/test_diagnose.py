@@ -419,3 +419,24 @@ def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypa
     assert search.from_file
     assert other.effects == outcome.effects == ["ocean_current"]
     assert other.model.normal.chi2 == pytest.approx(outcome.model.normal.chi2, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "named"),
+    [
+        ({"name": "net_buoyancy", "dB": 20.0}, "net_buoyancy"),
+        ({"name": "buoyancy_offset", "dx": 0.004, "dy": 0.002, "dz": 0.001}, "buoyancy_offset"),
+        ({"name": "payload", "w": 25.0, "mass": 20.0, "x": 0.4, "y": 0.1, "z": 0.1}, "payload"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_a_payload_gives_way_to_what_it_nearly_is(known, hidden, named):
+    log = preprocess(known, recorded(hiding(known, hidden)))
+    start, problem = stable_start(known, log)
+    baseline = refit(known, log, problem, start)
+    begun = hiding(baseline.refitted.vehicle, {"name": "payload", "w": 5.0, "x": 0.1})
+    payload = fit_model(begun, [*baseline.effects, "payload"], problem, log.track, 30)
+    fits = Search(baseline).with_plainer({"payload": payload}, [])
+    assert {"net_buoyancy", "buoyancy_offset"} <= fits.keys()
+    assert leader(fits) == named
+    assert ("payload" in fits) is (named == "payload")

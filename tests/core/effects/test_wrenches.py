@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from strategies import numbers, spd_matrices, states, vectors, velocities
 
 from hydro.core.effects import assemble, effect_wrenches
-from hydro.core.effects.restoring import by_its_moment
+from hydro.core.effects.restoring import weight_or_moment
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 
@@ -295,8 +295,9 @@ def test_a_payload_without_mass_is_a_change_of_buoyancy_and_its_offset(state, at
     """So the offset with its moment is what a payload without weight would be."""
     eta, nu = state
     table = {"name": "payload", "w": weight, **dict(zip("xyz", at.tolist(), strict=True))}
-    offset = by_its_moment(table, BARE)
-    both = wrench({"name": "net_buoyancy", "dB": -weight}, eta, nu, offset)
+    lighter, offset = weight_or_moment(table, BARE)
+    assert lighter == {"name": "net_buoyancy", "dB": -weight}
+    both = wrench(lighter, eta, nu, offset)
     center = np.add(CENTER_OF_BUOYANCY, [offset[f"d{axis}"] for axis in "xyz"])  # where dB acts
     both[3:] -= np.cross(center, weight * R(eta)[2])
     close(both, wrench(table, eta, nu), atol=1e-9)
