@@ -63,7 +63,7 @@ def line(row: dict[str, Any]) -> str:
 
 def summary(results: pl.DataFrame) -> str:
     """Everything that a table of results says, as Markdown."""
-    tied = results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
+    tied = left_open(results)
     lines = [
         f"{results.height} recordings of one manoeuvre, {len(tied)} of them open: the diagnosis has "
         "the truth among rivals, or says that the recording does not show it. 95 % intervals after Clopper "
@@ -78,9 +78,14 @@ def summary(results: pl.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
+def left_open(results: pl.DataFrame) -> list[Row]:
+    """Studies whose first diagnosis leaves the truth open."""
+    return results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
+
+
 def table(results: pl.DataFrame) -> list[Row]:
     """Open studies, all and by what left them open: what is named after either flight."""
-    tied = results.filter((pl.col("failure") == "") & (pl.col("open") != "")).to_dicts()
+    tied = left_open(results)
     rows: list[Row] = []
     for part in ("all", "rivals", "unseen", *dict.fromkeys(row["family"] for row in tied)):
         group = [row for row in tied if part in ("all", row["open"], row["family"])]

@@ -94,12 +94,11 @@ def _study(row: dict[str, Any]) -> None:
     row["truth"] = json.dumps(sea.case.hidden)
     found = diagnose(given, first)
     row |= {f"first_{key}": value for key, value in outcome(found, effect).items()}
+    row["open"] = ""
     if found.question is None:  # no model fits: there is nothing that a flight would tell apart
-        row["open"] = ""
         return
     ties = [[one.name for one in tie] for tie in found.question.ties]
     row["rivals"] = ["/".join(tie) for tie in ties]
-    row["open"] = ""
     if any(effect in tie for tie in ties) and not _stated(row):
         row["open"] = "rivals"
     elif not ties and effect in found.question.hidden:

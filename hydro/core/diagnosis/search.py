@@ -236,7 +236,9 @@ class Search:
         gains = screening.gains
         sure = [name for name in self.baseline.sensors if name in gains and self.sure(name)]
         material = {name: gains[name] for name in sure if self.material(gains[name], model)}
-        fits = self.fitted(model, chosen, screening, material, part(progress, 0.0, 0.3), known)
+        fits = dict(known)
+        if material:
+            fits = self.fitted(model, chosen, screening, material, part(progress, 0.0, 0.3), known)
         new = fits.keys() - known.keys()
         if not any(self.belongs(name, model.normal.cost - fits[name].normal.cost, model) for name in new):
             # Refuted, or no better: what else is missing spoils what the dynamics say of the log.
