@@ -16,10 +16,10 @@ from typing import cast
 import numpy as np
 
 from hydro.core.columns import Array
+from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.search import Baseline, Outcome
 from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved

@@ -18,6 +18,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
+from hydro.core.diagnosis.baseline import MATERIAL, Baseline, Found, Outcome
 from hydro.core.diagnosis.before import diagnose_change
 from hydro.core.diagnosis.closed_loop import under_feedback
 from hydro.core.diagnosis.confidence import (
@@ -45,7 +46,7 @@ from hydro.core.diagnosis.model import (
     fitted_or_kept,
     from_elsewhere,
 )
-from hydro.core.diagnosis.search import MATERIAL, Baseline, Found, Outcome, Search
+from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import own_effects, repeated_effects

@@ -18,9 +18,9 @@ from itertools import pairwise
 import numpy as np
 
 from hydro.core.columns import DOF, Array
+from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.search import Baseline, Found, Outcome
 from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question

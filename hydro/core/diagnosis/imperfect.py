@@ -13,10 +13,10 @@ from typing import cast
 
 import numpy as np
 
+from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
-from hydro.core.diagnosis.search import Baseline, Outcome
 from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.experiment import advice

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import cast
 
 import msgspec
 import numpy as np
 
+from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
-from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -33,7 +33,6 @@ from hydro.core.diagnosis.model import (
     screened,
 )
 from hydro.core.effects.catalogue import CATALOGUE, repeated_effects
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
     Problem,
@@ -42,18 +41,10 @@ from hydro.core.identification.levenberg_marquardt import (
 )
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
-from hydro.core.preprocessing.sensor_tests import KinematicTest, shown, vetoed
+from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
 
-MATERIAL = 0.05
-"""Share of the squared error beyond the noise that a finding must explain,"""
-TELLING = 0.1
-"""or else by how much of its root it must lower the root of what is left."""
-MOST_OF_IT, PLAIN = 0.5, 0.1
-"""or else the part of what is left that it must explain, and the share of the noise that this must be."""
-VISIBLE = 0.005
-"""Share of the whole error, noise included, below which nobody would see it in a replay."""
 CONTENDERS = 5
 NEAR, NEAR_CURVED = 0.5, 0.1  # share of the best linear gain from which a suspect is fitted in earnest
 MOST_FINDINGS = 4
@@ -73,86 +64,6 @@ ROOM = 1.5
 
 
 @dataclass(frozen=True)
-class Baseline:
-    """A vehicle file, and the best that its own effects can do: what a search starts from.
-
-    Attributes:
-        vehicle: The vehicle as its file gives it.
-        effects: Names of its own effects, which are fitted anew.
-        log: The preprocessed recording.
-        problem: The shots, begun where the recording saw the vehicle.
-        given: The vehicle with the values of its file.
-        refitted: With its own effects fitted anew.
-        sensors: What kinematics alone says of the velocity log's errors, by effect.
-        start: The vehicle that the fits begin from; another one than the file's where its predictions
-            diverge.
-        warnings: What went wrong on the way, a sentence each.
-        file: Another vehicle whose values alone are known beforehand; None where these are.
-    """
-
-    vehicle: Vehicle
-    effects: tuple[str, ...]
-    log: Preprocessed
-    problem: OutputError
-    given: Model
-    refitted: Model
-    sensors: Mapping[str, KinematicTest]
-    start: Vehicle | None = None
-    warnings: tuple[str, ...] = ()
-    file: Vehicle | None = None
-
-    @property
-    def beforehand(self) -> Vehicle:
-        """The vehicle whose values are known whatever this recording says."""
-        return self.file or self.vehicle
-
-    def explained(self, model: Model) -> float:
-        """Part of the error beyond the noise that a model explains of what the file's own effects leave."""
-        return (self.refitted.normal.cost - model.normal.cost) / max(self.refitted.excess, 1e-9)
-
-
-@dataclass(frozen=True)
-class Found:
-    """An effect that joined the model.
-
-    Attributes:
-        effect: Its name.
-        p_value: That nothing being missing the most telling effect tells as much.
-        rivals: The models in which it, or another effect in its place, explains what is left, by effect.
-    """
-
-    effect: str
-    p_value: float
-    rivals: Mapping[str, Model]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a search found.
-
-    Attributes:
-        model: The vehicle with all of it.
-        found: What joined it.
-        last: The suspects of the last round, in which nothing joined.
-        without: The model without each effect that was found, all others fitted anew.
-        fit: Values and standard errors of all effects fitted together; None of none, and before they are.
-        warnings: What went wrong on the way, a sentence each.
-    """
-
-    model: Model
-    found: tuple[Found, ...]
-    last: Screening
-    without: Mapping[str, Model] = field(default_factory=dict)
-    fit: Fit | None = None
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def effects(self) -> list[str]:
-        """Names of what was found."""
-        return [one.effect for one in self.found]
-
-
-@dataclass(frozen=True)
 class Search:
     """The search from a baseline.  `chosen` are everywhere the names of what is in the model beside it.
 
@@ -166,17 +77,6 @@ class Search:
     baseline: Baseline
     from_file: bool = False
 
-    def material(self, gain: float, before: Model) -> bool:
-        """Whether explaining so much squared residual of a model matters.
-
-        Where others have explained most, a small share of the first error may be most of what is left, and
-        of that most is enough as long as it is plain beside the noise.
-        """
-        left, first = max(before.excess - gain, 0.0), self.baseline.refitted.excess
-        lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
-        most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
-        return self.visible(gain) and bool(lower or most or gain >= MATERIAL * first)
-
     def wrong(self, outcome: Outcome) -> bool:
         """Whether no model that was found is right, though there is something to find.
 
@@ -185,19 +85,6 @@ class Search:
         model, left = outcome.model, outcome.model.normal.chi2
         there = bool(outcome.found) or outcome.last.significant or not left <= FIT
         return there and not left <= RIGHT and not self.baseline.explained(model) >= ALMOST_ALL
-
-    def visible(self, gain: float) -> bool:
-        """Whether explaining so much would show in a replay at all."""
-        return gain >= VISIBLE * self.baseline.refitted.normal.residuals
-
-    def belongs(self, effect: str, gain: float, before: Model) -> bool:
-        """Whether an effect is a finding: it matters, or kinematics shows it, however much else is wrong."""
-        return self.material(gain, before) or (self.sure(effect) and self.visible(gain))
-
-    def sure(self, effect: str) -> bool:
-        """Whether kinematics alone shows that the velocity log misreads so, whatever the dynamics lack."""
-        test = self.baseline.sensors.get(effect)
-        return test is not None and shown(test)
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
@@ -234,13 +121,15 @@ class Search:
         if not screening.significant:
             return dict(known)
         gains = screening.gains
-        sure = [name for name in self.baseline.sensors if name in gains and self.sure(name)]
-        material = {name: gains[name] for name in sure if self.material(gains[name], model)}
+        sure = [name for name in self.baseline.sensors if name in gains and self.baseline.sure(name)]
+        material = {name: gains[name] for name in sure if self.baseline.material(gains[name], model)}
         fits = dict(known)
         if material:
             fits = self.fitted(model, chosen, screening, material, part(progress, 0.0, 0.3), known)
         new = fits.keys() - known.keys()
-        if not any(self.belongs(name, model.normal.cost - fits[name].normal.cost, model) for name in new):
+        if not any(
+            self.baseline.belongs(name, model.normal.cost - fits[name].normal.cost, model) for name in new
+        ):
             # Refuted, or no better: what else is missing spoils what the dynamics say of the log.
             rest = {name: gain for name, gain in gains.items() if name not in material}
             fits = self.fitted(model, chosen, screening, rest, part(progress, 0.3, 1.0), known)
@@ -396,16 +285,18 @@ class Search:
             screening = self.screen(self.fewer(begun), chosen)
             if screening.model is not begun and not screening.significant:
                 screening = self.screen(begun, chosen)
-            telling = any(self.belongs(name, gain, begun) for name, gain in screening.gains.items())
+            telling = any(self.baseline.belongs(name, gain, begun) for name, gain in screening.gains.items())
             if len(found) == MOST_FINDINGS or not telling:
                 break
             fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0))
             best = leader(fits)
-            if best is None or not self.belongs(best, model.normal.cost - fits[best].normal.cost, model):
+            if best is None or not self.baseline.belongs(
+                best, model.normal.cost - fits[best].normal.cost, model
+            ):
                 break
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
-            doubtful = sum(not self.sure(one.effect) for one in found)
+            doubtful = sum(not self.baseline.sure(one.effect) for one in found)
             least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
             if model.normal.chi2 > RIGHT and self.baseline.explained(model) < least:
                 break
@@ -430,7 +321,7 @@ class Search:
                 without[one.effect] = first
                 continue
             lesser = self.without(model, one.effect, others)
-            if not self.belongs(one.effect, lesser.normal.cost - model.normal.cost, lesser):
+            if not self.baseline.belongs(one.effect, lesser.normal.cost - model.normal.cost, lesser):
                 kept.remove(one)
                 model = lesser
                 continue
@@ -445,7 +336,7 @@ class Search:
         if len(kept) == 1 < len(outcome.found):
             # Beside what has been dropped it may have looked larger than it is.
             without[kept[0].effect] = first
-            if not self.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):
+            if not self.baseline.belongs(kept[0].effect, first.normal.cost - model.normal.cost, first):
                 return Outcome(first, (), outcome.last)
         return Outcome(model, tuple(kept), outcome.last, without)
 

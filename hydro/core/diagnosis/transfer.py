@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array, Rows
+from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import Baseline, Search
+from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import repeated_effects, with_role
 from hydro.core.effects.record import Role

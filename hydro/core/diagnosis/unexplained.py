@@ -15,11 +15,12 @@ import msgspec
 import numpy as np
 
 from hydro.core.columns import DOF, VELOCITY, Array
+from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import explained_share
 from hydro.core.diagnosis.findings import FIT, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.search import Baseline, Outcome, Search
+from hydro.core.diagnosis.search import Search
 from hydro.core.effects.catalogue import repeated_effects, wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
@@ -101,7 +102,7 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         open_ = released(first.vehicle, name)
         screening = search.screened(first, [of_entries(open_, name)])
         gain = screening.gains[name]
-        if gain < found or not (screening.significant and search.material(gain, first)):
+        if gain < found or not (screening.significant and baseline.material(gain, first)):
             continue
         columns = screening.ranked[name][1]
         _, step = linear_step(screening.normal, [*screening.own, *columns])
