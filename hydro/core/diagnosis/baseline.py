@@ -1,7 +1,7 @@
 """What a search for what is missing starts from, what it found, and what of it matters.
 
 A finding matters where it explains enough of the error that the file's own effects leave, or lowers its root
-enough, or is most of what others have left of it; whatever kinematics alone shows need only be visible.
+enough, or is much of what others have left of it; whatever kinematics alone shows need only be visible.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MATERIAL = 0.05
 """Share of the squared error beyond the noise that a finding must explain,"""
 TELLING = 0.1
 """or else by how much of its root it must lower the root of what is left."""
-MOST_OF_IT, PLAIN = 0.5, 0.1
+MUCH_OF_IT, PLAIN = 0.15, 0.01
 """or else the part of what is left that it must explain, and the share of the noise that this must be."""
 VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
@@ -69,13 +69,13 @@ class Baseline:
     def material(self, gain: float, before: Model) -> bool:
         """Whether explaining so much squared residual of a model matters.
 
-        Where others have explained most, a small share of the first error may be most of what is left, and
-        of that most is enough as long as it is plain beside the noise.
+        Where others have explained most, a small share of the first error may be much of what is left, and
+        that is enough as long as it is plain beside the noise.
         """
         left, first = max(before.excess - gain, 0.0), self.refitted.excess
         lower = np.sqrt(before.excess) - np.sqrt(left) >= TELLING * np.sqrt(first)
-        most = gain >= max(MOST_OF_IT * before.excess, PLAIN * before.normal.residuals)
-        return self.visible(gain) and bool(lower or most or gain >= MATERIAL * first)
+        much = gain >= max(MUCH_OF_IT * before.excess, PLAIN * before.normal.residuals)
+        return self.visible(gain) and bool(lower or much or gain >= MATERIAL * first)
 
     def visible(self, gain: float) -> bool:
         """Whether explaining so much would show in a replay at all."""

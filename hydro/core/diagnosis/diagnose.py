@@ -153,7 +153,7 @@ def diagnose_log(
     search, outcome = searched(baseline, progress)
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, progress)
-    outcome = search.reconsider(outcome, part(progress, 0.8, 0.85))
+    outcome = search.settle(outcome, part(progress, 0.8, 0.85))
     progress("all that was found, fitted together", 0.85)
     outcome = refine(baseline, outcome)
     progress("verdicts", 0.9)

@@ -274,9 +274,12 @@ class Search:
         except Diverges:  # and too far even so: it begins as the vehicle has it
             return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
-    def grow(self, progress: Progress) -> Outcome:
-        """Let the best effect join until nothing more is significant and material."""
-        model, found = self.baseline.refitted, list[Found]()
+    def grow(self, progress: Progress, start: Outcome | None = None) -> Outcome:
+        """Let the best effect join until nothing more is significant and material.
+
+        It goes on from an earlier outcome where there is one.
+        """
+        model, found = (start.model, list(start.found)) if start else (self.baseline.refitted, list[Found]())
         while True:
             chosen = [one.effect for one in found]
             told = part(progress, 0.2 + 0.12 * len(found), 0.32 + 0.12 * len(found))
@@ -308,6 +311,16 @@ class Search:
         """The file's own effects free, at the values that it gives them."""
         base = self.baseline
         return fit_model(base.start or base.vehicle, base.effects, base.problem, base.log.track, 0)
+
+    def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
+        """Reconsider what was found, and go on where a swap has made room for what could not be told before."""
+        kept = self.reconsider(outcome, part(progress, 0.0, 0.4))
+        if kept.effects == outcome.effects or not kept.found:
+            return kept
+        further = self.grow(part(progress, 0.4, 0.8), kept)
+        if further.effects == kept.effects:
+            return kept
+        return self.reconsider(further, part(progress, 0.8, 1.0))
 
     def reconsider(self, outcome: Outcome, progress: Progress) -> Outcome:
         """Drop what the others have made needless, and swap what another effect does better in its place."""

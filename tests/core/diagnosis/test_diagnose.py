@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.diagnose import (
     _retuned,
@@ -24,7 +25,7 @@ from hydro.core.diagnosis.diagnose import (
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import FEW, Baseline, Outcome, Search, leader
+from hydro.core.diagnosis.search import FEW, Search, leader
 from hydro.core.diagnosis.transfer import left_out_error
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -248,12 +249,12 @@ def test_a_file_that_diverges_begins_from_damping_of_its_hull(known):
 def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
-    monkeypatch.setattr("hydro.core.diagnosis.search.shown", lambda test: True)
+    monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda test: True)
     monkeypatch.setattr(Search, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
     search = searching(known, recorded(hiding(known, *hidden), rows=1500), {"sensor_bias": None})
     first = search.baseline.refitted
     screening = search.screen(first, [])
-    assert search.material(screening.gains["sensor_bias"], first)
+    assert search.baseline.material(screening.gains["sensor_bias"], first)
     fits = search.contend(first, [], screening, silent)
     assert "net_buoyancy" in fits
     assert "sensor_bias" not in fits
