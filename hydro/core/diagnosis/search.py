@@ -313,7 +313,7 @@ class Search:
         return fit_model(base.start or base.vehicle, base.effects, base.problem, base.log.track, 0)
 
     def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
-        """Reconsider what was found, and go on where a swap has made room for what could not be told before."""
+        """Reconsider what was found, and go on where a swap makes room for what could not be told."""
         kept = self.reconsider(outcome, part(progress, 0.0, 0.4))
         if kept.effects == outcome.effects or not kept.found:
             return kept

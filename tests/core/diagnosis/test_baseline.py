@@ -1,0 +1,72 @@
+"""What matters of what a search finds, and when it goes on."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hydro.core.diagnosis.baseline import MATERIAL, MUCH_OF_IT, PLAIN, VISIBLE, Baseline, Outcome
+from hydro.core.diagnosis.model import Model
+from hydro.core.diagnosis.search import Search
+from hydro.core.progress import silent
+
+RESIDUALS = 10_000.0
+
+
+def leaving(excess: float) -> Model:
+    """A model that leaves so much squared residual beyond the noise."""
+    normal = SimpleNamespace(residuals=RESIDUALS, cost=RESIDUALS + excess)
+    return cast(Model, SimpleNamespace(excess=excess, normal=normal))
+
+
+def begun_from(excess: float) -> Baseline:
+    """A search that starts where the file's own effects leave so much."""
+    return Baseline(*[cast(Any, None)] * 5, leaving(excess), {})
+
+
+@given(st.floats(1.0, 1e6), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_what_explains_more_matters_no_less(first: float, left: float, part: float):
+    """More of the same residual explained is never less of a finding, and what cannot be seen is none."""
+    baseline, before = begun_from(first), leaving(left * first)
+    gain = part * before.excess
+    if baseline.material(gain, before):
+        assert baseline.material(min(gain * 1.5, before.excess), before)
+        assert gain >= VISIBLE * RESIDUALS
+
+
+def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_what_is_left():
+    """A third effect is not passed over because the first one was a thousand times the noise."""
+    baseline, before = begun_from(1000 * RESIDUALS), leaving(0.13 * RESIDUALS)
+    plain = max(MUCH_OF_IT * before.excess, PLAIN * RESIDUALS)
+    assert plain < MATERIAL * baseline.refitted.excess
+    assert baseline.material(1.01 * plain, before)
+    assert not baseline.material(0.9 * plain, before)
+
+
+@pytest.mark.parametrize(
+    ("kept", "goes_on"), [(["payload"], False), (["buoyancy_offset"], True), ([], False)]
+)
+def test_a_search_goes_on_only_where_another_effect_has_taken_the_place(monkeypatch, kept, goes_on):
+    """A swap leaves less, of which more can be told; and what then joins is reconsidered with the others."""
+
+    def outcome(effects: list[str]) -> Outcome:
+        return cast(Outcome, SimpleNamespace(effects=effects, found=tuple(effects)))
+
+    asked: list[list[str]] = []
+
+    def reconsider(search: Search, given: Outcome, progress: object) -> Outcome:
+        asked.append(given.effects)
+        return outcome(kept) if len(asked) == 1 else given
+
+    def grow(search: Search, progress: object, start: Outcome) -> Outcome:
+        return outcome([*start.effects, "thruster_inflow"])
+
+    monkeypatch.setattr(Search, "reconsider", reconsider)
+    monkeypatch.setattr(Search, "grow", grow)
+    settled = Search(begun_from(1.0)).settle(outcome(["payload"]), silent)
+    assert settled.effects == [*kept, "thruster_inflow"] if goes_on else settled.effects == kept
+    assert asked == [["payload"], [*kept, "thruster_inflow"]] if goes_on else asked == [["payload"]]
