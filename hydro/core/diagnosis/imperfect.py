@@ -19,6 +19,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, wi
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
+from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.normal_equations import block_length
@@ -35,6 +36,8 @@ NEARLY = 0.7
 """Part of the score of what is named from which others are told beside it."""
 OWN = 0.9
 """Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
+FANCIFUL = 0.5
+"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 STEPS = 12
 """Of the last fit."""
 
@@ -169,6 +172,8 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     values, errors = fit.table(rival.effect)
     others = [one for one in surveyed.rivals if one is not rival]
     sure = by_transfer_confidence(rival.score) * (OWN if rival.own else 1.0)
+    if implausible(fit.vehicle, [rival.effect]):
+        sure = min(sure, FANCIFUL)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]
     words += _standing(rival, model, near)
