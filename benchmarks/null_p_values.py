@@ -35,7 +35,7 @@ from benchmarks.imperfect_base.work import Results, done
 from benchmarks.imperfect_logs.sensors import replaced
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from hydro.core.columns import POSE, VELOCITY, Array
-from hydro.core.diagnosis.diagnose import refit, stable_start
+from hydro.core.diagnosis.baseline import refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import ALPHA, Screening
 from hydro.core.diagnosis.search import Search

@@ -56,7 +56,7 @@ def compare(
         hydro compare vehicle.toml after.parquet --before before.parquet
     """
     from hydro.core import effects
-    from hydro.core.diagnosis.beside import with_hull
+    from hydro.core.diagnosis.before import with_hull
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as compute
     from hydro.io import table

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.beside import FLOOR
+from hydro.core.diagnosis.before import FLOOR
 from hydro.core.diagnosis.explain import HORIZON, LEFT_OUT
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column

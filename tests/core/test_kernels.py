@@ -13,7 +13,7 @@ import recordings
 from numba.core.dispatcher import Dispatcher
 
 from hydro.core.compiled import copy_kernel, kernel
-from hydro.core.diagnosis.diagnose import stable_shots
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.effects.catalogue import own_effects
 from hydro.core.identification.levenberg_marquardt import moved

@@ -8,13 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import cast
 
+import msgspec
 import numpy as np
 
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Model, Screening
+from hydro.core.diagnosis.model import (
+    SLOW,
+    Diverges,
+    Model,
+    Screening,
+    Wanted,
+    as_it_is,
+    fitted_or_kept,
+    from_elsewhere,
+)
+from hydro.core.effects.catalogue import CATALOGUE, own_effects
+from hydro.core.effects.damping import LINEAR_DAMPING
+from hydro.core.errors import DataError
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import Fit
+from hydro.core.identification.fit import fit as equation_error
 from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.tracking import shot_seconds
+from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -26,6 +45,16 @@ MUCH_OF_IT, PLAIN = 0.15, 0.01
 """or else the part of what is left that it must explain, and the share of the noise that this must be."""
 VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
+SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
+"""Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
+DIVERGED_FILE = (
+    "the motion that the file predicts diverges within a quarter of a second: all began from linear damping "
+    "that equation error finds"
+)
+DIVERGED_REFIT = "the refit of the file's own effects diverged: they stand as they began"
+STABLE = 0.95
+"""Part of the shots that must not diverge."""
+LEAST_SHOTS = 16
 
 
 @dataclass(frozen=True)
@@ -130,3 +159,93 @@ class Outcome:
     def effects(self) -> list[str]:
         """Names of what was found."""
         return [one.effect for one in self.found]
+
+
+def stable_start(vehicle: Vehicle, log: Preprocessed) -> tuple[Vehicle, OutputError]:
+    """The vehicle that fits begin from, and shots on which its predictions stay finite and near.
+
+    It is the file's own, or, where its predictions diverge over the shortest shots too, the file with other
+    damping: the linear one that equation error finds, which integrates nothing, in the place of the file's
+    linear damping, or of all of its damping.
+
+    Raises:
+        DataError: The recording is too short, or the predictions of every start diverge.
+    """
+    try:
+        return vehicle, stable_shots(vehicle, log)
+    except Diverges as refusal:
+        every = {name for name, effect in CATALOGUE.items() if effect.family == LINEAR_DAMPING.family}
+        for removed in ({LINEAR_DAMPING.name}, every):
+            kept = tuple(effect for effect in vehicle.effect if effect["name"] not in removed)
+            bare = msgspec.structs.replace(vehicle, effect=kept)
+            try:
+                damped = equation_error(bare, log.raw, [LINEAR_DAMPING.name], method="equation").vehicle
+                return damped, stable_shots(damped, log)
+            except DataError:
+                continue
+        raise refusal
+
+
+def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
+    """Shots as long as the vehicle's predictions stay finite and near, those that do not left out.
+
+    Raises:
+        DataError: The recording is too short.
+        Diverges: The predictions of every length do.
+    """
+    record, blind = log.record, shot_seconds(log.record)
+    for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
+        shots = log.shots(seconds)
+        if len(shots.starts) < LEAST_SHOTS and seconds == blind > SHOT_LENGTHS[0]:
+            continue
+        if len(shots.starts) < LEAST_SHOTS:
+            least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
+            remedy = f"record at least {least:g} s, better some minutes"
+            if record.rows * record.dt > least and gaps:
+                remedy = f"{gaps} gaps cut the log to pieces: `hydro import` bridges those of a few samples"
+            raise DataError(
+                f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; {remedy}"
+            )
+        problem = OutputError.of(shots, vehicle)
+        stable = multiple_shooting.bounded(
+            multiple_shooting.prepare(candidate(vehicle), problem.shots), problem.shots
+        )
+        if stable.mean() >= STABLE:
+            return OutputError(multiple_shooting.select(problem.shots, stable))
+    raise Diverges(
+        f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
+        f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
+    )
+
+
+def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:
+    """The file's own effects fitted anew from a start, each channel weighed by its noise, white or not."""
+    effects, warnings = own_effects(start), []
+    refitted, problem, reached = weighed_fit(start, effects, problem, log)
+    if start is not vehicle:
+        warnings.append(DIVERGED_FILE)
+    if not reached:
+        warnings.append(DIVERGED_REFIT)
+    given = as_it_is(vehicle, problem)
+    return Baseline(
+        vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
+    )
+
+
+def weighed_fit(
+    vehicle: Vehicle, effects: Wanted, problem: OutputError, log: Preprocessed, share: float = SLOW
+) -> tuple[Model, OutputError, bool]:
+    """Effects fitted with each channel weighed by its noise, white or not.
+
+    Returns:
+        The model, or the vehicle as it is where the fit diverges; the shots so weighed; and whether the fit
+        did not diverge.
+    """
+    model, reached = fitted_or_kept(vehicle, effects, problem, log.track, share)
+    model = from_elsewhere(model, problem, log.track, share)
+    sigma = coloured(log.noise, model.normal, log.record, log.sensors)
+    if not np.array_equal(sigma, log.noise):
+        problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
+        names = [one if isinstance(one, str) else str(one["name"]) for one in effects]
+        model, reached = fitted_or_kept(model.vehicle, names, along, log.track, share)
+    return model, problem, reached

@@ -3,26 +3,31 @@
 What the hull does beside its file is learnt from the recording before and held fixed in the one after
 (`core.residual`), so that a change stands alone.  The file's effects keep their values, and are suspects like
 all others.  Residuals are measured against what the model of the hull leaves of stretches of the recording
-before that it was not fitted to: below that floor there is nothing.
+before that it was not fitted to: below that floor there is nothing.  A comparison gets the errors of short
+predictions, axis by axis, of the file alone and with what the hull does beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import polars as pl
 
-from hydro.core.columns import Array
+from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
+from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
-from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted
+from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted, fitted_together
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model
+from hydro.core.diagnosis.model import Diverges, Model, as_it_is
 from hydro.core.effects import CATALOGUE
-from hydro.core.evaluation.block_resampling import weights
+from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import with_uncertainty
+from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.progress import Progress, part
@@ -42,6 +47,15 @@ PLAIN = 0.6
 """Part of the floor that a change must take to be plain beside what the hull's model leaves."""
 GREAT = 0.2
 """Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
+LEVEL = "hull"
+"""Level of a comparison's rows that tell of the hull."""
+ALONE, BESIDE = "file alone", "with the hull"
+"""Of what predicts, in the column `by`;"""
+BEFORE, AFTER = "before", "after"
+"""and of the recording, in the column `place`."""
+FLOOR = "floor"
+"""The axis of all channels together, in units of the floor."""
+ERROR_RESAMPLES = 1000
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -234,3 +248,91 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
+
+
+def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
+    """A comparison with the errors that are left once the hull's share is taken out.
+
+    Args:
+        comparison: Comparison table of the same vehicle and recording.
+        vehicle: The model.
+        log: The recording after.
+        hull: What the recording before has taught.
+
+    Returns:
+        The table with rows of the level `hull`: `by` says what predicts, `place` the recording, `horizon` [s]
+        how long a shot is; root mean square errors of every channel, and on the axis `floor` of all together
+        in units of what the model of the hull leaves of the recording before.
+
+    Raises:
+        DataError: The recording is too short, or the vehicle's predictions diverge.
+    """
+    lines = pl.DataFrame(list(_lines(vehicle, log, hull)), infer_schema_length=None)
+    return pl.concat([comparison, lines.cast({"rank": pl.Int64, "weight": pl.Float64})], how="diagonal")
+
+
+def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
+    """The rows: of the recording before as the hull tells them, of the one after with intervals."""
+    compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
+    alone = as_it_is(vehicle, compared.problem).normal
+    shots = compared.problem.shots
+    shared = {
+        "level": LEVEL,
+        "horizon": shots.seconds,
+        "rows": len(shots.starts) * (shots.length - shots.lead),
+        "at_horizon": None,
+        "share": 0.0,
+        "rank": None,
+        "weight": None,
+    }
+    scale = np.append(shots.sigma, 1.0)
+    noise = np.append(log.noise, np.sqrt(np.mean((log.noise / shots.sigma) ** 2)))
+    axes = list(zip((*POSE, *VELOCITY, FLOOR), (*POSE_UNITS, *VELOCITY_UNITS, "1"), strict=True))
+    after = {ALONE: alone, BESIDE: beside.normal}
+    for by, level in ((ALONE, hull.alone), (BESIDE, hull.floor)):
+        rmse, low, high = scale * _levels(after[by], compared.weight)
+        for i, (axis, unit) in enumerate(axes):
+            if not np.isfinite(rmse[i]):
+                continue
+            key = shared | {"axis": axis, "by": by, "unit": unit}
+            spread = {"low": low[i], "high": high[i]}
+            yield key | spread | {"place": AFTER, "rmse": rmse[i], "noise_floor": noise[i]}
+            if axis != FLOOR:
+                told = {"rmse": level[i] * hull.sigma[i], "noise_floor": hull.sigma[i]}
+                yield key | {"low": None, "high": None, "place": BEFORE} | told
+
+
+def _levels(normal: Normal, weight: Array) -> Array:
+    """Root mean square residual of each channel and of all, with its 95 % interval, (3, C + 1).
+
+    NaN of a channel without a sample.
+    """
+    squares = np.column_stack([normal.channels, normal.gram[:, -1, -1]])
+    within = np.isfinite(squares).all(axis=1)
+    squares, weight, free = squares[within], weight[within], normal.freedoms[within]
+    samples = normal.compared if normal.compared is not None else np.ones(normal.channels.shape[1])
+    part = np.append(np.where(samples > 0.0, samples, np.nan) / samples.sum(), 1.0)
+
+    def root(shares: Array) -> Array:
+        """Of recordings in which shots have these shares, (..., S)."""
+        return np.asarray(np.sqrt((shares @ squares) / (shares @ free)[..., None] / part))
+
+    drawn = weights(len(squares), ERROR_RESAMPLES, 0) * weight
+    return np.vstack([root(weight), interval(root(drawn))])
+
+
+def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:
+    """Changes of a file fitted together, with all else of the file and the hull's share held.
+
+    Args:
+        file: The file as given.
+        log: The recording after.
+        hull: What the recording before has taught.
+        changes: `[[effect]]` tables with the values to begin from.
+
+    Raises:
+        DataError: The recording is too short, or the predictions diverge.
+    """
+    compared, first = Compared.of(log, stable_shots(file, log), hull, file)
+    model = fitted_together(compared, first, changes)
+    return with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")

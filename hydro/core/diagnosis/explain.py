@@ -21,9 +21,10 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.beside import BESIDE, FLOOR, fit_changes, with_hull
-from hydro.core.diagnosis.beside import LEVEL as OF_HULL
-from hydro.core.diagnosis.diagnose import diagnose_log, settled, stable_shots, stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import stable_shots, stable_start, weighed_fit
+from hydro.core.diagnosis.before import BESIDE, FLOOR, fit_changes, with_hull
+from hydro.core.diagnosis.before import LEVEL as OF_HULL
+from hydro.core.diagnosis.diagnose import diagnose_log, settled
 from hydro.core.diagnosis.findings import Diagnosis, extended, suspects, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Wanted

@@ -16,9 +16,8 @@ import msgspec
 import numpy as np
 
 from hydro.core.columns import Array, Rows
-from hydro.core.diagnosis.baseline import Baseline
+from hydro.core.diagnosis.baseline import Baseline, refit, stable_start
 from hydro.core.diagnosis.confidence import RIGHT, Fitted, explained_share, left_out_costs
-from hydro.core.diagnosis.diagnose import refit, stable_start
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, fit_model

@@ -11,16 +11,13 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import Baseline, Outcome
+from hydro.core.diagnosis.baseline import Baseline, Outcome, refit, stable_shots, stable_start
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.diagnose import (
     _retuned,
     diagnose,
     refine,
-    refit,
     searched,
-    stable_shots,
-    stable_start,
 )
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
-from hydro.core.diagnosis.baseline import Outcome
-from hydro.core.diagnosis.diagnose import refine, refit, stable_shots
+from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots
+from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.explain import LEFT_OUT, Step, best, best_step, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
