@@ -11,7 +11,7 @@ import numpy as np
 from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import ROTATION, TIME
-from hydro.core.effects.program import STATE_COUNT, thrusters_of
+from hydro.core.effects.program import STATE_COUNT, heed, thrusters_of
 from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.integrate import Course, Thrusters, advance, at_rest, resume
@@ -119,6 +119,7 @@ def _fly(mask: Mask, fleet: _Fleet, begin: bool, period: float, gravity: float, 
         resume(thrusters, course, past - 1, False)
         thrusters.rotors[2] = fleet.lags[k]
         if steps > 0:
+            heed(course.commands[past - 1], motion.s)
             advance(motion, thrusters, course, now, period / steps, None)
         fleet.y[k], fleet.lags[k], fleet.time[k] = motion.y, thrusters.rotors[2], now + period
         _read(motion, thrusters, gravity, int(k), readings)

@@ -41,8 +41,8 @@ EFFECTS = {
     "thruster_curve": {"da": 0.6},
     "thruster_inflow": {"c": 0.2},
     "formula": {
-        "forces": ["X |u|^n sgn(u)", "Y |w| v"], "force": [-30.0, -20.0],
-        "moments": ["K g_y"], "moment": [-3.0], "exponents": [1.6],
+        "forces": ["X |u|^n sgn(u)", "Y |w| v", "Z c2 |c2|"], "force": [-30.0, -20.0, 15.0],
+        "moments": ["K g_y", "N c1 u"], "moment": [-3.0, 2.0], "exponents": [1.6],
     },
     "propeller_torque": {"k": [0.03, -0.03, 0.02, -0.04, 0.05, -0.05, 0.03, 0.02]},
 }  # fmt: skip

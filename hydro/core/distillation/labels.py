@@ -125,7 +125,8 @@ def labels(
         )
         forces = np.empty((0, 6))
         if subtract == "effects":
-            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"])
+            given = driven[start:stop]
+            forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
         label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -113,7 +113,7 @@ def labels_of_samples(
     thrust = thrusts(table, driven, raw["t"], bounds, after_gap=after_gap, nu_r=nu_r)
     forces, placed = np.empty((0, 6)), False
     if subtract == "effects":
-        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"])
+        forces, placed = _forces(vehicle, pose, motion[:, :, 0], bounds, raw["t"], driven)
     out: Array32 = np.empty((24 + len(commands), raw.height), np.float32)
     label_kernel(Terms(motion, pose[:, 3:], thrust, forces), known, out)
     out[:, ~_determined(found, limits or Bounds(), placed)] = np.nan
@@ -227,12 +227,14 @@ def _noise(samples: Array, bounds: Rows, dt: float, given: Sequence[float] | Non
     return sigma
 
 
-def _forces(vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike) -> tuple[Array, bool]:
+def _forces(
+    vehicle: Vehicle, pose: Array, nu: Array, bounds: Rows, t: ArrayLike, commands: Array
+) -> tuple[Array, bool]:
     """Wrench of the effects (N, 6), and whether it depends on where the vehicle is."""
-    forces = effect_forces(vehicle, pose, nu, bounds, t)
+    forces = effect_forces(vehicle, pose, nu, bounds, t, commands)
     displaced = pose.copy()
     displaced[:, :3] += DISPLACED
-    return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, t), forces)
+    return forces, not np.allclose(effect_forces(vehicle, displaced, nu, bounds, t, commands), forces)
 
 
 def _determined(found: Smoothed, limits: Bounds, placed: bool) -> Mask:

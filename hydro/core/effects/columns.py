@@ -8,14 +8,19 @@ from numpy.typing import ArrayLike, NDArray
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import INERTIA, MOTION, POSITION, RELATIVE_VELOCITY, ROTATION, TIME, VELOCITY
-from hydro.core.effects.program import assemble, constants_of, relative_to_water, start, wrench
+from hydro.core.effects.program import assemble, constants_of, heed, relative_to_water, start, wrench
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation, rotation_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 
 
 def effect_wrenches(
-    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, t: ArrayLike
+    vehicle: Vehicle,
+    eta: ArrayLike,
+    nu: ArrayLike,
+    segments: ArrayLike,
+    t: ArrayLike,
+    commands: ArrayLike | None = None,
 ) -> Array:
     """Wrench ON the vehicle of all its effects of kind `wrench`, at every row of a recorded motion.
 
@@ -28,6 +33,7 @@ def effect_wrenches(
         segments: Unbroken runs of rows [start, stop), shape (S, 2); internal states begin each as if its
             first velocity had always been.
         t: Times of the rows, shape (N,) [s].
+        commands: Commands of the thrusters, shape (N, n), of which a `formula` may have terms; 0 if None.
 
     Returns:
         Wrenches about CO, body frame, shape (N, 6) [N, N m]; 0 in rows outside all segments.
@@ -37,12 +43,14 @@ def effect_wrenches(
     """
     program = assemble(vehicle)
     out = np.zeros(np.shape(nu))
+    given = np.zeros((len(out), program.thrusters)) if commands is None else commands
     _along(
         program.flat,
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
         np.ascontiguousarray(t, np.float64),
+        np.ascontiguousarray(given, np.float64),
         np.zeros((6, program.states)),
         out,
     )
@@ -50,7 +58,12 @@ def effect_wrenches(
 
 
 def effect_forces(
-    vehicle: Vehicle, eta: ArrayLike, nu: ArrayLike, segments: ArrayLike, t: ArrayLike
+    vehicle: Vehicle,
+    eta: ArrayLike,
+    nu: ArrayLike,
+    segments: ArrayLike,
+    t: ArrayLike,
+    commands: ArrayLike | None = None,
 ) -> Array:
     """Wrench ON the vehicle of all its effects but for -I nu_dot, I what they add to the mass matrix.
 
@@ -61,7 +74,7 @@ def effect_forces(
 
     Arguments, result and errors are those of `effect_wrenches`.
     """
-    out = effect_wrenches(vehicle, eta, nu, segments, t)
+    out = effect_wrenches(vehicle, eta, nu, segments, t, commands)
     _inertia_along(
         assemble(vehicle).flat,
         np.ascontiguousarray(eta, np.float64),
@@ -113,7 +126,14 @@ def _inertia_along(
 
 @jit
 def _along(
-    flat: Array, eta: Array, nu: Array, segments: NDArray[np.int64], t: Array, states: Array, out: Array
+    flat: Array,
+    eta: Array,
+    nu: Array,
+    segments: NDArray[np.int64],
+    t: Array,
+    commands: Array,
+    states: Array,
+    out: Array,
 ) -> None:
     """Internal states go from row to row by Runge-Kutta, along a straight line of the motion between."""
     here, middle, there, unused = np.zeros(MOTION), np.zeros(MOTION), np.zeros(MOTION), np.zeros(6)
@@ -122,11 +142,13 @@ def _along(
         for k in range(begin, end):
             if k == begin:
                 _motion(flat, eta[k], nu[k], t[k], here)
+                heed(commands[k], here)
                 start(flat, here, x)
             wrench(flat, here, x, a, out[k])
             if k + 1 == end:
                 break
             _motion(flat, eta[k + 1], nu[k + 1], t[k + 1], there)
+            heed(commands[k + 1], there)
             if x.size:
                 dt = t[k + 1] - t[k]
                 middle[:] = 0.5 * (here + there)

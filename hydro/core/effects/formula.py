@@ -2,7 +2,8 @@
 
 A term is an axis of the wrench and a product, as in `Y |v|^1.4 v` or `N |u| r`, of the velocity through the
 water `u v w p q r` [m/s, rad/s], of where down is in body axes, `g_x g_y g_z` (-sin theta, cos theta sin phi,
-cos theta cos phi), and of the depth of CO, `z` [m].
+cos theta cos phi), of the depth of CO, `z` [m], and of the commands `c1 c2 ...` of the thrusters in the
+order of the file, as given, before any delay.
 
 A factor is such a name `v`, with a whole power `v^2`, its size `|v|` with any power `|v|^0.5`, or its sign
 `sgn(v)`.  The power `|v|^n` is a number of the file's that a fit may move, the next of `exponents`.
@@ -19,7 +20,7 @@ import numpy as np
 
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.layout import COMMANDS, MOST_COMMANDS, POSITION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.parting import COASTING
 from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Words
 from hydro.core.effects.units import of_mass, of_moment
@@ -27,11 +28,12 @@ from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Index, Plausible, between, most_drag
 
-NAMES = (*VELOCITY, "g_x", "g_y", "g_z", "z")
+NAMES = (*VELOCITY, "g_x", "g_y", "g_z", "z", *(f"c{i + 1}" for i in range(MOST_COMMANDS)))
 PLACES = (
     *range(RELATIVE_VELOCITY, RELATIVE_VELOCITY + 6),
     *range(ROTATION + 6, ROTATION + 9),
     POSITION + 2,
+    *range(COMMANDS, COMMANDS + MOST_COMMANDS),
 )
 """Where each of them stands in the state of motion."""
 AXES = WRENCH
@@ -45,7 +47,11 @@ NOWHERE = -1.0
 """Place of a factor that is not there."""
 LEAST_POWER, MOST_POWER = 0.0, 4.0
 FACTOR = re.compile(r"(?:\|(?P<size>\w+)\||sgn\((?P<sign>\w+)\)|(?P<plain>[A-Za-z]\w*))(?:\^(?P<power>\S+))?")
-GRAMMAR = "an axis X Y Z K M N and at most three factors such as `Y |v|^1.5 v`, of " + " ".join(NAMES)
+GRAMMAR = (
+    "an axis X Y Z K M N and at most three factors such as `Y |v|^1.5 v`, of "
+    + " ".join(NAMES[: -MOST_COMMANDS + 1])
+    + f" ... {NAMES[-1]}"
+)
 
 
 @kernel
@@ -129,10 +135,12 @@ def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, f
 def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
     """All terms of a table as the kernel reads them, behind their number; and how many numbers they have.
 
+    Among these `commands` is the number of the last thruster whose command they read, 0 of none.
+
     Raises:
         DataError: A term is none, or a force stands among the moments.
     """
-    rows, exponents = [], 0
+    rows, exponents, commands = [], 0, 0
     for key, axes in (("forces", AXES[:3]), ("moments", AXES[3:])):
         terms = table.get(key, [])
         if not isinstance(terms, list | tuple):
@@ -144,6 +152,7 @@ def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, d
             row[2::3] = np.where(row[2::3] < 0.0, row[2::3] - exponents, row[2::3])
             row[2::3][row[1::3] == NOWHERE] = 0.0
             exponents += count
+            commands = max(commands, int(row[1::3].max()) - COMMANDS + 1)
             rows.append(row)
     if not rows:
         raise DataError(f"{where}: formula needs terms in `forces` or `moments`, each {GRAMMAR}")
@@ -151,7 +160,8 @@ def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, d
         raise DataError(
             f"{where}.exponents: is missing: a number for each of the {exponents} powers written ^n"
         )
-    sizes = {key: len(table.get(key, [])) for key in ("forces", "moments")} | {"exponents": exponents}
+    sizes = {key: len(table.get(key, [])) for key in ("forces", "moments")}
+    sizes |= {"exponents": exponents, "commands": commands}
     return np.concatenate([[len(rows)], *rows]), sizes
 
 

@@ -37,4 +37,6 @@ VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3
 TIME = 24  # t of the session [s]
-MOTION = 25  # length of s
+COMMANDS = 25  # as given in this row, before any delay, of the first MOST_COMMANDS thrusters
+MOST_COMMANDS = 16
+MOTION = COMMANDS + MOST_COMMANDS  # length of s

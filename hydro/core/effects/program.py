@@ -198,6 +198,13 @@ def relative_to_water(flat: Array, s: Array) -> None:
         s[layout.RELATIVE_VELOCITY + 3 + i] = s[layout.VELOCITY + 3 + i]
 
 
+@kernel
+def heed(commands: Array, s: Array) -> None:
+    """Write the commands of a row (n,) into `s`: of more than MOST_COMMANDS thrusters the first."""
+    for i in range(min(commands.size, layout.MOST_COMMANDS)):
+        s[layout.COMMANDS + i] = commands[i]
+
+
 _LOOP = """
 def {name}({arguments}):
     c = flat[{constants}:{constants_end}]

@@ -339,6 +339,9 @@ class Effect:
         parts = list[Array]()
         if self.structure is not None:
             written, lengths = self.structure(table, where)
+            if lengths.get("commands", 0) > thrusters:
+                last = f"c{lengths['commands']}"
+                raise DataError(f"{where}: {last} is no thruster's command: the vehicle has {thrusters}")
             parts, sizes = [written], sizes | lengths
         parts += [
             _entries(parameter, table, sizes, f"{where}.{parameter.name}")

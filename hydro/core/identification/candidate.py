@@ -14,8 +14,9 @@ from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.catalogue import entries
+from hydro.core.effects.formula import FORMULA
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
-from hydro.core.effects.program import relative_to_water, start, thrusters_of, wrench
+from hydro.core.effects.program import heed, relative_to_water, start, thrusters_of, wrench
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
 from hydro.core.vehicle.description import Vehicle
@@ -107,8 +108,20 @@ def accelerations_at(
     """The same at some rows (K,), where the lag states of the thrusters are `rotors` (K, n); (K, 6)."""
     out = np.empty((rows.size, 6))
     memory = memories(model, record, eta, nu)[rows]
-    _accelerate_along(model.program.flat, eta[rows], nu[rows], record.t[rows], rotors, memory, out)
+    along = (model.program.flat, eta[rows], nu[rows], record.t[rows])
+    _accelerate_along(*along, record.commands[rows], rotors, memory, out)
+    if FORMULA.name in model.program.effects:  # it may read commands, which jump at a row
+        before = np.empty_like(out)
+        _accelerate_along(*along, commands_before(record)[rows], rotors, memory, before)
+        out = 0.5 * (out + before)
     return out
+
+
+def commands_before(record: Recording) -> Array:
+    """Commands just before each row, those of the row before it; of a segment's first row its own. (N, n)."""
+    previous = np.arange(-1, record.rows - 1)
+    previous[record.segments[:, 0]] += 1
+    return record.commands[previous]
 
 
 @jit
@@ -140,11 +153,12 @@ def _remember(flat: Array, eta: Array, nu: Array, t: Array, segments: Rows, dt: 
 
 @jit
 def _accelerate_along(
-    flat: Array, eta: Array, nu: Array, t: Array, rotors: Array, memory: Array, out: Array
+    flat: Array, eta: Array, nu: Array, t: Array, commands: Array, rotors: Array, memory: Array, out: Array
 ) -> None:
     s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
     for k in range(out.shape[0]):
         move(flat, eta[k], nu[k], t[k], s)
+        heed(commands[k], s)
         tau[:] = 0.0
         propel(flat, s, rotors[k], tau)
         accelerate(flat, s, memory[k], rates, tau, out[k])

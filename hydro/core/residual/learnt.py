@@ -84,7 +84,7 @@ class Learnt:
         currents = [table for table in vehicle.effect if CATALOGUE[table["name"]].kind == "flow"]
         beside = msgspec.structs.replace(self.file, effect=(*self.file.effect, *currents))
         over_ground = true_velocity(model, record, shots.nu)
-        known = effect_wrenches(beside, shots.eta, over_ground, record.segments, record.t)
+        known = effect_wrenches(beside, shots.eta, over_ground, record.segments, record.t, record.commands)
         return np.asarray(coriolis(mass + inertia_matrix(self.file), flow.nu) - said - known)
 
 

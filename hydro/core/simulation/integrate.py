@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array
 from hydro.core.compiled import copy_kernel, jit, kernel
 from hydro.core.effects.layout import TIME
-from hydro.core.effects.program import thrusters_of
+from hydro.core.effects.program import heed, thrusters_of
 from hydro.core.simulation.dynamics import Motion, observe_state, rates_kernel
 from hydro.core.simulation.pilot import Pilot, steer
 from hydro.core.simulation.variational_equation import DEVIATION, Deviations, carry
@@ -233,6 +233,7 @@ def march(
             observe_state(motion.flat, y, motion.s)
             steer(pilot, at + k, motion.s, motion.work[0, :6], course.commands[at + k])
         if k < last:
+            heed(course.commands[at + k], motion.s)
             now = t[at + k]
             length = course.length if course.length > 0.0 else (t[at + k + 1] - now) / course.steps
             advance(motion, thrusters, course, now, length, deviations)

@@ -56,7 +56,9 @@ _mj_readCtrl = types.ExternalFunction(
     ),
 )
 S = slice(9, 9 + layout.MOTION)
-"""Where the state of motion stands in the room on the stack, behind a rotation."""
+"""Where the state of motion stands in the room on the stack, behind a rotation,"""
+TAU, PART, HALF = slice(S.stop, S.stop + 6), slice(S.stop + 6, S.stop + 12), slice(S.stop + 12, S.stop + 48)
+"""and behind it two wrenches and an inertia."""
 FUNCTIONS = ("mj_factorM", "mj_makeM", "mj_readCtrl")
 
 
@@ -81,6 +83,14 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
     for i in range(3):
         s[layout.VELOCITY + i] = P[i, 0] * qvel[0] + P[i, 1] * qvel[1] + P[i, 2] * qvel[2]
     relative_to_water(structs.program_of(vehicle), s)
+
+
+@jit
+def _heed(model: int, data: int, vehicle: Array, s: Array) -> None:
+    """Write the commands of this step into `s`, as given, before any delay."""
+    count, first = int(structs.program_of(vehicle)[THRUSTER_COUNT]), int(vehicle[water.AT_ACTUATOR])
+    for i in range(min(count, layout.MOST_COMMANDS)):
+        s[layout.COMMANDS + i] = structs.given_command(model, data, first + i)
 
 
 @jit
@@ -150,9 +160,9 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
     P, s, tau, part, half = (
         room[0:9].reshape(3, 3),
         room[S],
-        room[34:40],
-        room[40:46],
-        room[46:82].reshape(6, 6),
+        room[TAU],
+        room[PART],
+        room[HALF].reshape(6, 6),
     )
     for i in range(6):
         tau[i] = 0.0
@@ -162,6 +172,7 @@ def _add_forces(model: int, data: int, vehicle: Array) -> None:
 
     if vehicle[water.AT_EFFECTS] > 0.0:
         program, at = structs.program_of(vehicle), int(vehicle[water.AT_STATES])
+        _heed(model, data, vehicle, s)
         count = int(program[STATE_COUNT])
         if count:  # MuJoCo clears `act_dot` after this stage: rates written here only need somewhere to go
             wrench(
@@ -314,7 +325,7 @@ def _internal_rates(model: int, data: int, actuator: int) -> None:
     program, at = structs.program_of(vehicle), int(vehicle[water.AT_STATES])
     count = int(program[STATE_COUNT])
     room = carray(stack(), (ROOM,), np.float64)
-    s, tau = room[S], room[34:40]
+    s, tau = room[S], room[TAU]
     _observe(data, vehicle, room[0:9].reshape(3, 3), s)
     wrench(program, s, numbers(data, structs.ACT, at, count), numbers(data, structs.ACT_DOT, at, count), tau)
 

@@ -93,11 +93,17 @@ def last_activation(model: int, actuator: int) -> int:
 
 
 @jit
+def given_command(model: int, data: int, actuator: int) -> float:
+    """The command of a thruster as it is given in this step, before any delay."""
+    return float(numbers(data, CTRL, integers(model, CTRLADR, actuator, 1)[0], 1)[0])
+
+
+@jit
 def command_of(model: int, data: int, actuator: int) -> float:
     """The command that a thruster obeys during this step."""
     if numbers(model, DELAY, actuator, 1)[0] > 0.0:
         return float(numbers(data, ACT, last_activation(model, actuator) - 1, 1)[0])
-    return float(numbers(data, CTRL, integers(model, CTRLADR, actuator, 1)[0], 1)[0])
+    return given_command(model, data, actuator)
 
 
 @jit

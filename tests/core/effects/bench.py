@@ -50,10 +50,16 @@ def equipped(*effects: dict[str, Any], bare: Vehicle = BARE) -> Vehicle:
     return msgspec.structs.replace(bare, effect=effects)
 
 
-def wrench(effect: dict[str, Any], eta: ArrayLike, nu: ArrayLike, *more: dict[str, Any]) -> Array:
-    """Wrench of effects at one pose and velocity."""
+def wrench(
+    effect: dict[str, Any],
+    eta: ArrayLike,
+    nu: ArrayLike,
+    *more: dict[str, Any],
+    commands: ArrayLike = (0.0, 0.0),
+) -> Array:
+    """Wrench of effects at one pose and velocity, under commands of the two thrusters."""
     row = np.atleast_2d(np.asarray(eta, float)), np.atleast_2d(np.asarray(nu, float))
-    return effect_wrenches(equipped(effect, *more), *row, [[0, 1]], [0.0])[0]
+    return effect_wrenches(equipped(effect, *more), *row, [[0, 1]], [0.0], np.atleast_2d(commands))[0]
 
 
 def R(eta: Array) -> Array:
