@@ -15,11 +15,13 @@ from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.plausible import between
 from hydro.io import provenance, table
 from hydro.io import vehicle as vehicles
 from hydro.io.study import NO_FORCES
@@ -188,6 +190,18 @@ def test_the_vehicle_file_of_a_step_keeps_its_comments(counted):
         )
         == 0
     )
+
+
+def test_values_beyond_belief_are_told(counted, capsys, monkeypatch):
+    """Of what a study has fitted; a current of 0.2 m/s is nothing to tell."""
+    assert cli.main(list(LINE)) == 0
+    assert "Beyond belief" not in capsys.readouterr().err
+    narrow = between(-0.1, 0.1, "m/s", "a pond")
+    (known,) = (one for one in CATALOGUE["ocean_current"].parameters if one.name == "v_N")
+    monkeypatch.setitem(known.__dict__, "plausible", narrow)
+    assert cli.main(list(LINE)) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "Beyond belief, so that it stands for something else: ocean_current.v_N = 0.2 m/s is" in told
 
 
 def test_python_says_the_same(counted):

@@ -235,9 +235,19 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     for line, advice in lines(chosen.diagnosis):
         console.print(line)
         console.print(f"    {advice}")
+    if beyond := _implausible(chosen):
+        console.print("\nBeyond belief, so that it stands for something else:", style="bold")
+        console.print(*(f"    {words}" for words in beyond), sep="\n")
     console.print(
         f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
     )
+
+
+def _implausible(step: Step) -> list[str]:
+    """Values that a study has fitted and that lie beyond what physics leaves to them, a sentence each."""
+    from hydro.core.effects.catalogue import implausible
+
+    return implausible(step.vehicle, [table["name"] for table in step.tables])
 
 
 def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) -> None:
@@ -247,7 +257,10 @@ def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) 
     every = pl.concat([step.ladder for step in steps], how="diagonal_relaxed")
     fitted = [{"step": step.number, "added": step.added, "effects": step.tables} for step in steps]
     use = study.folder / f"vehicle-{chosen.number}.toml"
-    print_json(use=str(use), ending=reason, steps=fitted, ladder=every, findings=chosen.diagnosis)
+    beyond = _implausible(chosen)
+    print_json(
+        use=str(use), ending=reason, steps=fitted, ladder=every, findings=chosen.diagnosis, implausible=beyond
+    )
 
 
 COMMANDS = {
