@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from scipy.interpolate import CubicSpline
 
-from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
+from hydro.core.columns import COMMAND, POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import Recording, channels
 
 LEAST, MOST = 20, 0.5
@@ -42,6 +42,8 @@ def repeated_rows(record: Recording) -> Mask:
 def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
     """The table with a cubic spline through the other rows in the place of repeated ones.
 
+    Commands that are repeated as well go on a straight line: left as they are, all would come late.
+
     Args:
         raw: Raw table.
         record: The same as arrays.
@@ -58,7 +60,27 @@ def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.
         pl.Series(name, np.where(repeated, values, raw[name].to_numpy()))
         for name, values in zip((*POSE, *VELOCITY), bridged.T, strict=True)
     ]
+    names = [name for name in raw.columns if name.startswith(COMMAND)]
+    commands = raw.select(names).to_numpy()
+    if _held(commands, record, repeated):
+        columns += [pl.Series(n, _along(record, repeated, c)) for n, c in zip(names, commands.T, strict=True)]
     return raw.with_columns(columns).filter(pl.Series(~left_out))
+
+
+def _held(commands: Array, record: Recording, repeated: Mask) -> bool:
+    """Whether commands (N, n) are repeated with the motion: there always, elsewhere hardly ever."""
+    same = np.append(False, (np.diff(commands, axis=0) == 0.0).all(axis=1))
+    same[record.segments[:, 0]] = False
+    return bool(same[repeated].all() and same[~repeated].mean() <= 1.0 - ALIVE)
+
+
+def _along(record: Recording, repeated: Mask, column: Array) -> Array:
+    """A column (N,) with repeated rows on a straight line between the others of their segment."""
+    out = column.copy()
+    for start, stop in record.segments:
+        rows, again = np.arange(stop - start), repeated[start:stop]
+        out[start:stop][again] = np.interp(rows[again], rows[~again], column[start:stop][~again])
+    return out
 
 
 def _alive(fresh: Array) -> bool:

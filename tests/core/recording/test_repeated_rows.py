@@ -48,6 +48,22 @@ def test_rows_that_repeat_the_last_one_are_found_told_and_left_out(noise, share)
     assert after < (0.9 if noise.velocity else 0.1) * before
 
 
+@pytest.mark.parametrize("held", [1, 25])
+def test_commands_that_are_repeated_as_well_do_not_come_late(held):
+    """New in every row they are put on a straight line; held for long nothing says that they are late."""
+    steps = np.random.default_rng(3).normal(0.0, 0.02, (ROWS // held + 1, 1)).cumsum(axis=0)
+    given = np.repeat(steps, held, axis=0)[:ROWS, 0]
+    lost = np.random.default_rng(1).random(ROWS) < 0.05
+    lost[[0, 1, -2, -1]] = False
+    source = np.maximum.accumulate(np.where(lost, 0, np.arange(ROWS)))
+    commands = [name for name in log().columns if name.startswith("cmd_")]
+    late = given[source]
+    raw = repeating(log(), lost).with_columns(pl.Series(name, late) for name in commands)
+    corrected = without_faults(VEHICLE, raw).raw[commands[0]].to_numpy()
+    errors = [np.sqrt(np.mean((one - given)[lost] ** 2)) for one in (late, corrected)]
+    assert errors[1] < 0.8 * errors[0] if held == 1 else np.array_equal(corrected, late)
+
+
 @pytest.mark.parametrize(
     ("rate", "jitter"), [(48.0, 0.0), (40.0, 0.0), (40.0, 0.1), (30.0, 0.1), (24.0, 0.1), (12.5, 0.1)]
 )
