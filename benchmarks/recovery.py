@@ -183,6 +183,16 @@ FORMS: dict[str, Draw] = {
     "sensor_scale.s": lambda rng, v: {"s": within(0.01, 0.05)(rng)},
 }
 """Effects of which a file may state other numbers than TRUTHS does."""
+WRITTEN: dict[str, Draw] = {
+    "formula": lambda rng, v: {
+        "forces": ["Z |u|^n", "X v r", "Y c1"],
+        "force": [size * mass(v) * within(0.5, 1.5)(rng) for size in (0.3, 0.4, 0.3)],
+        "moments": ["N |v|^n sgn(v)"],
+        "moment": [-cross(v) * within(0.3, 1.0, signs=False)(rng)],
+        "exponents": [odd_power(rng), odd_power(rng)],
+    },
+}
+"""Effects that a file has already, or they are not fitted: their terms are its own."""
 BESIDE = {"current_shear": ("ocean_current",), "current_trend": ("ocean_current",)}
 """What is fitted besides: a fit counts from another depth or time than the truth does."""
 
@@ -217,7 +227,7 @@ def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle
     if effect == "coupled_damping":  # where the damping of an axis is zero, no coupling with it is passive
         vehicle = joined(vehicle, [{"name": "linear_damping"} | TRUTHS["linear_damping"](rng, vehicle)])
     for attempt in range(ATTEMPTS):
-        truth = joined(vehicle, [{"name": effect} | (TRUTHS | FORMS)[name](rng, vehicle)])
+        truth = joined(vehicle, [{"name": effect} | (TRUTHS | FORMS | WRITTEN)[name](rng, vehicle)])
         try:
             validate(truth)
         except DataError:
@@ -225,7 +235,15 @@ def hide(name: str, vehicle: Vehicle, rng: np.random.Generator) -> tuple[Vehicle
                 raise
         else:
             break
+    if effect in WRITTEN:
+        vehicle = joined(vehicle, [guessed(next(iter(truth.effects(effect))))])
     return vehicle, truth
+
+
+def guessed(formula: Mapping[str, Any]) -> dict[str, Any]:
+    """A formula as a user writes it down: coefficients half as large, squares for powers."""
+    halves = {key: [0.5 * value for value in formula[key]] for key in ("force", "moment")}
+    return {**formula, **halves, "exponents": [2.0] * len(formula["exponents"])}
 
 
 def trial(name: str, seed: int, vehicle_name: str, seconds: float) -> dict[str, Any]:
@@ -312,7 +330,7 @@ def main() -> None:
     jobs = [
         (name, seed, presets[seed % len(presets)], chosen.seconds)
         for seed in range(chosen.first_seed, chosen.first_seed + chosen.trials)
-        for name in chosen.effect or (*TRUTHS, *FORMS)
+        for name in chosen.effect or (*TRUTHS, *FORMS, *WRITTEN)
         if (name, seed) not in done
     ]
     with get_context("spawn").Pool(chosen.workers) as pool:
