@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -20,8 +21,12 @@ from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_eul
 
 CUBIC_REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
+Number = TypeVar("Number", bound=np.generic)
 LEAST_NOISE = 1e-4
 LEAST_SAMPLES = 5
+MOSTLY = (
+    0.5  # share of the rows with a sample from which one without is a hole, not the pace of a slower sensor
+)
 UNSEEN = np.repeat([0.1, 0.1, 0.3, 0.3], 3)
 """What counts as noise of a channel without samples [m, rad, m/s, rad/s]; no likelihood has a term of it."""
 STRAIGHT = 0.02
@@ -199,6 +204,23 @@ def samples(record: Recording) -> Iterator[list[Array]]:
         else:
             bounds = zip(parts, record.segments, strict=True)
             yield [part[record.seen[start:stop, i]] for part, (start, stop) in bounds]
+
+
+def evenly_spaced(parts: Sequence[NDArray[Number]], record: Recording, channel: int) -> list[NDArray[Number]]:
+    """What stands at each sample of a channel, in runs: where few rows have no sample, those between holes.
+
+    Args:
+        parts: Segment by segment.
+        record: The recording.
+        channel: Number of the channel, pose then velocity.
+    """
+    if record.seen is None or record.seen[:, channel].mean() <= MOSTLY:
+        return list(parts)
+    runs = []
+    for part, (start, stop) in zip(parts, record.segments, strict=True):
+        rows = np.flatnonzero(record.seen[start:stop, channel])
+        runs += np.split(part, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return runs
 
 
 def _apart(parts: Sequence[Array]) -> int:

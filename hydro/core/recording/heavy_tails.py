@@ -33,7 +33,7 @@ from scipy.special import gamma, kv
 from scipy.stats import t as student
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask
-from hydro.core.recording.arrays import LEAST_NOISE, Recording, samples
+from hydro.core.recording.arrays import LEAST_NOISE, Recording, evenly_spaced, samples
 from hydro.core.vehicle.frames import wrapped
 
 CHANNELS = (*POSE, *VELOCITY)
@@ -99,7 +99,7 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
     for i, parts in enumerate(samples(record)):
         if i in ANGLES and steep:
             continue
-        tail = _tail(CHANNELS[i], parts, _widest(record, i))
+        tail = _tail(CHANNELS[i], evenly_spaced(parts, record, i), _widest(record, i))
         if tail is not None:
             found[i] = tail
     return found
@@ -120,10 +120,11 @@ def pseudo_observed(
     """
     columns, sigma, every = [], np.full(len(CHANNELS), np.nan), list(samples(record))
     for i, tail in tails.items():
-        parts, sigma[i] = pseudo_observations(every[i], tail)
-        values = raw[tail.channel].cast(pl.Float64).to_numpy().copy()
-        for (start, stop), part in zip(record.segments, parts, strict=True):
+        parts, sigma[i] = pseudo_observations(evenly_spaced(every[i], record, i), tail)
+        values, pseudo = raw[tail.channel].cast(pl.Float64).to_numpy().copy(), np.concatenate(parts)
+        for start, stop in record.segments:
             seen = np.ones(stop - start, bool) if record.seen is None else record.seen[start:stop, i]
+            part, pseudo = np.split(pseudo, [np.count_nonzero(seen)])
             values[start:stop][seen] = wrapped(part) if i in ANGLES else part
         columns.append(pl.Series(tail.channel, values, nan_to_null=True))
     return raw.with_columns(columns), sigma

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import polars as pl
-from scipy.interpolate import CubicSpline
 
-from hydro.core.columns import COMMAND, POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.recording.arrays import Recording, channels
+from hydro.core.columns import COMMAND, POSE, VELOCITY, Array, Mask
+from hydro.core.recording.arrays import Recording
 
 LEAST, MOST = 20, 0.5
 """Number of such rows, and part of the log up to which, to be lost ones."""
@@ -40,31 +39,23 @@ def repeated_rows(record: Recording) -> Mask:
 
 
 def without_repeats(raw: pl.DataFrame, record: Recording, repeated: Mask) -> pl.DataFrame:
-    """The table with a cubic spline through the other rows in the place of repeated ones.
+    """The table without samples of pose and velocity in repeated rows.
 
     Commands that are repeated as well go on a straight line: left as they are, all would come late.
 
     Args:
         raw: Raw table.
         record: The same as arrays.
-        repeated: Rows that repeat the last one, (N,); at the end of a segment they are left out.
+        repeated: Rows that repeat the last one, (N,).
     """
-    bridged, left_out = np.empty((record.rows, len(POSE + VELOCITY))), np.zeros(record.rows, bool)
-    for i, parts in enumerate(channels(record)):
-        for (start, stop), part in zip(record.segments, parts, strict=True):
-            fresh: Rows = np.flatnonzero(~repeated[start:stop]).astype(np.int64)
-            left_out[start + fresh[-1] + 1 : stop] = True
-            bridged[start:stop, i] = _through(fresh, part)
-    bridged[:, 3:6] = np.angle(np.exp(1j * bridged[:, 3:6]))
-    columns = [
-        pl.Series(name, np.where(repeated, values, raw[name].to_numpy()))
-        for name, values in zip((*POSE, *VELOCITY), bridged.T, strict=True)
-    ]
+    columns = [pl.when(pl.Series(~repeated)).then(pl.col(name)).alias(name) for name in (*POSE, *VELOCITY)]
     names = [name for name in raw.columns if name.startswith(COMMAND)]
     commands = raw.select(names).to_numpy()
     if _held(commands, record, repeated):
-        columns += [pl.Series(n, _along(record, repeated, c)) for n, c in zip(names, commands.T, strict=True)]
-    return raw.with_columns(columns).filter(pl.Series(~left_out))
+        raw = raw.with_columns(
+            pl.Series(n, _along(record, repeated, c)) for n, c in zip(names, commands.T, strict=True)
+        )
+    return raw.with_columns(columns)
 
 
 def _held(commands: Array, record: Recording, repeated: Mask) -> bool:
@@ -86,11 +77,3 @@ def _along(record: Recording, repeated: Mask, column: Array) -> Array:
 def _alive(fresh: Array) -> bool:
     """Whether a channel has a value of its own in nearly every row; coarse steps repeat anyway."""
     return any(len(np.unique(values)) >= ALIVE * len(values) for values in fresh.T)
-
-
-def _through(rows: Rows, part: Array) -> Array:
-    """A cubic spline through some rows of a part, at all of its rows."""
-    if len(rows) < 4:
-        return part
-    through: Array = CubicSpline(rows, part[rows])(np.arange(len(part)))
-    return through

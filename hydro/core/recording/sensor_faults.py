@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
-from hydro.core.recording.arrays import Recording, channels, recording, samples
+from hydro.core.recording.arrays import Recording, channels, evenly_spaced, recording, samples
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
 from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observed
 from hydro.core.recording.jumps import jumping
@@ -120,11 +120,12 @@ def faults(record: Recording) -> Faults:
 
 
 def _sampled(record: Recording) -> Iterator[tuple[list[Rows], list[Array]]]:
-    """Of each channel, segment by segment, the rows of its samples and what they read; none without any."""
+    """Of each channel the rows of its samples and what they read, in evenly spaced runs; none without any."""
     every = [np.arange(start, stop) for start, stop in record.segments]
     for i, parts in enumerate(samples(record)):
         rows = every if record.seen is None else [those[record.seen[those, i]] for those in every]
-        yield [those for those in rows if len(those)], [part for part in parts if len(part)]
+        places, readings = (evenly_spaced(each, record, i) for each in (rows, parts))
+        yield [those for those in places if len(those)], [part for part in readings if len(part)]
 
 
 def without_faults(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
