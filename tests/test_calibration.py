@@ -184,7 +184,7 @@ def test_a_results_file_of_before_there_were_supports_is_gone_on_with(tmp_path):
     assert found["supports"].to_list() == [None, [0.95]]
 
 
-@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (4.0, 0.7)])
+@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (1.6, 0.9 * 102 / 118), (4.0, 0.9 * 102 / 118)])
 def test_a_finding_keeps_what_its_confidence_was_made_from(left, stated):
     """Where more than noise is left, a name is less sure than the share of resamples that it wins."""
     finding = Finding("missing", "payload", confidence=by_likelihood_confidence(0.9, left), support=0.9)

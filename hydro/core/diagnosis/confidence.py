@@ -29,8 +29,10 @@ from hydro.core.identification.normal_equations import Normal, block_length
 
 RIGHT = 2.0
 """Mean squared residual in units of the noise of a model that may be right: then likelihood names effects."""
-NEAR = 14.0 / 18.0
-"""Share of such names that were right where more is left."""
+CLEAN = 1.35
+"""The same up to which nothing to speak of is left beside the noise,"""
+NEAR = 102.0 / 118.0
+"""and share of names by likelihood that were right where more is left."""
 ODDS, ODDS_BY_SCORE = -1.83, 5.95
 """Logarithm of the odds that a name by transfer is right, at a score of 0 and for a score of 1 more."""
 RESAMPLES = 2000
@@ -269,14 +271,14 @@ def stated(finding: Finding) -> Finding:
 def by_likelihood_confidence(frequency: float, left: float) -> float:
     """Probability that a name is right where likelihood names it.
 
-    Of 72 such names on the benchmarks' logs where the model reaches the noise all were right, at a frequency
-    of 1; of 18 where more is left 14.
+    Of 921 names that were all but sure on the benchmarks' recordings 908 were right where the model leaves at
+    most CLEAN, and 102 of 118 where it leaves more (seeds 80000 to 84059).
 
     Args:
         frequency: Share of the resampled recordings in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
     """
-    return frequency if left <= RIGHT else NEAR * frequency
+    return frequency if left <= CLEAN else NEAR * frequency
 
 
 def by_transfer_confidence(score: float) -> float:

@@ -291,7 +291,8 @@ class Search:
             telling = any(self.baseline.belongs(name, gain, begun) for name, gain in screening.gains.items())
             if len(found) == MOST_FINDINGS or not telling:
                 break
-            fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0))
+            known = self.from_afar(begun) if begun is not model else {}
+            fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0), known)
             best = leader(fits)
             if best is None or not self.baseline.belongs(
                 best, model.normal.cost - fits[best].normal.cost, model
@@ -311,6 +312,23 @@ class Search:
         """The file's own effects free, at the values that it gives them."""
         base = self.baseline
         return fit_model(base.start or base.vehicle, base.effects, base.problem, base.log.track, 0)
+
+    def from_afar(self, filed: Model) -> dict[str, Model]:
+        """The file with those effects to which no derivative about their absence leads from far away."""
+        fits = dict[str, Model]()
+        few = self.fewer(filed)
+        for name in CATALOGUE:
+            if filed.vehicle.effects(name):
+                continue
+            begun = []
+            for table in CATALOGUE[name].identification.far:
+                with suppress(Diverges):
+                    begun.append(self._fit(filed.vehicle, [{"name": name} | table], few.problem, QUICK))
+            if begun:
+                best = min(begun, key=lambda fit: fit.normal.chi2)
+                with suppress(Diverges):
+                    fits[name] = self.converged(best, filed, [name])
+        return fits
 
     def settle(self, outcome: Outcome, progress: Progress) -> Outcome:
         """Reconsider what was found, and go on where a swap makes room for what could not be told."""

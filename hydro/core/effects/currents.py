@@ -24,6 +24,9 @@ SHEARED = between(
     -0.3, 0.3, "1/s", "boundary layers of tidal streams; elsewhere centimetres per second and metre"
 )
 DEEPEST_SEA = 11_000.0
+BRISK = 0.4
+"""Current [m/s], between what most vehicles hold their own against and what they do not, from which a search
+begins in each of four directions where the file's vehicle goes elsewhere altogether."""
 TURNING = between(
     -0.02, 0.02, "m/s^2", "internal waves and eddies over a minute; a tide has a thousandth of it"
 )
@@ -145,6 +148,12 @@ EFFECTS = (
         ),
         flow=ocean_current,
         advice=Advice(parted_by=(HEADINGS, DISTANCES)),
+        identification=Identification(
+            far=tuple(
+                {"v_N": BRISK * north, "v_E": BRISK * east}
+                for north, east in ((1, 0), (-1, 0), (0, 1), (0, -1))
+            )
+        ),
         roles=frozenset({Role.OFTEN_LACKING}),
     ),
     Effect(

@@ -153,6 +153,8 @@ class Identification:
         fine: More of them, which tell where to begin.
         absorbs: Share of the error of data it was not fitted to that it removes of hulls no formula
             describes, where nothing is missing but a formula.
+        far: Tables to begin from where the file is so far from the recording that no derivative about the
+            effect's absence leads to it.
         plainer: The tables of effects with fewer parameters that it may nearly be on a vehicle, from its own:
             they are tried as well wherever this one would be named.
     """
@@ -164,6 +166,7 @@ class Identification:
     coarse: Shapes | None = None
     fine: Shapes | None = None
     absorbs: float = 0.0
+    far: tuple[Table, ...] = ()
     plainer: Callable[[Mapping[str, Any], Vehicle], list[Table]] | None = None
 
     @property

@@ -28,6 +28,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import with_uncertainty
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free
 from hydro.core.progress import silent
@@ -181,6 +182,32 @@ def searching(known: Vehicle, raw: pl.DataFrame, sensors: dict) -> Search:
     problem = stable_shots(known, log)
     model = fit_model(known, [], problem, log.track, 0)
     return Search(Baseline(known, (), log, problem, model, model, sensors))
+
+
+def test_a_strong_current_is_reached_from_the_file_though_no_derivative_leads_to_it(datasets):
+    """A vehicle with fins meets the water from elsewhere: drag and lift of its own hide the current."""
+    file = files.read(datasets / "vehicles" / "remus100.toml")[0]
+    true, parts = CURRENT | {"v_N": -0.6, "v_E": 0.6}, []
+    for seed, session in enumerate("ab"):
+        rng, t = np.random.default_rng(seed), np.arange(ROWS) * 0.02
+        fins = {
+            f"cmd_{i}": 0.3 * np.sin(2 * np.pi * rng.uniform(0.03, 0.15) * t + rng.uniform(0, 6))
+            for i in range(2, 6)
+        }
+        commands = {"session": [session] * ROWS, "t": t, "cmd_1": 0.5 + 0.2 * np.sin(0.3 * t)} | fins
+        moved = simulate(hiding(file, true), pl.DataFrame(commands))
+        logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+        parts.append(moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
+    log = preprocess(file, pl.concat(parts))
+    problem, own = stable_shots(file, log), [table["name"] for table in file.effect]
+    model = fit_model(file, own, problem, log.track, 0)
+    search = Search(Baseline(file, own, log, problem, model, model, {}), from_file=True)
+    near = fit_model(file, [*own, "ocean_current"], problem, log.track, ITERATIONS)
+    assert near.normal.chi2 > RIGHT
+    found = search.from_afar(search.at_file())["ocean_current"]
+    assert found.normal.chi2 == pytest.approx(1.0, abs=0.05)
+    values = found.vehicle.effects("ocean_current")[0]
+    assert [values[name] for name in ("v_N", "v_E")] == pytest.approx([-0.6, 0.6], abs=0.02)
 
 
 def test_a_linear_guess_that_diverges_does_not_end_the_search(known):
