@@ -6,7 +6,7 @@ import hashlib
 import math
 import os
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +58,20 @@ def warn(vehicle: Vehicle, text: str, name: str) -> None:
     if "format" not in toml_text.content(text):
         line = f"add {FORMAT_LINE} as its first line"
         warnings.warn(f"{name}: format: missing, and taken for today's: {line}", HydroWarning, stacklevel=3)
-    for words in likely_units.doubts(vehicle):
+    for words in [*likely_units.doubts(vehicle), *_idle(vehicle)]:
         warnings.warn(f"{name}: {words}", HydroWarning, stacklevel=3)
+
+
+def _idle(vehicle: Vehicle) -> Iterator[str]:
+    """Servos whose fins the file forgets, a line each."""
+    from hydro.core.effects.hull import idle_servos
+
+    for command in idle_servos(vehicle):
+        servo = vehicle.thruster[int(command[1:]) - 1].name
+        yield (
+            f"thruster {servo}: nothing obeys its command: add a control_surface with "
+            f'`commands = ["{command}"]` (`hydro effects control_surface`)'
+        )
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
@@ -268,7 +280,11 @@ def _check_repeated(vehicle: Vehicle) -> None:
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:
-    """A point and a unit direction, or a wrench; an Euler step of the lag that is stable."""
+    """A point and a unit direction, or a wrench; an Euler step of the lag that is stable; of a servo none."""
+    if not thruster.pushes:
+        if thruster != Thruster(name=thruster.name, curve="none"):
+            raise DataError(f'{path}: of curve "none" it has a name alone')
+        return
     placed = (thruster.position is not None) + (thruster.direction is not None)
     if placed != (0 if thruster.wrench is not None else 2):
         raise DataError(f"{path}: give either position and direction, or wrench")

@@ -126,7 +126,7 @@ def test_the_bundled_vehicles_are_sound(datasets: Path) -> None:
         (
             "time_constant",
             "curve = 'cubic'\ntime_constant",
-            "thruster[0].curve: expected linear or quadratic or t200, got cubic",
+            "thruster[0].curve: expected linear or quadratic or t200 or none, got cubic",
         ),
         ("time_constant", "deadband = 1\ntime_constant", "thruster[0].deadband: expected float < 1, got 1"),
         (

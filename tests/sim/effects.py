@@ -21,7 +21,7 @@ EFFECTS = {
     "power_drag": {"diagonal": [40.0, 90.0, 110.0, 8.0, 11.0, 10.0], "n": 1.5},
     "offset_drag": {"drag": [40.0, 60.0, 90.0], "position": [-0.4, 0.15, 0.2]},
     "control_surface": {"area": 0.05, "position": [-0.6, 0.1, -0.1], "roll": 0.3, "deflection": 0.1,
-                        "stall": 0.4},
+                        "stall": 0.4, "commands": ["c2", "c1"], "turn": [0.3, -0.2]},
     "body_lift": {"L11": 40.0, "L15": 9, "L51": 8, "L55": 5, "L22": 30, "L24": 9, "L42": 7, "L44": 6},
     "net_buoyancy": {"dB": -7.0},
     "buoyancy_offset": {"dx": 0.02, "dy": -0.01, "dz": 0.03},

@@ -103,26 +103,31 @@ def propeller_torque(p: Array, table: Array) -> None:
     table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
 
 
+def thrusters(vehicle: Vehicle) -> list[Thruster]:
+    """Those of its commands that are of thrusters."""
+    return [thruster for thruster in vehicle.thruster if thruster.pushes]
+
+
 def room_of_lag(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no lag, or as near as the source's own steps come; up to 3 s."""
-    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in vehicle.thruster]
+    shortest = [t.time_constant - 2.0 * (t.lag_step or 0.0) for t in thrusters(vehicle)]
     return -max(min(shortest, default=0.0), 0.0), 3.0
 
 
 def room_of_delay(vehicle: Vehicle) -> tuple[float, float]:
     """Down to no delay, up to 2 s."""
-    return -min((t.delay for t in vehicle.thruster), default=0.0), 2.0
+    return -min((t.delay for t in thrusters(vehicle)), default=0.0), 2.0
 
 
 def room_of_band(vehicle: Vehicle) -> tuple[float, float]:
     """From no dead band to nine tenths of the command."""
-    bands = [t.deadband for t in vehicle.thruster] or [0.0]
+    bands = [t.deadband for t in thrusters(vehicle)] or [0.0]
     return -min(bands), 0.9 - max(bands)
 
 
 def room_of_power(vehicle: Vehicle) -> tuple[float, float]:
     """Powers of the curve from the root to the fourth."""
-    powers = [curve_power(thruster) for thruster in vehicle.thruster] or [1.0]
+    powers = [curve_power(thruster) for thruster in thrusters(vehicle)] or [1.0]
     return LEAST_POWER - min(powers), MOST_POWER - max(powers)
 
 
@@ -130,7 +135,7 @@ def in_sum(low: float, high: float, of: Callable[[Thruster], float], words: str,
     """What every thruster's number may be in sum with what the file gives it already."""
 
     def at(index: Index, vehicle: Vehicle) -> tuple[float, float]:
-        given = [of(thruster) for thruster in vehicle.thruster] or [0.0]
+        given = [of(thruster) for thruster in thrusters(vehicle)] or [0.0]
         return low - min(given), high - max(given)
 
     return Plausible(at, words, source)

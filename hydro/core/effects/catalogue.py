@@ -111,14 +111,20 @@ def current(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
 def thruster_table(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:
     """The (n, COLUMNS) thruster table of `vehicle.thrusters` with the vehicle's `actuator` effects applied.
 
+    These act on thrusters alone, and leave servos as they are.
+
     Raises:
         DataError: A thruster is misplaced, or the effects in sum leave a time constant, delay or dead band
             that no thruster can have.
     """
-    table = thrusters.thruster_table(vehicle)
+    plain = thrusters.thruster_table(vehicle)
+    table = plain.copy()
     for effect, parameters, _ in entries(vehicle) if listed is None else listed:
         if effect.actuator is not None:
             effect.actuator(parameters, table)
+    for row, before, thruster in zip(table, plain, vehicle.thruster, strict=True):
+        if not thruster.pushes:
+            row[:] = before
     _require_possible(table)
     return table
 

@@ -20,20 +20,20 @@ import numpy as np
 
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import COMMANDS, MOST_COMMANDS, POSITION, RELATIVE_VELOCITY, ROTATION
+from hydro.core.effects.layout import COMMAND_NAMES, COMMANDS, POSITION, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.parting import COASTING
-from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Words
+from hydro.core.effects.record import LAST_COMMAND, Advice, Effect, Identification, Parameter, Role, Words
 from hydro.core.effects.units import of_mass, of_moment
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Index, Plausible, between, most_drag
 
-NAMES = (*VELOCITY, "g_x", "g_y", "g_z", "z", *(f"c{i + 1}" for i in range(MOST_COMMANDS)))
+NAMES = (*VELOCITY, "g_x", "g_y", "g_z", "z", *COMMAND_NAMES)
 PLACES = (
     *range(RELATIVE_VELOCITY, RELATIVE_VELOCITY + 6),
     *range(ROTATION + 6, ROTATION + 9),
     POSITION + 2,
-    *range(COMMANDS, COMMANDS + MOST_COMMANDS),
+    *range(COMMANDS, COMMANDS + len(COMMAND_NAMES)),
 )
 """Where each of them stands in the state of motion."""
 AXES = WRENCH
@@ -49,7 +49,7 @@ LEAST_POWER, MOST_POWER = 0.0, 4.0
 FACTOR = re.compile(r"(?:\|(?P<size>\w+)\||sgn\((?P<sign>\w+)\)|(?P<plain>[A-Za-z]\w*))(?:\^(?P<power>\S+))?")
 GRAMMAR = (
     "an axis X Y Z K M N and at most three factors such as `Y |v|^1.5 v`, of "
-    + " ".join(NAMES[: -MOST_COMMANDS + 1])
+    + " ".join(NAMES[: -len(COMMAND_NAMES) + 1])
     + f" ... {NAMES[-1]}"
 )
 
@@ -135,7 +135,7 @@ def _power(found: re.Match[str], where: str, term: str) -> tuple[float | None, f
 def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
     """All terms of a table as the kernel reads them, behind their number; and how many numbers they have.
 
-    Among these `commands` is the number of the last thruster whose command they read, 0 of none.
+    Among these `last_command` is the number of the last thruster whose command they read, 0 of none.
 
     Raises:
         DataError: A term is none, or a force stands among the moments.
@@ -161,7 +161,7 @@ def structure(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, d
             f"{where}.exponents: is missing: a number for each of the {exponents} powers written ^n"
         )
     sizes = {key: len(table.get(key, [])) for key in ("forces", "moments")}
-    sizes |= {"exponents": exponents, "commands": commands}
+    sizes |= {"exponents": exponents, LAST_COMMAND: commands}
     return np.concatenate([[len(rows)], *rows]), sizes
 
 
@@ -257,6 +257,7 @@ FORMULA = Effect(
     kernel=formula,
     identification=Identification(),
     advice=Advice(parted_by=(COASTING,)),
+    roles=frozenset({Role.COMMANDED}),
 )
 
 EFFECTS = (FORMULA,)

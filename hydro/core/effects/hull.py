@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
-from hydro.core.effects.layout import DENSITY, HULL, HULL_CENTER, RELATIVE_VELOCITY
+from hydro.core.effects.layout import (
+    COMMAND_NAMES,
+    COMMANDS,
+    DENSITY,
+    HULL,
+    HULL_CENTER,
+    MOST_COMMANDS,
+    RELATIVE_VELOCITY,
+)
 from hydro.core.effects.parting import DRIFT
 from hydro.core.effects.record import (
     ABSORBED,
+    LAST_COMMAND,
     Advice,
     Effect,
     Identification,
@@ -25,10 +36,12 @@ from hydro.core.effects.record import (
     Shape,
     Shapes,
     Table,
+    Words,
 )
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
+from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import (
     BOOMS,
@@ -128,20 +141,46 @@ def control_surface(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Arra
     """Lift and drag of a fin at r whose span is rolled about the body's x axis, with stall.
 
     Its normal is n = (0, -sin(roll), cos(roll)): an elevator has a roll of 0, a rudder one of pi/2; half a
-    turn more with the other deflection is the same fin.  The deflection is fixed; above 0 it turns the
-    trailing edge toward n, and pushes the fin toward -n when the vehicle goes ahead.  Flow along the span
-    does nothing.  The area counts for a lift slope of pi: one of another slope a appears a/pi times as large.
-    A fixed fin does no positive work, as its lift does none.
+    turn more with the other deflection is the same fin.  To a fixed deflection each of its `commands` adds in
+    proportion, at once; above 0 it turns the trailing edge toward n, and pushes the fin toward -n when the
+    vehicle goes ahead.  Flow along the span does nothing.  The area counts for a lift slope of pi: one of
+    another slope a appears a/pi times as large.  A fixed fin does no positive work, as its lift does none.
     """
-    rx, ry, rz = p[1], p[2], p[3]
+    driven = int(p[0])
+    at = 1 + driven
+    area, rx, ry, rz = p[at], p[at + 1], p[at + 2], p[at + 3]
+    roll, deflection, stall = p[at + 4], p[at + 5], p[at + 6]
+    for k in range(driven):
+        deflection += p[at + 7 + k] * s[int(p[1 + k])]
     u, v, w = moved_at(s, rx, ry, rz)
-    ny, nz = -math.sin(p[4]), math.cos(p[4])
-    sine, cosine = math.sin(p[5]), math.cos(p[5])
+    ny, nz = -math.sin(roll), math.cos(roll)
+    sine, cosine = math.sin(deflection), math.cos(deflection)
     drift = ny * v + nz * w
-    chord, normal = plate(cosine * u - sine * drift, sine * u + cosine * drift, p[6])
-    pressure = 0.5 * c[DENSITY] * p[0]
+    chord, normal = plate(cosine * u - sine * drift, sine * u + cosine * drift, stall)
+    pressure = 0.5 * c[DENSITY] * area
     force = pressure * (cosine * normal - sine * chord)
     push_at(pressure * (cosine * chord + sine * normal), ny * force, nz * force, rx, ry, rz, tau)
+
+
+def obeyed(table: Mapping[str, Any], where: str = "effect") -> tuple[Array, dict[str, int]]:
+    """Where in the state of motion the commands that turn a fin are, behind their number; and how many.
+
+    Among the lengths `last_command` is the number of the last of them, 0 of none.
+
+    Raises:
+        DataError: A command is none of `c1 c2 ...`, or stands twice.
+    """
+    names = table.get("commands", [])
+    if not isinstance(names, list | tuple) or not all(one in COMMAND_NAMES for one in names):
+        raise DataError(f"{where}.commands: must be a list of commands, c1 to c{MOST_COMMANDS}: {names!r}")
+    if len(set(names)) < len(names):
+        raise DataError(f"{where}.commands: a command stands twice: {', '.join(names)}")
+    numbers = [COMMAND_NAMES.index(one) for one in names]
+    places = [float(COMMANDS + number) for number in numbers]
+    return np.array([float(len(names)), *places]), {
+        "commands": len(names),
+        LAST_COMMAND: max(numbers, default=-1) + 1,
+    }
 
 
 def keeps_crossflow(which: int) -> Limits:
@@ -191,8 +230,18 @@ def fins(rolls: Sequence[float], stations: Sequence[float]) -> Shapes:
     def shapes(vehicle: Vehicle, reach: Array | None) -> Iterator[Shape]:
         for roll, station in itertools.product(rolls, stations):
             yield _at(roll, station * vehicle.hull.length, vehicle)
+            for command in idle_servos(vehicle):
+                yield _turned_by(command, roll, station * vehicle.hull.length, vehicle)
 
     return shapes
+
+
+def idle_servos(vehicle: Vehicle) -> list[str]:
+    """Commands of servos that no effect of the file obeys."""
+    written = (table.get(key, ()) for table in vehicle.effect for key in ("commands", "forces", "moments"))
+    obeyed = set(re.findall(r"\bc\d+\b", " ".join(itertools.chain.from_iterable(written))))
+    commands = zip(COMMAND_NAMES, vehicle.thruster, strict=False)
+    return [name for name, thruster in commands if not thruster.pushes and name not in obeyed]
 
 
 def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
@@ -209,6 +258,20 @@ def _at(roll: float, x: float, vehicle: Vehicle) -> Shape:
     little = LITTLE * area
     tables = _fin(little, root, roll), _fin(little, root + tip, roll), _fin(little, root, roll, TURNED)
     return Shape(tables, (LITTLE,) * 3, begin)
+
+
+def _turned_by(command: str, roll: float, x: float, vehicle: Vehicle) -> Shape:
+    """Columns of a fin that a command turns: its area, and the area that is turned."""
+    area, place = plain_area(vehicle), np.array([x, 0.0, 0.0])
+
+    def fin(size: float, turn: float) -> Table:
+        return _fin(size, place, roll) | {"commands": [command], "turn": [turn]}
+
+    def begin(amounts: Array) -> Table:
+        total = max(float(amounts.sum()), LITTLE)
+        return fin(total * area, float(np.clip(amounts[1] / total, -4.0, 4.0)) * TURNED)
+
+    return Shape((fin(LITTLE * area, 0.0), fin(LITTLE * area, TURNED)), (LITTLE,) * 2, begin)
 
 
 def _fin(area: float, position: Array, roll: float, deflection: float = 0.0) -> Table:
@@ -296,7 +359,20 @@ CONTROL_SURFACE = Effect(
             required=True,
             plausible=between(LEAST_STALL, MOST_STALL, "rad", "Hoerner (1965): long wings to short fins"),
         ),
+        Parameter(
+            "turn",
+            ("rad",),
+            "deflection at each of `commands` in full",
+            ("commands",),
+            low=-0.5 * math.pi,
+            high=0.5 * math.pi,
+            scale=(TURNED,),
+            plausible=between(-0.7, 0.7, "rad", "stops of rudders; Fossen (2011), section 9.5"),
+        ),
     ),
+    words=(Words("commands", "commands that turn it, none of a fixed one", ("c1",), optional=True),),
+    structure=obeyed,
+    roles=frozenset({Role.COMMANDED}),
     kernel=control_surface,
     identification=Identification(
         step=1e-2,

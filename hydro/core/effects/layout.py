@@ -39,4 +39,5 @@ POSITION = 21  # x y z of CO, NED, 3
 TIME = 24  # t of the session [s]
 COMMANDS = 25  # as given in this row, before any delay, of the first MOST_COMMANDS thrusters
 MOST_COMMANDS = 16
+COMMAND_NAMES = tuple(f"c{i + 1}" for i in range(MOST_COMMANDS))  # as a vehicle file writes them
 MOTION = COMMANDS + MOST_COMMANDS  # length of s

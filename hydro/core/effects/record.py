@@ -111,6 +111,7 @@ class Role(Enum):
     """What other parts of the program see in an effect beside its equation."""
 
     HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
+    COMMANDED = "its force may depend on the commands, which jump at a row"
     OFTEN_LACKING = "often lacking in a file, and so free while the order of the thrusters is tested"
     DRAG = "drag that grows faster than speed: every hull has it, whether its file says so or not"
     COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
@@ -211,15 +212,21 @@ class Words:
         name: Key in the `[[effect]]` table, and the name of its length in the shapes of parameters.
         meaning: What it is, in a few words.
         example: For documentation.
+        optional: Whether there is an effect without it.
     """
 
     name: str
     meaning: str
     example: tuple[str, ...]
+    optional: bool = False
 
 
 Structure = Callable[[Mapping[str, Any], str], tuple[Array, dict[str, int]]]
-"""Numbers that stand for an effect's words in a table at a place, and the lengths that they give."""
+"""Numbers that stand for an effect's words in a table at a place, and the lengths that they give.
+
+Among these is LAST_COMMAND: the number of the last command that is read, 0 of none.
+"""
+LAST_COMMAND = "last_command"
 
 
 @dataclass(frozen=True)
@@ -284,6 +291,11 @@ class Effect:
         """The parameter of that name."""
         return next(parameter for parameter in self.parameters if parameter.name == name)
 
+    @property
+    def is_written(self) -> bool:
+        """Whether only who writes the file can say what it is: no search can try it."""
+        return any(not words.optional for words in self.words)
+
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
         """Names of the parameters that a table holds as known: `known = true`, or a list of some."""
         held = table.get("known", False)
@@ -342,8 +354,8 @@ class Effect:
         parts = list[Array]()
         if self.structure is not None:
             written, lengths = self.structure(table, where)
-            if lengths.get("commands", 0) > thrusters:
-                last = f"c{lengths['commands']}"
+            if lengths[LAST_COMMAND] > thrusters:
+                last = f"c{lengths[LAST_COMMAND]}"
                 raise DataError(f"{where}: {last} is no thruster's command: the vehicle has {thrusters}")
             parts, sizes = [written], sizes | lengths
         parts += [

@@ -13,15 +13,18 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
-from hydro.core.effects.catalogue import entries
-from hydro.core.effects.formula import FORMULA
+from hydro.core.effects.catalogue import entries, with_role
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
 from hydro.core.effects.program import heed, relative_to_water, start, thrusters_of, wrench
+from hydro.core.effects.record import Role
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_kernel
 from hydro.core.vehicle.thrusters import TIME_CONSTANT, lag_states
+
+COMMANDED = with_role(Role.COMMANDED)
+"""Effects that may obey commands, which jump at a row."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ def accelerations_at(
     memory = memories(model, record, eta, nu)[rows]
     along = (model.program.flat, eta[rows], nu[rows], record.t[rows])
     _accelerate_along(*along, record.commands[rows], rotors, memory, out)
-    if FORMULA.name in model.program.effects:  # it may read commands, which jump at a row
+    if any(name in COMMANDED for name in model.program.effects):
         before = np.empty_like(out)
         _accelerate_along(*along, commands_before(record)[rows], rotors, memory, before)
         out = 0.5 * (out + before)

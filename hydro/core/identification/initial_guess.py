@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array
+from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Problem, linear_step, moved
 from hydro.core.identification.parameters import Free
 from hydro.core.identification.suspects import CURVED, every_shape
@@ -78,7 +79,8 @@ def _open(unknown: Free, name: str) -> bool:
 
 def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tuple[float, Array]]:
     """The best shapes of one effect: squared residual that each leaves, and values (P,) of all entries."""
-    start, mine = unknown.starts[0], _own(unknown, name)
+    start, mine, record = unknown.starts[0], _own(unknown, name), CATALOGUE[name]
+    written = record.written(unknown.vehicle.effects(name)[0])
     rest = unknown.holding(start, mine)
     rest = replace(rest, vehicle=rest.vehicle.without(name))
     changed, steps = moved(rest, rest.starts[0])
@@ -91,9 +93,12 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
     found = []
     for suspect, columns in groups:
         gain, step = linear_step(normal, columns)
+        table = suspect.begin(step[count:])
+        if record.written(table) != written:  # another thing: a fin that obeys another command
+            continue
         values = start.copy()
         values[~mine] = rest.within(rest.starts[0] + step[:count] * rest.scales)
-        values[mine] = _values(unknown, mine, suspect.begin(step[count:]))
+        values[mine] = _values(unknown, mine, table)
         found.append((normal.cost - gain, values))
     return sorted(found, key=lambda pair: pair[0])[:KEPT]
 

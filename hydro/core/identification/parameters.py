@@ -203,7 +203,9 @@ def _beginnings(
 def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
     """The table with every parameter that it leaves out, or that is None, as zeros; checked."""
     full: dict[str, Any] = {"name": record.name} | {
-        words.name: table.get(words.name, []) for words in record.words
+        words.name: table.get(words.name, [])
+        for words in record.words
+        if words.name in table or not words.optional
     }
     if record.one_of and not any(name in table for name in record.one_of):
         table = {**table, record.one_of[0]: None}
@@ -213,6 +215,8 @@ def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[s
         value = table.get(parameter.name)
         if value is None:
             shape = _shape(record, parameter, vehicle, table)
+            if 0 in shape:
+                continue
             value = np.maximum(np.zeros(shape), parameter.low).tolist()
         full[parameter.name] = value
     unknown = {key: value for key, value in table.items() if key not in full}
@@ -238,7 +242,7 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
-    """Free entries of a complete table: not what is known; of a symmetric matrix the upper triangle."""
+    """Free entries of a complete table, not known nor of a servo; symmetric ones once."""
     record, found = CATALOGUE[table["name"]], []
     known = record.known(next(iter(vehicle.effects(record.name)), {}))
     search, others = record.identification, _rest(vehicle, rest)
@@ -247,6 +251,8 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
             continue
         for index in np.ndindex(*np.shape(table[parameter.name])):
             if (parameter.symmetric and index[0] > index[1]) or parameter.name in known or parameter.held:
+                continue
+            if parameter.shape == ("thrusters",) and not vehicle.thruster[index[0]].pushes:
                 continue
             scale = parameter.scale_at(index, vehicle)
             low, high = parameter.low, parameter.high

@@ -74,13 +74,14 @@ def mixing(vehicle: Vehicle, mass_matrix: Array) -> Mixing:
     """
     table, B = thruster_table(vehicle), configuration_matrix(vehicle)
     limit = np.minimum(table[:, MAX_THRUST], table[:, MAX_REVERSE])
+    pushes = limit > 0.0  # a servo gives no thrust
     authority = np.zeros(6)
     for axis, unit in enumerate(np.eye(6)):
         thrusts = allocate(B, unit)
         if np.abs(B @ thrusts - unit).max() < 1e-6:
-            authority[axis] = (limit / np.maximum(np.abs(thrusts), 1e-12)).min()
+            authority[axis] = (limit / np.maximum(np.abs(thrusts), 1e-12))[pushes].min()
     possible = authority[list(HELD)] > 0.0
-    slowest = float((table[:, TIME_CONSTANT] + table[:, DELAY]).max(initial=1e-9))
+    slowest = float((table[:, TIME_CONSTANT] + table[:, DELAY])[pushes].max(initial=1e-9))
     frequency = np.minimum(FREQUENCY, LAG_MARGIN / slowest) * possible
     restoring = float(balance(vehicle)[3]) * np.array([0.0, 1.0, 1.0, 0.0])
     inertia = np.diag(mass_matrix)[list(HELD)]
@@ -122,7 +123,8 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
     """Commands for a wrench: thrusts by the pseudo-inverse, the curve inverted, clipped to [-1, 1].
 
     The dead band is not compensated: a demand too small for it is lost, as it is to a pilot.  Commands are
-    rounded to float32, the precision that they are logged in, so that the log holds what was applied.
+    rounded to float32, the precision that they are logged in, so that the log holds what was applied.  A
+    servo is not commanded.
 
     Args:
         allocation: (n, 6).
@@ -135,7 +137,7 @@ def mixing_kernel(allocation: Array, table: Array, tau: Array, commands: Array) 
         for j in range(6):
             thrust += allocation[i, j] * tau[j]
         limit = table[i, MAX_THRUST] if thrust > 0.0 else table[i, MAX_REVERSE]
-        size = min(abs(thrust) / limit, 1.0)
+        size = min(abs(thrust) / limit, 1.0) if limit > 0.0 else 0.0
         if table[i, POWER] != 1.0:
             size = math.sqrt(size) if table[i, POWER] == 2.0 else size ** (1.0 / table[i, POWER])
         commands[i] = np.float64(np.float32(math.copysign(size, thrust)))

@@ -76,6 +76,9 @@ class Thruster(_Part, frozen=True):
     A `curve` by name goes with the command or its square up to `max_thrust` and `max_reverse_thrust` [N].  A
     table, or `"t200"` for the published one of that thruster, says these and its dead band itself, and they
     are left out.  Where the rotor speed lags behind a table, it is the root of the share of full thrust.
+
+    The curve `"none"` is of a command that moves no thruster: a fin's servo, which a `control_surface` of
+    the file obeys.  Such a command has a name alone.
     """
 
     name: str
@@ -84,13 +87,18 @@ class Thruster(_Part, frozen=True):
     position: Vector3 | None = None
     direction: Vector3 | None = None
     wrench: Vector6 | None = None
-    curve: Literal["linear", "quadratic", "t200"] | Curve = "linear"
+    curve: Literal["linear", "quadratic", "t200", "none"] | Curve = "linear"
     lag: Literal["thrust", "speed"] = "thrust"
     time_constant: NonNegative = 0.0
     lag_step: Positive | None = None
     deadband: DeadBand = 0.0
     deadband_style: Literal["cut", "shift"] = "cut"
     delay: NonNegative = 0.0
+
+    @property
+    def pushes(self) -> bool:
+        """Whether it is a thruster, and no servo."""
+        return self.curve != "none"
 
 
 class Vehicle(_Part, frozen=True):

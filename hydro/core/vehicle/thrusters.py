@@ -121,7 +121,7 @@ def table_of(thruster: Thruster) -> ThrustTable | None:
 
 def curve_power(thruster: Thruster) -> float:
     """Power of its effective command that a thruster's thrust goes with."""
-    if thruster.curve in ("linear", "quadratic"):
+    if thruster.curve in ("linear", "quadratic", "none"):
         return 2.0 if thruster.curve == "quadratic" else 1.0
     return 2.0 if thruster.lag == "speed" else 1.0
 
@@ -149,6 +149,8 @@ def nominal_voltage(vehicle: Vehicle) -> float:
 
 def _limits(vehicle: Vehicle, thruster: Thruster) -> tuple[float, float, float]:
     """Thrust at full command ahead and astern [N], and how far effective commands reach beyond 1."""
+    if not thruster.pushes:
+        return 0.0, 0.0, 0.0
     table, given = table_of(thruster), (thruster.max_thrust, thruster.max_reverse_thrust)
     if table is None:
         if given[0] is None or given[1] is None:
@@ -370,6 +372,10 @@ def thrusts(
 def _unit_wrench(thruster: Thruster) -> Array:
     """Wrench about CO of one newton of thrust, shape (6,)."""
     position, direction, wrench = thruster.position, thruster.direction, thruster.wrench
+    if not thruster.pushes:
+        if thruster != Thruster(name=thruster.name, curve="none"):
+            raise DataError(f'thruster {thruster.name}: of curve "none" it has a name alone')
+        return np.zeros(6)
     if wrench is not None and position is None and direction is None:
         return np.array(wrench)
     if wrench is not None or position is None or direction is None:

@@ -46,7 +46,8 @@ def command_kernel(
             for j in range(ACTIONS):
                 thrust += allocation[i, j] * tau[j]
             limit = table[i, MAX_THRUST] if thrust > 0.0 else table[i, MAX_REVERSE]
-            excess = max(excess, abs(thrust) / limit)
+            if limit > 0.0:  # no servo
+                excess = max(excess, abs(thrust) / limit)
         for j in range(ACTIONS):
             tau[j] /= excess
         mixing_kernel(allocation, table, tau, commands[k])

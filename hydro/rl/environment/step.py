@@ -68,7 +68,8 @@ def power_share(table: Array, thrust: Array) -> float:
     total = 0.0
     for i in range(thrust.size):
         limit = table[i, MAX_THRUST] if thrust[i] > 0.0 else table[i, MAX_REVERSE]
-        total += (abs(thrust[i]) / limit) ** POWER
+        if limit > 0.0:  # no servo
+            total += (abs(thrust[i]) / limit) ** POWER
     return float(total / max(thrust.size, 1))
 
 

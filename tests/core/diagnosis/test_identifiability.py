@@ -49,7 +49,7 @@ def test_words(effect, open_, words):
     assert told(effect, open_) == words
 
 
-@pytest.mark.parametrize("name", [name for name, effect in CATALOGUE.items() if not effect.words])
+@pytest.mark.parametrize("name", [name for name, effect in CATALOGUE.items() if not effect.is_written])
 def test_every_entry_of_the_catalogue_has_words_of_its_own(name):
     found = entries(name)
     words = [told(name, [i]) for i in range(len(found))]
