@@ -110,8 +110,8 @@ def diagnose(
         hydro diagnose vehicle.toml after.parquet --before before.parquet --model net.parquet
 
     With --discover, where no effect of the catalogue explains what is left, sparse terms (powers of
-    velocities, products, tilt) are tried as a formula. Each must remove error from sessions and regimes of
-    motion that it was not fitted to. The formula is suspected, not stated, with standard errors and in words:
+    velocities, products, tilt, commands) are tried as a formula. Each must remove error from sessions and
+    regimes of motion that it was not fitted to. The formula is suspected, not stated, with standard errors and in words:
     judge whether it can be, and add it by its name. A force that was stated and leaves more than the formula
     does is a suspect then.
 

@@ -136,7 +136,7 @@ class Discovery:
 
     def shortlist(self, choice: Choice) -> list[Term]:
         """Terms that explain most beside all that is fitted, those that transfer best first."""
-        model, terms = choice.model, library()
+        model, terms = choice.model, library(len(choice.model.vehicle.thruster))
         own, steps = moved(model.unknown, model.values)
         pulls = [LITTLE * size for size in _sizes(model.vehicle)]
         vehicles = [_with(model.vehicle, [term.table(pulls[term.axis])]) for term in terms]

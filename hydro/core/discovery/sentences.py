@@ -8,6 +8,7 @@ from typing import Any
 
 from hydro.core.columns import DOF, VELOCITY
 from hydro.core.effects.formula import AXES, amounts
+from hydro.core.effects.layout import COMMAND_NAMES
 
 SAME = 0.3
 """Powers that differ by less are told as one law that acts off CO."""
@@ -53,10 +54,15 @@ def _sentence(text: str, value: float, powers: Sequence[float], spread: Sequence
     grown = [f"{p:.2f} +- {e:.2g}" for p, e in zip(powers, spread, strict=True)]
     if not factors:
         return f"a steady {what} in {dof}"
+    if factors[0] in COMMAND_NAMES:
+        return f"command {factors[0]} brings a {what} in {dof}"
     if factors[0] in OF_DOWN:
         return f"a {what} in {dof} that goes with {OF_DOWN[factors[0]]}"
     names = [factor.strip("|^n").removeprefix("sgn(").rstrip(")") for factor in factors]
     odd = factors[-1].startswith("sgn") or len(factors) == 2
+    if powers and names[-1] in COMMAND_NAMES:
+        turns = " and turns with it" if names[0] == names[-1] else ""
+        return f"command {names[-1]} brings a {what} in {dof} that grows as |{names[0]}|^{grown[0]}{turns}"
     if powers and names == [own, own]:
         kind = "drag" if value < 0.0 else "a force along the motion"
         return f"{kind} in {dof} grows as |{own}|^{grown[0]}"

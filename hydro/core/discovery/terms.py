@@ -1,23 +1,26 @@
-"""Terms that a wrench on a vehicle may have: an axis and a product of velocities or of where down is.
+"""Terms that a wrench on a vehicle may have: an axis and a product of velocities, commands or where down is.
 
 They are what drag, lift and friction of bodies in water are made of (Fossen 2011, section 6.4, with powers
-left free), and what weight, trim and steady pulls add.  Powers of a grid stand for those between them until a
-fit moves them.
+left free), what weight, trim and steady pulls add, and what jets and fins do that obey a command.  Powers of
+a grid stand for those between them until a fit moves them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 from typing import Any
 
 from hydro.core.columns import VELOCITY
 from hydro.core.effects.formula import AXES, one_term
+from hydro.core.effects.layout import COMMAND_NAMES
 
 OWN_POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 OTHER_POWERS = (1.0, 1.5, 2.0, 2.5)
 SIZE_POWERS = (0.5, 1.0, 2.0)
+AHEAD_POWERS = (1.0, 2.0)
+"""Of the speed ahead, with which a command's force grows: a jet's loss so, a fin's lift as its square."""
 DOWN = ("g_x", "g_y", "g_z")
 MIRRORED = frozenset("YKNvpr")
 """Axes and velocities that change sign in a mirror that swaps port and starboard, and g_y."""
@@ -50,13 +53,27 @@ class Term:
         return one_term(self.text, amount, self.powers)
 
 
-def library() -> list[Term]:
-    """All candidates, axis by axis; each term stands there once for each power that it begins from."""
-    return [term for axis in AXES for term in of_axis(axis)]
+def library(commands: int = 0) -> list[Term]:
+    """All candidates, axis by axis; each term stands there once for each power that it begins from.
+
+    Args:
+        commands: Number of the vehicle's thrusters and servos.
+    """
+    names = COMMAND_NAMES[:commands]
+    return [term for axis in AXES for term in (*of_axis(axis), *of_commands(axis, names))]
+
+
+def of_commands(axis: str, names: Sequence[str]) -> Iterator[Term]:
+    """Candidates of one axis that go with a command."""
+    for name in names:
+        yield Term(f"{axis} {name}")
+        yield Term(f"{axis} |{name}|^n sgn({name})", (2.0,))
+        for power in AHEAD_POWERS:
+            yield Term(f"{axis} |u|^n {name}", (power,))
 
 
 def of_axis(axis: str) -> Iterator[Term]:
-    """Candidates of one axis."""
+    """Candidates of one axis that go with the motion or with where down is."""
     own = VELOCITY[AXES.index(axis)]
     for power in OWN_POWERS:
         yield Term(f"{axis} |{own}|^n sgn({own})", (power,), PLAIN)

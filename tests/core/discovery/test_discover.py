@@ -98,6 +98,20 @@ def test_a_diagnosis_takes_the_formula_to_add_by_its_name(found):
     assert {entry.effect for entry in found.estimates.entries} >= {"formula"}
 
 
+def test_a_force_that_obeys_a_command_is_found(known):
+    """As of a fin: a command, and the square of the speed ahead."""
+    law = one_term("N |u|^n c2", 25.0, [2.0])
+    hidden = msgspec.structs.replace(known, effect=(*known.effect, law))
+    log = preprocess(known, pl.concat([flown(hidden, seed) for seed in (0, 1)]))
+    nothing = Diagnosis((Finding("far_from_noise"),), known, (9.0, 9.0, 9.0))
+    found = discovered(known, log, nothing)
+    (formula,) = (one for one in found.findings if one.effect == "formula")
+    assert formula.parameters["moments"] == ["N |u|^n c2"]
+    assert formula.parameters["moment"] == pytest.approx([25.0], rel=0.1)
+    assert formula.parameters["exponents"] == pytest.approx([2.0], abs=0.3)
+    assert "command c2 brings a moment in yaw that grows as |u|^" in formula.advice
+
+
 def test_nothing_is_discovered_where_nothing_is_missing(known):
     log = preprocess(known, pl.concat([flown(known, seed) for seed in (0, 1)]))
     plain = diagnose_log(known, log)

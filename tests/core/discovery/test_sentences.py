@@ -28,6 +28,10 @@ def words(*terms):
         (("M |u|^n", 3.0, [1.5]), "a moment in pitch goes as |u|^1.50 +- 0.05"),
         (("Y |r|^n v", -3.0, [0.8]), "yaw raises the drag in sway, as |r|^0.80 +- 0.05 v"),
         (("Z u q", 3.0), "a force in heave goes as u q"),
+        (("N c2", 3.0), "command c2 brings a moment in yaw"),
+        (("N |u|^n c2", 3.0, [2.0]), "command c2 brings a moment in yaw that grows as |u|^2.00 +- 0.05"),
+        (("Y |c2|^n sgn(c2)", 3.0, [2.0]),
+         "command c2 brings a force in sway that grows as |c2|^2.00 +- 0.05 and turns with it"),
         (("K", 3.0), "a steady moment in roll"),
         (("K g_y", 3.0), "a moment in roll that goes with roll"),
     ],
@@ -63,7 +67,7 @@ def test_laws_of_different_powers_do_not_act_at_a_point():
 
 
 def test_every_term_of_the_library_can_be_flown_and_stands_there_once():
-    terms = library()
+    terms = library(2)
     assert len({(term.text, term.powers) for term in terms}) == len(terms)
     for term in terms:
         vehicle = equipped(term.table(1.0))
