@@ -111,9 +111,9 @@ def diagnose(
 
     With --discover, where no effect of the catalogue explains what is left, sparse terms (powers of
     velocities, products, tilt, commands) are tried as a formula. Each must remove error from sessions and
-    regimes of motion that it was not fitted to. The formula is suspected, not stated, with standard errors and in words:
-    judge whether it can be, and add it by its name. A force that was stated and leaves more than the formula
-    does is a suspect then.
+    regimes of motion that it was not fitted to. The formula is suspected, not stated, with standard
+    errors and in words: judge whether it can be, and add it by its name. A force that was stated and
+    leaves more than the formula does is a suspect then.
 
         hydro diagnose vehicle.toml raw.parquet --discover -o diagnosis.parquet
         hydro add vehicle.toml diagnosis.parquet --effect formula -o vehicle-1.toml
