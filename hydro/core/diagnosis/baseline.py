@@ -87,6 +87,11 @@ class Baseline:
     file: Vehicle | None = None
 
     @property
+    def filed(self) -> Vehicle:
+        """The vehicle with the values that its fits begin from."""
+        return self.start or self.vehicle
+
+    @property
     def beforehand(self) -> Vehicle:
         """The vehicle whose values are known whatever this recording says."""
         return self.file or self.vehicle

@@ -249,7 +249,7 @@ class Search:
     def as_filed(self, vehicle: Vehicle) -> Vehicle:
         """A vehicle with the file's own effects at the values that the file gives them."""
         base = self.baseline
-        own = [table for table in (base.start or base.vehicle).effect if table["name"] in base.effects]
+        own = [table for table in base.filed.effect if table["name"] in base.effects]
         others = [table for table in vehicle.effect if table["name"] not in base.effects]
         return msgspec.structs.replace(vehicle, effect=(*own, *others))
 
@@ -311,7 +311,7 @@ class Search:
     def at_file(self) -> Model:
         """The file's own effects free, at the values that it gives them."""
         base = self.baseline
-        return fit_model(base.start or base.vehicle, base.effects, base.problem, base.log.track, 0)
+        return fit_model(base.filed, base.effects, base.problem, base.log.track, 0)
 
     def from_afar(self, filed: Model) -> dict[str, Model]:
         """The file with those effects to which no derivative about their absence leads from far away."""
