@@ -26,7 +26,7 @@ SMALL = [
     word
     for choice in (
         *("vehicles=4", "record=40", "evaluate=80", "episodes=3"),
-        *("sac.random=40", "sac.batch=16", "sac.layers=[16]", "settings.task.steps=10"),
+        *("sac.random=40", "sac.batch=16", "sac.layers=[16]", "settings.task.steps=10", "pilot=0"),
     )
     for word in ("--set", choice)
 ]
@@ -42,6 +42,18 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rl") / "run"
     assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", folder) == 0
     return folder
+
+
+def test_a_vehicle_that_a_pilot_by_hand_cannot_steer_is_refused(
+    tmp_path: Path, datasets: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """REMUS 100 with its weak tunnel thrusters reaches about half of the goals of open water in time."""
+    vehicle, folder = datasets / "vehicles" / "remus100.toml", tmp_path / "no"
+    assert rl("train", vehicle, "--steps", 160, *SMALL[:-4], "-o", folder) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search(r"remus100.toml: a pilot by hand who has the map reaches \d\d ?% of the goals", said)
+    assert "--set pilot=0" in said
+    assert not folder.exists()
 
 
 @pytest.mark.parametrize("name", ["train", "eval", "watch", "curves", "study"])

@@ -16,13 +16,14 @@ from hydro.commands.rl_flights import builder_of, eval_, watch
 from hydro.commands.rl_study import study
 from hydro.commands.shell import ModelFile, progress, seed_option
 from hydro.commands.tables import print_table
-from hydro.core.errors import UsageError
+from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
     from hydro.rl.training.config import TrainingConfig
-    from hydro.rl.training.train import Training
+    from hydro.rl.training.train import Build, Training
 
 NAME = "rl"
+PILOTS, PILOT_SEED = 20, 600_000  # vehicles that a pilot by hand flies before a training
 HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
 
 TrainingFolder = Annotated[
@@ -120,6 +121,8 @@ def _train(given: _Given) -> None:
     clock = _Clock()
     learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
     training = Training(config, builder, clock.part, learnt)
+    if state is None:
+        _require_ability(config, builder, given.vehicle)
     folder.begin(run, residual)
     if state is not None:
         training.restore(state)
@@ -133,6 +136,28 @@ def _train(given: _Given) -> None:
             folder.save(training, run)
             typer.echo(f"{clock.words(training)}; {_evaluated(training)}; {clock.shares()}", err=True)
     typer.echo(_ending(training), err=True)
+
+
+def _require_ability(config: TrainingConfig, builder: Build, vehicle: Path) -> None:
+    """Refuse a vehicle with which a pilot by hand reaches too few goals of the first level.
+
+    Raises:
+        DataError: He does.
+    """
+    from hydro.rl.training.demonstrations import mastered
+
+    if not config.pilot:
+        return
+    fleet = builder(PILOTS, config.seed + PILOT_SEED)
+    fleet.set_level(*config.curriculum.levels[0])
+    share = mastered(fleet)
+    if share < config.pilot:
+        raise DataError(
+            f"{vehicle}: a pilot by hand who has the map reaches {share:.0%} of the goals of stage "
+            f"{fleet.stage} in {config.settings.task.steps} steps, so that no policy can pass it: too weak "
+            "or too slow for the task; give it time with --set settings.task.steps=N, or train it all the "
+            "same with --set pilot=0"
+        )
 
 
 def _config(given: _Given) -> TrainingConfig:

@@ -64,13 +64,13 @@ def warn(vehicle: Vehicle, text: str, name: str) -> None:
 
 def _idle(vehicle: Vehicle) -> Iterator[str]:
     """Servos whose fins the file forgets, a line each."""
-    from hydro.core.effects.hull import idle_servos
+    from hydro.core.effects.hull import CONTROL_SURFACE, idle_servos
 
     for command in idle_servos(vehicle):
         servo = vehicle.thruster[int(command[1:]) - 1].name
         yield (
-            f"thruster {servo}: nothing obeys its command: add a control_surface with "
-            f'`commands = ["{command}"]` (`hydro effects control_surface`)'
+            f"thruster {servo}: nothing obeys its command: add a {CONTROL_SURFACE.name} with "
+            f'`commands = ["{command}"]` (`hydro effects {CONTROL_SURFACE.name}`)'
         )
 
 

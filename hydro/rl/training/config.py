@@ -138,6 +138,8 @@ class TrainingConfig:
         evaluate: Steps from one evaluation, and one state kept, to the next.
         record: Steps from one point of the curves to the next; `evaluate` is a multiple of it.
         episodes: Of an evaluation.
+        pilot: Share of the goals of the first level that a pilot by hand, who has the map, must reach: less,
+            and the vehicle cannot do the task; 0: he is not asked.
         demonstrations: Vehicles that a pilot by hand flies, for as long as an episode may last, before a
             level is learnt; 0: none.
         clone: Batches by which the policy is made to do as he did before it flies at a level.
@@ -155,6 +157,7 @@ class TrainingConfig:
     evaluate: int = 20_000
     record: int = 4_000
     episodes: int = 50
+    pilot: float = 0.8
     demonstrations: int = 0
     clone: int = 0
     curriculum: Curriculum = field(default_factory=Curriculum)
@@ -173,6 +176,8 @@ class TrainingConfig:
         _counted({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
+        if not 0.0 <= self.pilot <= 1.0:
+            raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
             raise UsageError("there is nothing to clone without demonstrations; give some")
         if self.record % self.vehicles or self.evaluate % self.record:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import Array32, Mask
-from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.fleet import Fleet, Step
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.environment.observation import TARGET
@@ -28,14 +28,36 @@ def demonstrations(fleet: Fleet) -> Iterator[Transition]:
     Args:
         fleet: Vehicles that have not flown yet, their stage and level set.
     """
+    once = np.ones(fleet.count, dtype=np.int64)
+    for observations, actions, step in _flown(fleet):
+        ended = step.terminated | step.truncated
+        yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
+
+
+def mastered(fleet: Fleet) -> float:
+    """Share of the vehicles whose first goal the pilot reaches.
+
+    Args:
+        fleet: As for `demonstrations`.
+    """
+    first, reached = np.ones(fleet.count, dtype=np.bool_), 0
+    for _, _, step in _flown(fleet):
+        reached += int((first & step.info.success).sum())
+        first &= ~(step.terminated | step.truncated)
+        if not first.any():
+            break
+    return reached / fleet.count
+
+
+def _flown(fleet: Fleet) -> Iterator[tuple[Array32, Array32, Step]]:
+    """What is seen (N, 36), what the pilot does (N, 4) and what comes of it, for one episode's time."""
     observations = fleet.reset()
     chart, begun = Guidance(fleet.settings, fleet.count), np.ones(fleet.count, dtype=np.bool_)
     for _ in range(fleet.settings.task.steps):
         actions = np.clip(helmsman(_with_map(fleet, chart, begun, observations)), -1.0, 1.0)
         step = fleet.step(actions)
         begun = step.terminated | step.truncated
-        once = np.ones(fleet.count, dtype=np.int64)
-        yield Transition(observations, actions, step.reward, step.terminated, begun, step.final_obs, once)
+        yield observations, actions, step
         observations = step.obs
 
 
