@@ -18,6 +18,7 @@ from scipy.stats import f as fisher
 
 from hydro.core.diagnosis.baseline import (
     MATERIAL,
+    VISIBLE,
     Baseline,
     Found,
     Outcome,
@@ -280,10 +281,14 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Effects of the file whose values as given would cost much, and that the recording tells from these.
 
     Much is measured by the squared error of the model found: so what a share of a poor file's error would
-    pass over does not spoil what is added to it.  Values beyond belief are told whatever they cost: a free
-    refit may have taken up with them what is missing.
+    pass over does not spoil what is added to it.  Where nothing joined, a good file's error is small beside
+    the noise, and what makes it is told by its share of that.  Values beyond belief are told whatever they
+    cost: a free refit may have taken up with them what is missing.
     """
     model = outcome.model
+    much = MATERIAL * model.normal.cost
+    if not outcome.found and np.isfinite(baseline.given.excess):
+        much = min(much, max(MATERIAL * baseline.given.excess, VISIBLE * model.normal.residuals))
     spread = covariance(model.normal, np.full(len(model.values), PRIOR**-2))
     matrix = model.normal.matrix.sum(axis=0)
     blocks = len(model.normal.gram) // block_length(model.normal.score)
@@ -294,7 +299,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         cost = float(change @ matrix[np.ix_(entries, entries)] @ change)
         farthest = _change(name, baseline, model)
         absurd = farthest.deviations > ABSURD
-        if cost < MATERIAL * model.normal.cost and not absurd:
+        if cost < much and not absurd:
             continue
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
         p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))

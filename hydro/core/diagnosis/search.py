@@ -288,8 +288,7 @@ class Search:
             screening = self.screen(self.fewer(begun), chosen)
             if screening.model is not begun and not screening.significant:
                 screening = self.screen(begun, chosen)
-            telling = any(self.baseline.belongs(name, gain, begun) for name, gain in screening.gains.items())
-            if len(found) == MOST_FINDINGS or not telling:
+            if len(found) == MOST_FINDINGS or not self.telling(screening, begun):
                 break
             known = self.from_afar(begun) if begun is not model else {}
             fits = self.contend(begun, chosen, screening, part(told, 0.3, 1.0), known)
@@ -307,6 +306,13 @@ class Search:
         if screening.model is not model:
             screening = self.screen(model, [one.effect for one in found])
         return Outcome(model, tuple(found), screening)
+
+    def telling(self, screening: Screening, model: Model) -> bool:
+        """Whether any effect promises to matter: of a curved one the shapes of a grid tell but a part."""
+        return any(
+            self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if name in CURVED else 1.0), model)
+            for name, gain in screening.gains.items()
+        )
 
     def at_file(self) -> Model:
         """The file's own effects free, at the values that it gives them."""

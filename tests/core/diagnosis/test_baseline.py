@@ -47,6 +47,14 @@ def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_
     assert not baseline.material(0.9 * plain, before)
 
 
+@pytest.mark.parametrize(("effect", "fitted"), [("thruster_deadband", True), ("ocean_current", False)])
+def test_the_shapes_of_a_grid_tell_but_a_part_of_what_a_curved_effect_explains(effect: str, fitted: bool):
+    """A dead band between two widths of the grid is fitted, though neither width alone explains enough."""
+    baseline, before = begun_from(0.03 * RESIDUALS), leaving(0.03 * RESIDUALS)
+    screening = cast(Any, SimpleNamespace(gains={effect: 0.5 * VISIBLE * RESIDUALS}))
+    assert Search(baseline).telling(screening, before) is fitted
+
+
 @pytest.mark.parametrize(
     ("kept", "goes_on"), [(["payload"], False), (["buoyancy_offset"], True), ([], False)]
 )

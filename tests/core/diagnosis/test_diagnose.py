@@ -11,7 +11,15 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import Baseline, Outcome, refit, stable_shots, stable_start
+from hydro.core.diagnosis.baseline import (
+    MATERIAL,
+    VISIBLE,
+    Baseline,
+    Outcome,
+    refit,
+    stable_shots,
+    stable_start,
+)
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.diagnose import (
     _retuned,
@@ -158,6 +166,18 @@ def test_nothing_hidden_is_nothing_missing(known):
         tables(table)
 
 
+def test_what_makes_a_good_files_small_error_is_told_though_it_is_small_beside_the_noise(known):
+    """Sway damping 3 % wrong: the error is a small part of the noise, and all that the file has wrong."""
+    damping = known.effects("quadratic_damping")[0]
+    wrong = damping | {"diagonal": [d * (1.03 if i == 1 else 1.0) for i, d in enumerate(damping["diagonal"])]}
+    found = diagnose(hiding(known.without("quadratic_damping"), wrong), recorded(known))
+    assert found.findings[0].verdict == "nothing_missing"
+    assert 1.0 + VISIBLE < found.chi2[0] < 1.0 + MATERIAL
+    told = [one for one in found.findings if one.verdict == "retune"]
+    assert [one.effect for one in told] == ["quadratic_damping"]
+    assert told[0].parameters["diagonal"][1] == pytest.approx(damping["diagonal"][1], rel=0.01)
+
+
 def test_an_effect_is_named_behind_the_faults_of_its_log(known):
     """Two command columns exchanged, a frozen velocity log and spikes of a gyro."""
     raw = recorded(hiding(known, CURRENT))
@@ -296,7 +316,8 @@ def test_values_beyond_belief_are_told_however_little_they_cost(known, times):
     fit = with_uncertainty(unknown, values, normal, 1.0, "output")
     given = SimpleNamespace(excess=1e6)
     baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), given=given)
-    told = list(_retuned(baseline, SimpleNamespace(model=Model(unknown, values, None, normal), fit=fit)))
+    model = Model(unknown, values, None, normal)
+    told = list(_retuned(baseline, SimpleNamespace(model=model, fit=fit, found=())))
     assert [one.verdict for one in told] == ["retune"] * (times == 80.0)
     for one in told:
         assert "linear_damping.diagonal[0] goes from 15 to 1.2e+03" in one.advice
