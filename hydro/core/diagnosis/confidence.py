@@ -33,8 +33,9 @@ CLEAN = 1.35
 """The same up to which nothing to speak of is left beside the noise,"""
 NEAR = 102.0 / 118.0
 """and share of names by likelihood that were right where more is left."""
-ODDS, ODDS_BY_SCORE = -1.83, 5.95
-"""Logarithm of the odds that a name by transfer is right, at a score of 0 and for a score of 1 more."""
+ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
+"""Logarithm of the odds that a name by transfer is right, at a score of 0, for a score of 1 more, and where
+nothing comes near it."""
 RESAMPLES = 2000
 TIED = 0.02
 """Part of the resamples that a rival must win to be named beside the best."""
@@ -281,13 +282,18 @@ def by_likelihood_confidence(frequency: float, left: float) -> float:
     return frequency if left <= CLEAN else NEAR * frequency
 
 
-def by_transfer_confidence(score: float) -> float:
+def by_transfer_confidence(score: float, others: Sequence[float]) -> float:
     """Probability that a name is right where no model reaches the noise.
 
-    A logistic regression of right and wrong first names on the score, on 36 recordings of hulls of panels
-    with one change or none (`benchmarks.imperfect_base`, seeds for development).
+    A logistic regression of right and wrong first names on the score and its lead, on 46 recordings of hulls
+    of panels with one change or none (`benchmarks.imperfect_base`, seeds for development).  The lead is the
+    share of what the next best leaves that the best removes: where many effects remove nearly all of an
+    error, any could be it.
 
     Args:
         score: Share of the error of left-out data that the effect removes, see `diagnosis.transfer`.
+        others: The same of all others.
     """
-    return float(expit(ODDS + ODDS_BY_SCORE * score))
+    next_best = max(others, default=0.0)
+    lead = 1.0 - (1.0 - score) / max(1.0 - next_best, 1e-9)
+    return float(expit(ODDS + ODDS_BY_SCORE * score + ODDS_BY_LEAD * max(lead, 0.0)))

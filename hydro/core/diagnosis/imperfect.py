@@ -17,7 +17,7 @@ from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
-from hydro.core.diagnosis.transfer import Known, Rival, Survey, resolved, survey, tempered
+from hydro.core.diagnosis.transfer import Known, Rival, Survey, one_change, resolved, survey, tempered
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
@@ -50,7 +50,7 @@ class Named:
         findings: One naming, or none.
         model: The vehicle with it and the file's own effects, fitted within what is known of them.
         fit: Values and standard errors; None where nothing was fitted.
-        refitted: The file's own effects alone, likewise.
+        refitted: The file's own effects alone, likewise; the file as it is where they are held.
     """
 
     findings: tuple[Finding, ...]
@@ -107,7 +107,7 @@ def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     """Name the change that removes most of the error of data that it was not fitted to."""
     fine = baseline.problem
-    baseline = replace(baseline, problem=resolved(fine))
+    baseline = replace(one_change(baseline), problem=resolved(fine))
     try:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)
@@ -171,7 +171,7 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
     values, errors = fit.table(rival.effect)
     others = [one for one in surveyed.rivals if one is not rival]
-    sure = by_transfer_confidence(rival.score) * (OWN if rival.own else 1.0)
+    sure = by_transfer_confidence(rival.score, [one.score for one in others]) * (OWN if rival.own else 1.0)
     if implausible(fit.vehicle, [rival.effect]):
         sure = min(sure, FANCIFUL)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)

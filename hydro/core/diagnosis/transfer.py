@@ -6,8 +6,12 @@ had no part in its values, and one that merely absorbs the hull's own error does
 where a file says nothing of any that grows faster than speed, it comes before faults that could pass for it.
 
 Every effect is fitted together with the file's own, from the values of the file, which hold to what is known
-of them.  The squared residual is tempered: divided by its own mean and by the length for which errors of a
-model last, so that what is known weighs something beside ten thousands of numbers that err alike.
+of them.  Where the file states how well it knows all of its own, they were fitted before, to what the hull
+does, and stay as they are: one change at a time is held against the file (`one_change`).  Free, they take up
+what is missing, and with it what would tell of it.
+
+The squared residual is tempered: divided by its own mean and by the length for which errors of a model last,
+so that what is known weighs something beside ten thousands of numbers that err alike.
 """
 
 from __future__ import annotations
@@ -25,13 +29,13 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import repeated_effects, with_role
+from hydro.core.effects.catalogue import repeated_effects, wholly_known, with_role
 from hydro.core.effects.record import Role
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.multiple_shooting import ENDLESS, Shots
 from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import Free
-from hydro.core.identification.prior import deviations, in_file
+from hydro.core.identification.parameters import Free, free
+from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
 from hydro.core.vehicle.description import Vehicle
@@ -44,8 +48,8 @@ SURVEY_SHOTS = 48
 """Shots on which all effects are fitted."""
 STEPS = 4
 """Of a fit in the survey."""
-AS_GOOD = 0.98
-"""Part of the best score from which an effect of fewer entries is named in its place."""
+FINE = 0.004
+"""Score that each entry must be worth: an effect of many bends to more."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
@@ -95,8 +99,7 @@ class Survey:
 
     Attributes:
         refitted: The file's own effects, fitted within what is known of them.
-        rivals: Every effect that could be fitted, the best by its score first; of those that are as good, the
-            one of fewest entries.
+        rivals: Every effect that could be fitted, the best by its score less a fine for its entries first.
     """
 
     refitted: Model
@@ -130,6 +133,15 @@ class Known:
         spread[new] = SUSPECT
         centre = unknown.within(in_file(self.file, unknown.entries)) / scales
         return Prior(centre, CORRELATED * self.temper * spread**-2.0)
+
+
+def one_change(baseline: Baseline) -> Baseline:
+    """The baseline with none of its own effects free, where its file says how well it knows each of them."""
+    file, own = baseline.beforehand, baseline.effects
+    known = all(
+        file.effects(name) and np.isfinite(stated(file, free(file, [name]).entries)).any() for name in own
+    )
+    return replace(baseline, effects=()) if known else baseline
 
 
 def resolved(problem: OutputError) -> OutputError:
@@ -181,18 +193,17 @@ def weighed(rival: Rival) -> Rival:
 
 
 def ranked(rivals: Sequence[Rival], first: AbstractSet[str] = frozenset()) -> tuple[Rival, ...]:
-    """By score; but before all, of those that are as good as the best, the one of fewest entries.
+    """By score less a fine for each entry; the best of those that are to come `first` does so, before all.
 
-    Effects that are to come `first` are so good from BEFORE_OTHERS of the best score on.
+    They come so from BEFORE_OTHERS of the best score on.
     """
-    order = sorted(rivals, key=lambda one: -one.score)
+    order = sorted(rivals, key=lambda one: FINE * one.entries - one.score)
     best = order[0].score if order else 0.0
-    named = [one for one in order if one.effect in first and one.score >= BEFORE_OTHERS * best > 0.0]
-    near = named[:1] or [one for one in order if one.score >= AS_GOOD * best > 0.0]
-    if near:
-        simplest = min(near, key=lambda one: one.entries)
-        order.remove(simplest)
-        order.insert(0, simplest)
+    for one in order:
+        if one.effect in first and one.score >= BEFORE_OTHERS * best > 0.0:
+            order.remove(one)
+            order.insert(0, one)
+            break
     return tuple(order)
 
 
@@ -287,4 +298,8 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
         prior[new:] = weight * SUSPECT**-2
         step = np.linalg.solve(matrix[np.ix_(both, both)] + np.diag(prior), score[both])
         tables[name] = {**suspect.begin(step[new:]), "name": name}
+    for table in file.effect:  # effects of the file of which no grid tells begin from its values
+        name = str(table["name"])
+        if not (name in own or name in repeated_effects(file) or wholly_known(file, name)):
+            tables.setdefault(name, dict(table))
     return tables

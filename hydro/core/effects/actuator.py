@@ -12,6 +12,7 @@ from typing import Any
 from hydro.core.columns import Array
 from hydro.core.effects.parting import CHIRP, COASTING
 from hydro.core.effects.record import (
+    SLIGHTLY_ABSORBED,
     Advice,
     Effect,
     Fill,
@@ -224,6 +225,7 @@ EFFECTS = (
             plausible=between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's"),
         ),
         Advice(parted_by=(COASTING,)),
+        Identification(absorbs=SLIGHTLY_ABSORBED),
     ),
     _effect(
         "thruster_asymmetry",

@@ -17,7 +17,16 @@ from hydro.core.compiled import kernel
 from hydro.core.effects.layout import ADDED_MASS as M_A
 from hydro.core.effects.layout import RELATIVE_VELOCITY
 from hydro.core.effects.parting import CHIRP, DRIFT
-from hydro.core.effects.record import Advice, Effect, Index, Parameter, Rest, Role
+from hydro.core.effects.record import (
+    SLIGHTLY_ABSORBED,
+    Advice,
+    Effect,
+    Identification,
+    Index,
+    Parameter,
+    Rest,
+    Role,
+)
 from hydro.core.effects.units import of_mixed
 from hydro.core.vehicle.plausible import ADDED_INERTIA, between, of_entry
 
@@ -112,6 +121,7 @@ ADDED_MASS = Effect(
     ),
     one_of=("diagonal", "matrix"),
     inertia=symmetric_or_diagonal,
+    identification=Identification(absorbs=SLIGHTLY_ABSORBED),
     advice=Advice(parted_by=(CHIRP,)),
     roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING}),
 )

@@ -138,6 +138,8 @@ Shapes = Callable[[Vehicle, Array | None], Iterator[Shape]]
 
 ABSORBED = 0.3
 """What formulas of drag and lift absorb of a hull of panels: the median of ten bases."""
+SLIGHTLY_ABSORBED = 0.1
+"""The same of effects of many entries, or slow ones, that no formula of drag or lift is."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from hydro.core.compiled import kernel
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, RELATIVE_VELOCITY, ROTATION
 from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
+    SLIGHTLY_ABSORBED,
     Advice,
     Effect,
     Identification,
@@ -309,6 +310,7 @@ DRIFTING_BALLAST = Effect(
         starts=lambda vehicle, reach: [loose(tilt, lag) for tilt in TILTS_TRIED for lag in LAGS_TRIED],
         coarse=at_lags(TILTS_TRIED[-1:], LAGS_TRIED[::2]),
         fine=at_lags(TILTS_TRIED, LAGS_TRIED),
+        absorbs=SLIGHTLY_ABSORBED,
     ),
     advice=Advice(parted_by=(TILTS,)),
 )

@@ -8,8 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hydro.core.diagnosis import imperfect
+from hydro.core.diagnosis.confidence import by_transfer_confidence
 from hydro.core.diagnosis.findings import SURE, Finding, extended
 from hydro.core.identification.fit import Fit
 from hydro.io import vehicle as files
@@ -41,3 +44,14 @@ def test_a_payload_that_hangs_beside_the_vehicle_is_only_suspected(lengths: floa
     assert finding.verdict == verdict
     assert finding.confidence is not None
     assert (finding.confidence >= SURE) == (verdict == "missing")
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_a_name_is_surer_the_more_it_removes_and_the_farther_it_is_ahead(score, more, rival):
+    """And where another removes as much, nothing is stated, however little is left."""
+    here = by_transfer_confidence(score, [rival])
+    assert here <= by_transfer_confidence(score, [])
+    assert here <= by_transfer_confidence(max(score, more), [rival])
+    assert by_transfer_confidence(score, [rival]) >= by_transfer_confidence(score, [rival, more])
+    assert by_transfer_confidence(score, [score]) < SURE
+    assert by_transfer_confidence(1.0, [0.5]) >= SURE

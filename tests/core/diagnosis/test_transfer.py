@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import msgspec
 import numpy as np
 import pytest
 
+from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.transfer import DRAG, KEPT, Rival, dragged, left_out, ranked, weighed
+from hydro.core.diagnosis.transfer import DRAG, KEPT, Rival, dragged, left_out, one_change, ranked, weighed
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.normal_equations import Normal
+from hydro.core.vehicle.description import Vehicle
 from hydro.io.files import bundled
 from hydro.io.vehicle import read
 
@@ -93,6 +96,40 @@ class Sized:
     effect: str
     score: float
     entries: int
+
+
+def test_of_effects_that_are_nearly_as_good_the_one_of_fewest_entries_comes_first():
+    """A gain for each of eight thrusters bends to a curve of one number, and to whatever else is wrong."""
+    gains, curve = Sized("thruster_gain", 0.32, 8), Sized("thruster_curve", 0.31, 1)
+    assert ranked([gains, curve])[0] is curve
+    far = Sized("thruster_gain", 0.5, 8)
+    assert ranked([far, curve])[0] is far
+
+
+def stating(vehicle: Vehicle, *names: str) -> Vehicle:
+    """The vehicle with a standard error beside the values of some of its effects."""
+    tables = (
+        table | {"standard_error": {"diagonal": [0.1 * value for value in table["diagonal"]]}}
+        if table["name"] in names
+        else table
+        for table in vehicle.effect
+    )
+    return msgspec.structs.replace(vehicle, effect=tuple(tables))
+
+
+@pytest.mark.parametrize(
+    ("known", "free"),
+    [((), True), (("linear_damping",), True), (("linear_damping", "quadratic_damping"), False)],
+    ids=["nothing", "a part", "all"],
+)
+def test_a_file_that_says_how_well_it_knows_all_of_its_values_keeps_them(known, free):
+    """They were fitted to the hull without the change; free, they would take the change up."""
+    file = stating(read(bundled("vehicles") / "auv151.toml")[0], *known)
+    own = ("linear_damping", "quadratic_damping")
+    baseline = Baseline(file, own, *[cast(Any, None)] * 4, {})
+    assert one_change(baseline).effects == (own if free else ())
+    later = replace(baseline, vehicle=stating(file, *own), file=file)
+    assert one_change(later).effects == one_change(baseline).effects, "what this recording gave holds nothing"
 
 
 def test_drag_comes_before_what_could_pass_for_it_where_a_file_has_none():
