@@ -15,7 +15,8 @@ PACKAGE = ROOT / "hydro"
 ABOVE_IO = {"sim", "learn", "report"}
 MAY_IMPORT = {
     "cli": {"commands", "core"},
-    "commands": {"commands", "study", "rl", *ABOVE_IO, "io", "core"},
+    "commands": {"commands", "study", "export", "rl", *ABOVE_IO, "io", "core"},
+    "export": {"export", "sim", "learn", "io", "core"},
     "study": {"study", "rl", *ABOVE_IO, "io", "core"},
     "rl": {"rl", "sim", "io", "core"},
     "sim": {"sim", "io", "core"},

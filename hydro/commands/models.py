@@ -223,31 +223,7 @@ def _draw(
         save(predictions.draw_density(density, model.name), folder / f"density-{model.name}.png")
 
 
-def export(
-    model: Annotated[
-        str, typer.Argument(metavar="MODEL", show_default=False, help="A trained model; - is stdin.")
-    ] = STREAM,
-    output: Output = STREAM,
-) -> None:
-    """Write a trained model as ONNX, for programs without hydro.
-
-    The graph takes states (N, 12), u v w p q r and their rates in the body frame (forward, right, down), and
-    gives tau_res (N, 6) in N and N m; features and scalers are part of the graph. The vehicle feels -tau_res.
-    A temporal model also takes past (N, 42), the velocities of the seven control steps before, newest first,
-    which the caller keeps. Needs hydro's extra onnx.
-    """
-    import sys
-
-    from hydro.io.files import write_bytes
-    from hydro.learn.export import to_onnx
-
-    refuse_terminal(output)
-    content = to_onnx(network(model)[1])
-    write_bytes(content, sys.stdout.buffer if output == STREAM else output)
-
-
 COMMANDS = {
     train: "hydro train split.parquet --model physfeat --epochs 3 -o model.parquet",
     evaluate: "hydro evaluate model.parquet --labels split.parquet -o errors.parquet",
-    export: "hydro export model.parquet -o model.onnx",
 }

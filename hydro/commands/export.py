@@ -1,0 +1,107 @@
+"""`export`: a vehicle file or a trained network for other programs, and what they cannot hold of it."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hydro.commands.places import Output
+from hydro.commands.shell import STREAM, about, message, network, read, refuse_terminal
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from hydro.core.vehicle.description import Vehicle
+    from hydro.export.targets import Target
+
+VEHICLE_SUFFIX = ".toml"
+
+
+def export(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            show_default=False,
+            help="A vehicle file, or a trained model; - is a model on stdin.",
+        ),
+    ] = STREAM,
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TARGET", show_default=False, help="Format, see above; default: by the suffix of -o."
+        ),
+    ] = None,
+    on: Annotated[
+        str | None,
+        typer.Option(
+            "--on",
+            metavar="RAW",
+            help="Recording on which errors are measured; default: manoeuvres that the vehicle itself flies.",
+        ),
+    ] = None,
+    cost: Annotated[
+        bool, typer.Option("--cost/--no-cost", help="Whether the errors of what is left out are computed.")
+    ] = True,
+    output: Output = STREAM,
+) -> None:
+    """Write a vehicle file or a trained model for programs without hydro.
+
+    \b
+    target  takes    writes
+    python  vehicle  .py    one file without dependencies, a class as in Fossen's Python Vehicle Simulator
+    onnx    model    .onnx  states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
+
+    What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes
+    in predictions 5 s ahead (root mean square of the velocity, axes weighed by inertia), beside the error of
+    the vehicle file itself.
+
+    A network's graph takes u v w p q r and their rates in the body frame (forward, right, down); features
+    and scalers are part of it. The vehicle feels -tau_res. A temporal model also takes past (N, 42), the
+    velocities of the seven control steps before, newest first, which the caller keeps.
+    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
+    from hydro.export.targets import choose
+    from hydro.io import vehicle as vehicles
+    from hydro.io.files import write_bytes
+
+    is_vehicle = source.endswith(VEHICLE_SUFFIX)
+    target = choose(to, "vehicle" if is_vehicle else "model", output)
+    if not target.text:
+        refuse_terminal(output)
+    if not is_vehicle and on is not None:
+        raise UsageError("--on: nothing is left out of a network; leave the option out")
+    if is_vehicle:
+        known, _ = vehicles.read(source)
+        with about(source):
+            content = target.write(known)
+        for line in target.warnings(known):
+            message(f"hydro: {line}")
+        _tell_left_out(target, source, known, on, cost)
+    else:
+        content = target.write(network(source)[1])
+    write_bytes(content, sys.stdout.buffer if output == STREAM else output)
+
+
+def _tell_left_out(target: Target, source: str, vehicle: Vehicle, on: str | None, cost: bool) -> None:
+    """Say on stderr what a target cannot hold of a vehicle, and what that costs."""
+    from hydro.commands.tables import person, print_table
+    from hydro.export.cost import of_lacks
+
+    lacks = target.lacks(vehicle)
+    if not lacks:
+        message(f"hydro: {source}: {target.name} holds all that the file says")
+        return
+    if not cost:
+        for lack in lacks:
+            message(f"hydro: {source}: left out: {lack.what}: {lack.why}")
+        return
+    raw = None if on is None else read(on, "raw").frame
+    with about(source if on is None else on):
+        table = of_lacks(vehicle, lacks, raw)
+    print_table(table, f"Left out by {target.name}", person(aside=True))
+
+
+COMMANDS = {
+    export: "hydro export datasets/stonefish/vehicle.toml --to python -o auv.py",
+}

@@ -1,0 +1,211 @@
+"""The equations of motion on plain lists of numbers: what an export writes out, and what it traces.
+
+It is `simulation.dynamics` and `simulation.integrate` once more, without numba and numpy, around the very
+kernels of the catalogue.  `export.source` writes it into a file with all that it calls; `export.tracing` runs
+it on symbols.  In this process it is never run on numbers: kernels take arrays there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hydro.core.effects.layout import (
+    BALANCE,
+    COMMANDS,
+    INVERSE_MASS_MATRIX,
+    MASS_MATRIX,
+    MOST_COMMANDS,
+    MOTION,
+    POSITION,
+    RELATIVE_VELOCITY,
+    ROTATION,
+    TIME,
+    VELOCITY,
+)
+from hydro.core.effects.program import HEADER, relative_to_water
+from hydro.core.simulation.dynamics import BODY, thrust_of
+from hydro.core.vehicle.frames import quaternion_kernel
+from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel
+from hydro.core.vehicle.thrusters import DELAY, POWER, lag_decay, settled_state
+
+Numbers = Any
+"""A list of floats, or of symbols that stand for them: kernels, written for arrays, take it as well."""
+
+
+def interpolated(at: float, points: Numbers, values: Numbers) -> float:
+    """A value between points on straight lines; the ends hold beyond them."""
+    if at <= points[0]:
+        return float(values[0])
+    for k in range(1, len(points)):
+        if at <= points[k]:
+            share = (at - points[k - 1]) / (points[k] - points[k - 1])
+            return float(values[k - 1] + share * (values[k] - values[k - 1]))
+    return float(values[-1])
+
+
+def effective(thruster: Numbers, curve: Any, command: Any) -> Any:
+    """The command that gives by a plain curve the thrust that a table gives; without a table itself."""
+    if curve is None:
+        return command
+    commands, thrusts, ahead, astern = curve
+    thrust = interpolated(command, commands, thrusts)
+    share = thrust / ahead if thrust > 0.0 else thrust / astern
+    if thruster[POWER] == 1.0:
+        return share
+    return math.copysign(math.pow(abs(share), 1.0 / thruster[POWER]), share)
+
+
+class Model:
+    """A vehicle in numbers.
+
+    Attributes:
+        flat: The header and the constants of its program, which the kernels read.
+        thrusters: Rows of the thruster table.
+        curves: Of each thruster, commands, thrusts [N] and full thrust ahead and astern; None where none
+            is a table.
+        effects: Of each effect with a force its kernel, the kernel that begins its states or None, its
+            parameters and the number of its states.
+    """
+
+    def __init__(self, flat: Numbers, thrusters: Numbers, curves: Numbers, effects: Numbers) -> None:
+        self.flat = flat
+        self.thrusters = thrusters
+        self.curves = curves
+        self.effects = effects
+
+
+def targets(model: Model, commands: Numbers) -> Numbers:
+    """Lag states that commands in [-1, 1] lead to: thrusts [N] before losses, or rotor speeds."""
+    found = []
+    for i in range(len(model.thrusters)):
+        command = effective(model.thrusters[i], model.curves[i], commands[i])
+        found.append(settled_state(model.thrusters[i], command))
+    return found
+
+
+def observed(model: Model, y: Numbers, time: float, commands: Numbers) -> Numbers:
+    """The state of motion that the kernels read, of a state y: position, quaternion, nu, internal states."""
+    s: Numbers = [0.0] * MOTION
+    turned: Numbers = [0.0] * 9
+    quaternion_kernel(y[3:7], turned)
+    for i in range(9):
+        s[ROTATION + i] = turned[i]
+    for i in range(3):
+        s[POSITION + i] = y[i]
+    for i in range(6):
+        s[VELOCITY + i] = y[7 + i]
+    s[TIME] = time
+    for i in range(min(len(commands), MOST_COMMANDS)):
+        s[COMMANDS + i] = effective(model.thrusters[i], model.curves[i], commands[i])
+    relative_to_water(model.flat, s)
+    return s
+
+
+def beginning(model: Model, y: Numbers, time: float) -> Numbers:
+    """Internal states of the effects, as if the body had always moved as it does in y."""
+    s, found = observed(model, y, time, []), []
+    for _, start, parameters, count in model.effects:
+        states = [0.0] * count
+        if start is not None:
+            start(parameters, model.flat[HEADER:], s, states)
+        for value in states:
+            found.append(value)
+    return found
+
+
+def rates(model: Model, y: Numbers, time: float, rotors: Numbers, commands: Numbers) -> Numbers:
+    """Rates of the state y under lag states `rotors`; Fossen (2011), eq. 7.190 and section 2.2.2."""
+    c = model.flat[HEADER:]
+    s = observed(model, y, time, commands)
+    nu_r = s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6]
+    tau: Numbers = [0.0] * 6
+    for i in range(len(model.thrusters)):
+        thrust = thrust_of(model.thrusters[i], rotors[i], s)
+        for j in range(6):
+            tau[j] += model.thrusters[i][j] * thrust
+    restoring_kernel(c[BALANCE : BALANCE + 4], s[ROTATION + 6 : ROTATION + 9], tau)
+    changes, at = [], BODY
+    for kernel, _, parameters, count in model.effects:
+        change = [0.0] * count
+        kernel(parameters, c, s, y[at : at + count], change, tau)
+        for value in change:
+            changes.append(value)
+        at += count
+    turning: Numbers = [0.0] * 6
+    coriolis_kernel(c[MASS_MATRIX : MASS_MATRIX + 36], nu_r, turning)
+    nu_dot = [0.0] * 6
+    for i in range(6):
+        for j in range(6):
+            nu_dot[i] += c[INVERSE_MASS_MATRIX + 6 * i + j] * (tau[j] - turning[j])
+    u, v, w, p, q, r = y[7], y[8], y[9], y[10], y[11], y[12]
+    # The current, at rest in the world, turns in the body.
+    x_c, y_c, z_c = u - nu_r[0], v - nu_r[1], w - nu_r[2]
+    nu_dot[0] -= q * z_c - r * y_c
+    nu_dot[1] -= r * x_c - p * z_c
+    nu_dot[2] -= p * y_c - q * x_c
+    found = []
+    for i in range(3):
+        row = ROTATION + 3 * i
+        found.append(s[row] * u + s[row + 1] * v + s[row + 2] * w)
+    found.append(-0.5 * (y[4] * p + y[5] * q + y[6] * r))
+    found.append(0.5 * (y[3] * p - y[6] * q + y[5] * r))
+    found.append(0.5 * (y[6] * p + y[3] * q - y[4] * r))
+    found.append(0.5 * (-y[5] * p + y[4] * q + y[3] * r))
+    return found + nu_dot + changes
+
+
+def normalised(y: Numbers) -> Numbers:
+    """The state with a quaternion of length 1."""
+    norm = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
+    return y[:3] + [y[i] / norm for i in range(3, 7)] + y[7:]
+
+
+def runge_kutta(model: Model, y: Numbers, time: float, h: float, lags: Numbers, commands: Numbers) -> Numbers:
+    """The state after a step h [s] of the classical method; `lags` at its beginning, middle and end."""
+    size = range(len(y))
+    a = rates(model, y, time, lags[0], commands)
+    b = rates(model, [y[i] + 0.5 * h * a[i] for i in size], time + 0.5 * h, lags[1], commands)
+    c = rates(model, [y[i] + 0.5 * h * b[i] for i in size], time + 0.5 * h, lags[1], commands)
+    d = rates(model, [y[i] + h * c[i] for i in size], time + h, lags[2], commands)
+    return normalised([y[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]) for i in size])
+
+
+def approached(thruster: Numbers, state: float, target: float, dt: float) -> float:
+    """A lag state after dt [s] on its way to a target."""
+    return float(target + (state - target) * lag_decay(thruster, dt))
+
+
+class Commands:
+    """Commands on their way to thrusters that feel them late.
+
+    Attributes:
+        given: Times and commands, the oldest that is still felt first.
+    """
+
+    def __init__(self) -> None:
+        self.given: list[tuple[float, Numbers]] = []
+
+    def give(self, time: float, commands: Numbers) -> None:
+        """Give commands from a time on [s]."""
+        self.given.append((time, commands))
+
+    def felt(self, model: Model, now: float) -> Numbers:
+        """The commands that each thruster feels; 0 before the first."""
+        found = [0.0] * len(model.thrusters)
+        for time, commands in self.given:
+            for i in range(len(found)):
+                if time + model.thrusters[i][DELAY] <= now:
+                    found[i] = commands[i]
+        return found
+
+    def change(self, model: Model, now: float, end: float) -> float:
+        """When the next command is felt after `now`, `end` at the latest; older ones are forgotten."""
+        latest = max([row[DELAY] for row in model.thrusters] + [0.0])
+        while len(self.given) > 1 and self.given[1][0] + latest <= now:
+            self.given.pop(0)
+        for time, _ in self.given:
+            for row in model.thrusters:
+                if now < time + row[DELAY] < end:
+                    end = time + row[DELAY]
+        return end

@@ -1,0 +1,84 @@
+"""Target `python`: one file without dependencies, a class as in Fossen's Python Vehicle Simulator.
+
+It is the source of `export.craft` with the kernels of the vehicle's effects and its numbers.  Lists and
+`math` do: a kernel is scalar, and indexing numpy arrays one by one would be slower.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import version
+
+from hydro.core.vehicle.description import Vehicle
+from hydro.export.craft import Craft
+from hydro.export.numbers import model_of
+from hydro.export.source import Bundle
+from hydro.export.targets import Lack, Target, lacking, of_sensors
+
+HEAD = '''"""{name}: equations of motion, written by hydro {version} from its vehicle file.
+
+After Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011). Needs nothing but Python.
+
+    vehicle = {cls}()
+    eta, nu, u_actual = [0.0] * 6, [0.0] * 6, [0.0] * {thrusters}
+    nu, u_actual = vehicle.dynamics(eta, nu, u_actual, u_control, sampleTime)
+    eta, nu, u_actual = vehicle.step(eta, nu, u_actual, u_control, sampleTime)  # with the pose
+"""
+
+'''
+
+
+def to_python(vehicle: Vehicle) -> bytes:
+    """The file of a vehicle.
+
+    Raises:
+        DataError: An effect or a thruster of the vehicle is at fault.
+    """
+    bundle = Bundle()
+    base, name = bundle.add(Craft), class_name(vehicle.name)
+    model = model_of(vehicle, lambda function, effect: _Name(bundle.add(function, effect)))
+    head = HEAD.format(
+        name=vehicle.name, version=version("deep-hydro-sim"), cls=name, thrusters=len(vehicle.thruster)
+    )
+    own = (
+        f"class {name}({base}):\n"
+        f'    """{vehicle.name}."""\n\n'
+        f"    name = {vehicle.name!r}\n"
+        f"    controls = {tuple(thruster.name for thruster in vehicle.thruster)!r}\n"
+        f"    model = Model(\n"
+        f"        flat={model.flat!r},\n"
+        f"        thrusters={model.thrusters!r},\n"
+        f"        curves={model.curves!r},\n"
+        f"        effects={model.effects!r},\n"
+        f"    )\n"
+    )
+    return f"{head}{bundle.text()}\n\n\n{own}".encode()
+
+
+class _Name(str):
+    """A name that stands in a source without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def class_name(vehicle: str) -> str:
+    """A class's name for a vehicle's: `bluerov2-heavy` is `Bluerov2Heavy`."""
+    words = re.findall(r"[A-Za-z0-9]+", vehicle)
+    name = "".join(word[:1].upper() + word[1:] for word in words)
+    return name if name[:1].isalpha() else f"Vehicle{name}"
+
+
+def lacks(vehicle: Vehicle) -> list[Lack]:
+    """Errors of the velocity log alone."""
+    return lacking(vehicle, of_sensors)
+
+
+TARGET = Target(
+    name="python",
+    takes="vehicle",
+    suffix=".py",
+    summary="one Python file without dependencies, a class as in Fossen's Python Vehicle Simulator",
+    write=to_python,
+    lacks=lacks,
+)

@@ -1,0 +1,178 @@
+"""The source of functions with all that they call, as one module without imports of hydro.
+
+Kernels are taken from where they stand, with their docstrings: what is exported is what `simulate` runs, not
+a second writing of it.  Decorators, annotations and comments are left out.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import math
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from hydro.core.errors import HydroError
+
+Definition = ast.FunctionDef | ast.ClassDef
+
+
+@cache
+def definition(function: Callable[..., Any]) -> Definition:
+    """Syntax tree of a function, a kernel or a class, without decorators and annotations.
+
+    `size` of a vector becomes its `len`, so that lists will do.
+    """
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(plain(function)))).body
+    assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
+    found: Definition = ast.fix_missing_locations(_Plain().visit(tree))
+    return found
+
+
+def plain(function: Any) -> Any:
+    """The Python function behind a kernel."""
+    return getattr(function, "py_func", function)
+
+
+def surroundings(thing: Callable[..., Any]) -> dict[str, Any]:
+    """Names of the module in which a function or a class stands."""
+    if inspect.isclass(thing):
+        return vars(sys.modules[thing.__module__])
+    around: dict[str, Any] = plain(thing).__globals__
+    return around
+
+
+def is_ours(value: Any) -> bool:
+    """Whether a value is a function or class of hydro's."""
+    callable_ = inspect.isfunction(plain(value)) or inspect.isclass(value)
+    return callable_ and (plain(value).__module__ or "").startswith("hydro.")
+
+
+class _Plain(ast.NodeTransformer):
+    """What needs no types and no numpy."""
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        node.decorator_list, node.returns = [], None
+        for argument in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs):
+            argument.annotation = None
+        self.generic_visit(node)
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        self.generic_visit(node)
+        if node.value is None:
+            return ast.Pass()
+        return ast.Assign([node.target], node.value)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        self.generic_visit(node)
+        if node.attr == "size" and isinstance(node.ctx, ast.Load):
+            return ast.Call(ast.Name("len", ast.Load()), [node.value], [])
+        return node
+
+
+class Bundle:
+    """A module under construction: definitions in the order in which they are needed.
+
+    Attributes:
+        constants: Numbers by their names.
+        definitions: Sources of functions and classes by their names.
+    """
+
+    def __init__(self) -> None:
+        self.constants: dict[str, Any] = {}
+        self.definitions: dict[str, str] = {}
+        self._named: dict[Any, str] = {}
+
+    def add(self, thing: Any, name: str = "") -> str:
+        """Put in a function, kernel or class with all that it uses.
+
+        Args:
+            thing: What to put in.
+            name: What to call it; by default its own name.
+
+        Returns:
+            Its name in the module.
+        """
+        known = plain(thing)
+        if known not in self._named:
+            self._named[known] = self._unused(name or known.__name__, known)
+            tree = ast.parse(ast.unparse(definition(thing))).body[0]  # a copy: renamed for this module alone
+            assert isinstance(tree, ast.FunctionDef | ast.ClassDef)
+            _Renamed(self._names_in(tree, surroundings(thing))).visit(tree)
+            tree.name = self._named[known]
+            self.definitions[tree.name] = ast.unparse(tree)
+        return self._named[known]
+
+    def text(self) -> str:
+        """The module, without a head."""
+        constants = "\n".join(f"{name} = {value!r}" for name, value in self.constants.items())
+        return "\n\n\n".join(["import math", constants, *self.definitions.values()])
+
+    def _names_in(self, tree: Definition, around: dict[str, Any]) -> dict[str, str]:
+        """What the global names of a definition become; attributes of modules as `module.name`."""
+        found = {}
+        for name, value in _globals(tree, around):
+            if value is math or value is Any or _is_hydro(value):
+                continue
+            if is_ours(value):
+                found[name] = self.add(value)
+            elif isinstance(value, int | float | slice):
+                found[name] = self._constant(name.rpartition(".")[2], value)
+            else:
+                raise HydroError(f"{tree.name} uses {name}, which cannot be written out")
+        return found
+
+    def _constant(self, name: str, value: Any) -> str:
+        """Put in a number and return its name."""
+        while self.constants.get(name, value) != value or name in self.definitions:
+            name += "_"
+        self.constants[name] = value
+        return name
+
+    def _unused(self, name: str, thing: Any) -> str:
+        """The name, with the module before it where another thing has it."""
+        taken = {*self._named.values(), *self.constants}
+        return name if name not in taken else f"{thing.__module__.rpartition('.')[2]}_{name}"
+
+
+def _globals(tree: Definition, around: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Global names that a definition reads, and attributes of modules of hydro's."""
+    names = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+    own |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            module = around.get(node.value.id)
+            if node.value.id not in own and _is_hydro(module):
+                yield f"{node.value.id}.{node.attr}", getattr(module, node.attr)
+        elif isinstance(node, ast.Name) and node.id not in own and node.id in around:
+            yield node.id, around[node.id]
+        elif isinstance(node, ast.Name) and node.id not in own and not hasattr(builtins, node.id):
+            raise HydroError(f"{tree.name} uses {node.id}, which cannot be written out")
+
+
+def _is_hydro(module: Any) -> bool:
+    return isinstance(module, ModuleType) and module.__name__.startswith("hydro.")
+
+
+class _Renamed(ast.NodeTransformer):
+    """Names as they are in the module."""
+
+    def __init__(self, names: dict[str, str]) -> None:
+        self.names = names
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        node.id = self.names.get(node.id, node.id)
+        return node
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if isinstance(node.value, ast.Name) and (name := self.names.get(f"{node.value.id}.{node.attr}")):
+            return ast.Name(name, node.ctx)
+        self.generic_visit(node)
+        return node
