@@ -33,6 +33,7 @@ LEVELS = {
     "hydro.core": (
         ("discovery",),
         ("diagnosis",),
+        ("difference",),
         ("experiment",),
         ("evaluation",),
         ("preprocessing",),

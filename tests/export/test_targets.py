@@ -9,8 +9,7 @@ from sim.effects import with_effect
 
 from hydro.cli import main
 from hydro.core.errors import UsageError
-from hydro.core.simulation.simulate import simulate
-from hydro.export.cost import ALL, Costs, flights, of_lacks
+from hydro.export.cost import ALL, of_lacks
 from hydro.export.targets import Lack, all_left_out, choose, targets
 
 
@@ -54,14 +53,6 @@ def test_leaving_out_costs_what_predictions_of_the_vehicles_own_flights_say(craf
     assert of_lacks(craft, [log])["error 5 s ahead [m/s]"].to_list() == [None]
 
 
-def test_on_a_recording_costs_stand_beside_the_vehicles_own_error(craft):
-    other = with_effect(craft, "net_buoyancy")
-    raw = flights(other).head(3000)
-    costs = Costs(craft, raw)
-    assert costs.own > 0.01
-    assert costs.of(other) < 0.1 * costs.own
-
-
 def test_all_that_is_left_out_goes_together(datasets):
     craft = with_effect(with_effect(vehicle(datasets, "auv151"), "fluid_memory"), "tether")
     quick = tuple(msgspec.structs.replace(one, time_constant=0.0) for one in craft.thruster)
@@ -73,14 +64,6 @@ def test_all_that_is_left_out_goes_together(datasets):
     ]
     left = all_left_out(craft, lacks)
     assert left == msgspec.structs.replace(vehicle(datasets, "auv151"), thruster=quick)
-
-
-def test_a_vehicle_that_diverges_in_some_manoeuvres_flies_the_others(datasets, monkeypatch):
-    craft = vehicle(datasets, "stonefish")
-    raw = flights(craft)
-    assert raw["session"].n_unique() > 10
-    assert raw.equals(flights(craft))
-    assert simulate(craft, raw.head(1500)).height == 1500
 
 
 def test_the_command_writes_and_says_what_is_left_out(datasets, tmp_path, capfd):

@@ -1,0 +1,55 @@
+"""`diff`: how two vehicle files differ, in words and in what they predict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hydro.commands.as_json import Json, print_json
+from hydro.commands.shell import about, read
+from hydro.commands.tables import print_table
+
+
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file.")],
+    second: Annotated[
+        Path,
+        typer.Argument(metavar="VEHICLE2", show_default=False, help="The vehicle file to hold beside it."),
+    ],
+    on: Annotated[
+        str | None,
+        typer.Option(
+            "--on",
+            metavar="RAW",
+            help="Recording on which errors are measured; default: manoeuvres that VEHICLE2 itself flies.",
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say how VEHICLE2 differs from VEHICLE, and what each difference makes of predictions.
+
+    Part by part: what it was, what it is, and the error 5 s ahead of VEHICLE2 with that part as it was (root
+    mean square of the velocity, axes weighed by inertia, as in hydro compare). The first row is VEHICLE2
+    itself, the last VEHICLE. Without --on, VEHICLE2 is the truth: it flies twenty manoeuvres, and an error is
+    what the difference alone makes. Standard errors, and what is held as known, are no difference.
+    """
+    from hydro.core.difference.changes import table
+    from hydro.io import vehicle as vehicles
+
+    one, other = (vehicles.read(file)[0] for file in (first, second))
+    raw = None if on is None else read(on, "raw").frame
+    with about(str(second) if on is None else on):
+        found = table(one, other, raw)
+    if as_json:
+        print_json(changes=found)
+    elif found.is_empty():
+        typer.echo(f"{first} and {second} say the same")
+    else:
+        print_table(found, f"{first} -> {second}")
+
+
+COMMANDS = {
+    diff: "hydro diff datasets/hidden/vehicle.toml datasets/stonefish/vehicle.toml",
+}

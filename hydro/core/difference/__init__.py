@@ -1,0 +1,1 @@
+"""How two vehicle files differ: in words, and in what they predict."""
