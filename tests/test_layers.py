@@ -69,6 +69,7 @@ ONLY_IN = {
     "torchrl": {"rl"},
     "tensordict": {"rl"},
     "mujoco": {"sim"},
+    "casadi": {"export"},
     "typer": {"cli.py", "commands"},
     "rich": {"cli.py", "commands", "report"},
     "matplotlib": {"report"},

@@ -50,8 +50,9 @@ def export(
 
     \b
     target  takes    writes
-    python  vehicle  .py    one file without dependencies, a class as in Fossen's Python Vehicle Simulator
-    onnx    model    .onnx  states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
+    python  vehicle  .py      one file without dependencies, a class as in Fossen's simulator
+    casadi  vehicle  .casadi  f(x, u), its Jacobians and a Runge-Kutta step; needs the extra casadi
+    onnx    model    .onnx    states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
 
     What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes
     in predictions 5 s ahead (root mean square of the velocity, axes weighed by inertia), beside the error of

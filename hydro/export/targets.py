@@ -19,7 +19,7 @@ from hydro.core.errors import UsageError
 if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
 
-MODULES = ("onnx_network", "python_class")
+MODULES = ("python_class", "casadi_function", "onnx_network")
 """Files of targets in this package, in the order of the help."""
 
 

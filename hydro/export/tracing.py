@@ -1,0 +1,263 @@
+"""Functions of numbers run on symbols: from the source of the kernels to expressions of a symbolic library.
+
+A kernel is scalar code: sums, products, `math`, loops over known ranges and branches.  Everything that is
+known (parameters, constants, places) is computed as Python does; where a branch depends on a symbol, both
+sides are run and what they wrote is joined by a selection.  A side that returns takes the rest of the
+function with it.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, Protocol
+
+from hydro.core.errors import HydroError
+from hydro.export.source import Definition, definition, is_ours, plain, surroundings
+
+Environment = dict[str, Any]
+
+
+class Algebra(Protocol):
+    """What a symbolic library offers.
+
+    Attributes:
+        functions: What stands in the place of Python's functions and of some of hydro's.
+    """
+
+    functions: Mapping[Any, Callable[..., Any]]
+
+    def is_symbol(self, value: Any) -> bool:
+        """Whether a value is not known."""
+
+    def select(self, test: Any, yes: Any, no: Any) -> Any:
+        """One of two values."""
+
+    def both(self, one: Any, other: Any) -> Any:
+        """Whether both hold."""
+
+    def negated(self, one: Any) -> Any:
+        """Whether it does not hold."""
+
+
+class _Returned:
+    """That a function has returned."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+
+_ON, _BREAK, _CONTINUE = object(), object(), object()
+
+
+class Tracer:
+    """Runs functions on symbols."""
+
+    def __init__(self, algebra: Algebra) -> None:
+        self.algebra = algebra
+
+    def call(self, function: Any, *given: Any) -> Any:
+        """What a function returns; lists that it writes to are written to.
+
+        Raises:
+            HydroError: The function is no scalar code.
+        """
+        known = plain(function)
+        if known in self.algebra.functions:
+            return self.algebra.functions[known](*given)
+        if not is_ours(function):
+            return function(*given)
+        tree = _prepared(known)
+        assert isinstance(tree, ast.FunctionDef)
+        names = [argument.arg for argument in tree.args.args]
+        end = self._run(tree.body, dict(zip(names, given, strict=True)), surroundings(known))
+        return end.value if isinstance(end, _Returned) else None
+
+    def _run(self, statements: Sequence[ast.stmt], here: Environment, around: Mapping[str, Any]) -> Any:
+        """Run statements; how they end: on, by `return`, or out of a loop."""
+        for place, statement in enumerate(statements):
+            if isinstance(statement, ast.If):
+                test = self._value(statement.test, here, around)
+                rest = statements[place + 1 :]
+                if not self.algebra.is_symbol(test):
+                    return self._run([*(statement.body if test else statement.orelse), *rest], here, around)
+                sides = statement.body, statement.orelse
+                if any(_leaves(side) for side in sides):
+                    return self._split(test, [[*side, *rest] for side in sides], here, around)
+                self._split(test, list(sides), here, around)
+            elif isinstance(statement, ast.For):
+                if (end := self._loop(statement, here, around)) is not _ON:
+                    return end
+            elif isinstance(statement, ast.Return):
+                return _Returned(
+                    None if statement.value is None else self._value(statement.value, here, around)
+                )
+            elif isinstance(statement, ast.Break | ast.Continue):
+                return _BREAK if isinstance(statement, ast.Break) else _CONTINUE
+            elif isinstance(statement, ast.Assign):
+                value = self._value(statement.value, here, around)
+                for target in statement.targets:
+                    self._assign(target, value, here, around)
+            elif isinstance(statement, ast.AugAssign):
+                self._assign(statement.target, self._value(_summed(statement), here, around), here, around)
+            elif isinstance(statement, ast.Expr):
+                self._value(statement.value, here, around)
+            elif not isinstance(statement, ast.Pass):
+                raise HydroError(f"{ast.unparse(statement)!r:.80} cannot be run on symbols")
+        return _ON
+
+    def _loop(self, loop: ast.For, here: Environment, around: Mapping[str, Any]) -> Any:
+        """Run a loop over what is known."""
+        for value in self._value(loop.iter, here, around):
+            self._assign(loop.target, value, here, around)
+            end = self._run(loop.body, here, around)
+            if end is _BREAK:
+                break
+            if isinstance(end, _Returned):
+                return end
+        return _ON
+
+    def _split(
+        self, test: Any, sides: Sequence[Sequence[ast.stmt]], here: Environment, around: Mapping[str, Any]
+    ) -> Any:
+        """Run both sides from the same beginning and join what they wrote and return."""
+        lists = list(_lists(here.values()))
+        before, ends, after = [list(one) for one in lists], [], []
+        for side in sides:
+            there = dict(here)
+            ends.append(self._run(side, there, around))
+            after.append((there, [list(one) for one in lists]))
+            for one, values in zip(lists, before, strict=True):
+                one[:] = values
+        (yes, yes_lists), (no, no_lists) = after
+        for one, values, others in zip(lists, yes_lists, no_lists, strict=True):
+            one[:] = self._joined(test, values, others)
+        for name in yes.keys() & no.keys():
+            here[name] = self._joined(test, yes[name], no[name])
+        if ends == [_ON, _ON]:
+            return _ON
+        if _BREAK in ends or _CONTINUE in ends:
+            raise HydroError("a loop that ends by a symbol cannot be run on symbols")
+        values = [end.value if isinstance(end, _Returned) else None for end in ends]
+        return _Returned(self._joined(test, *values))
+
+    def _joined(self, test: Any, yes: Any, no: Any) -> Any:
+        """One of two values, entry by entry."""
+        if yes is no:
+            return yes
+        if isinstance(yes, list | tuple) and isinstance(no, list | tuple) and len(yes) == len(no):
+            return type(yes)(self._joined(test, a, b) for a, b in zip(yes, no, strict=True))
+        return self.algebra.select(test, yes, no)
+
+    def _assign(self, target: ast.expr, value: Any, here: Environment, around: Mapping[str, Any]) -> None:
+        """Write to a name, to several, or into a list."""
+        if isinstance(target, ast.Name):
+            here[target.id] = value
+        elif isinstance(target, ast.Tuple):
+            for one, part in zip(target.elts, value, strict=True):
+                self._assign(one, part, here, around)
+        elif isinstance(target, ast.Subscript):
+            self._value(target.value, here, around)[self._value(target.slice, here, around)] = value
+        else:
+            raise HydroError(f"{ast.unparse(target)!r:.80} cannot be written to")
+
+    def _value(self, expression: ast.expr, here: Environment, around: Mapping[str, Any]) -> Any:
+        """Value of an expression."""
+        tools = {"_call": self.call, "_select": self._select, "_both": self._both, "_not": self._negated}
+        return eval(_compiled(expression), {**around, **tools, **here})
+
+    def _select(self, test: Any, yes: Callable[[], Any], no: Callable[[], Any]) -> Any:
+        """`yes if test else no`; both where the test is a symbol."""
+        if self.algebra.is_symbol(test):
+            return self.algebra.select(test, yes(), no())
+        return yes() if test else no()
+
+    def _both(self, one: Any, other: Callable[[], Any]) -> Any:
+        """`one and other`; both where the first is a symbol."""
+        if self.algebra.is_symbol(one):
+            return self.algebra.both(one, other())
+        return other() if one else one
+
+    def _negated(self, one: Any) -> Any:
+        """`not one`."""
+        return self.algebra.negated(one) if self.algebra.is_symbol(one) else not one
+
+
+@cache
+def _summed(statement: ast.AugAssign) -> ast.expr:
+    """`x + y` of a statement `x += y`."""
+    load = copy.copy(statement.target)
+    load.ctx = ast.Load()
+    whole = ast.copy_location(ast.BinOp(load, statement.op, statement.value), statement)
+    return ast.fix_missing_locations(whole)
+
+
+@cache
+def _prepared(function: Any) -> Definition:
+    """Syntax tree of a function whose calls, choices and conjunctions are calls of the tracer's."""
+    tree = _Traced().visit(copy.deepcopy(definition(function)))
+    found: Definition = ast.fix_missing_locations(tree)
+    return found
+
+
+@cache
+def _compiled(expression: ast.expr) -> Any:
+    """Code of an expression."""
+    return compile(ast.Expression(expression), "<traced>", "eval")
+
+
+def _leaves(statements: Sequence[ast.stmt]) -> bool:
+    """Whether statements may return, or leave the loop that they stand in."""
+    return any(
+        isinstance(node, ast.Return | ast.Break | ast.Continue)
+        for one in statements
+        for node in ast.walk(one)
+    )
+
+
+def _lists(values: Any) -> Iterator[list[Any]]:
+    """Lists among values, those within lists too, each once."""
+    waiting, seen = list(values), set[int]()
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, list) and id(value) not in seen:
+            seen.add(id(value))
+            yield value
+            waiting += [one for one in value if isinstance(one, list)]
+
+
+class _Traced(ast.NodeTransformer):
+    """Calls, `if` expressions, `and`, `or` and `not` as calls of the tracer."""
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        return ast.Call(ast.Name("_call", ast.Load()), [node.func, *node.args], node.keywords)
+
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
+        self.generic_visit(node)
+        return _tool("_select", node.test, _later(node.body), _later(node.orelse))
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
+        self.generic_visit(node)
+        turned = isinstance(node.op, ast.Or)  # a or b is not (not a and not b)
+        values = [_tool("_not", one) if turned else one for one in node.values]
+        whole = values[0]
+        for one in values[1:]:
+            whole = _tool("_both", whole, _later(one))
+        return _tool("_not", whole) if turned else whole
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
+        self.generic_visit(node)
+        return _tool("_not", node.operand) if isinstance(node.op, ast.Not) else node
+
+
+def _tool(name: str, *given: ast.expr) -> ast.expr:
+    return ast.Call(ast.Name(name, ast.Load()), list(given), [])
+
+
+def _later(value: ast.expr) -> ast.expr:
+    """A value that is computed when it is asked for."""
+    nothing = ast.arguments(posonlyargs=[], args=[], kwonlyargs=[], kw_defaults=[], defaults=[])
+    return ast.Lambda(nothing, value)
