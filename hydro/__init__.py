@@ -13,6 +13,10 @@ And what is missing in a vehicle file:
 
     for step in hydro.explain(vehicle, raw, holdout=hydro.read("heldout.parquet")):
         print(step.number, step.added, step.error("holdout"))
+
+And the vehicle in MuJoCo, to step or to view:
+
+    model, data = hydro.student(vehicle)
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from hydro import _moved
 from hydro.api.files import import_log, read, read_model, vehicle, write, write_model, write_vehicle
 from hydro.api.networks import evaluate, features, labels, replay, split, train
 from hydro.api.physics import add, compare, diagnose, explain, fit, simulate
+from hydro.api.students import load_student, student
 
 __all__ = [
     "add",
@@ -34,11 +39,13 @@ __all__ = [
     "fit",
     "import_log",
     "labels",
+    "load_student",
     "read",
     "read_model",
     "replay",
     "simulate",
     "split",
+    "student",
     "train",
     "vehicle",
     "write",

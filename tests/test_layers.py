@@ -52,7 +52,7 @@ LEVELS = {
     ),
     "hydro.sim": (
         ("film", "replay", "teacher_plant"),
-        ("plant", "scene", "teacher"),
+        ("plant", "scene", "single", "teacher"),
         ("student",),
         ("bridge",),
         ("residual",),

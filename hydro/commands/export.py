@@ -52,6 +52,7 @@ def export(
     target  takes    writes
     python  vehicle  .py      one file without dependencies, a class as in Fossen's simulator
     casadi  vehicle  .casadi  f(x, u), its Jacobians and a Runge-Kutta step; needs the extra casadi
+    mujoco  vehicle  .xml     MJCF; hydro.load_student(path) makes it ready to step and to view
     onnx    model    .onnx    states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
 
     What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes

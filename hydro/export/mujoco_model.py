@@ -1,0 +1,46 @@
+"""Target `mujoco`: a vehicle as MJCF, which `hydro.load_student` makes ready to step."""
+
+from __future__ import annotations
+
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.thrusters import table_of
+from hydro.export.targets import Lack, Target, lacking, of_sensors
+
+
+def to_mjcf(vehicle: Vehicle) -> bytes:
+    """The file, integrated by the Runge-Kutta method at 2 ms.
+
+    Raises:
+        DataError: The vehicle cannot be simulated.
+    """
+    from hydro.sim.single import text
+    from hydro.sim.student import Physics
+
+    return text(vehicle, Physics(integrator="rk4")).encode()
+
+
+def lacks(vehicle: Vehicle) -> list[Lack]:
+    """Errors of the velocity log alone."""
+    return lacking(vehicle, of_sensors)
+
+
+def warnings(vehicle: Vehicle) -> list[str]:
+    """What the controls are, where they are not the commands."""
+    curved = [thruster.name for thruster in vehicle.thruster if table_of(thruster) is not None]
+    if not curved:
+        return []
+    return [
+        f"{', '.join(curved)}: the thrust curve is a table, and the controls are effective commands, which "
+        "hydro.core.recording.supply.effective_commands(vehicle, commands) makes"
+    ]
+
+
+TARGET = Target(
+    name="mujoco",
+    takes="vehicle",
+    suffix=".xml",
+    summary="MJCF with added mass in the mass matrix; hydro.load_student makes it ready to step",
+    write=to_mjcf,
+    lacks=lacks,
+    warnings=warnings,
+)
