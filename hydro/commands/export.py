@@ -53,6 +53,7 @@ def export(
     python  vehicle  .py      one file without dependencies, a class as in Fossen's simulator
     casadi  vehicle  .casadi  f(x, u), its Jacobians and a Runge-Kutta step; needs the extra casadi
     mujoco  vehicle  .xml     MJCF; hydro.load_student(path) makes it ready to step and to view
+    gz      vehicle  .sdf     a Gazebo world (SDF 1.11) with the vehicle in water
     onnx    model    .onnx    states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
 
     What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes

@@ -19,7 +19,7 @@ from hydro.core.errors import UsageError
 if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
 
-MODULES = ("python_class", "casadi_function", "mujoco_model", "onnx_network")
+MODULES = ("python_class", "casadi_function", "mujoco_model", "gazebo", "onnx_network")
 """Files of targets in this package, in the order of the help."""
 
 

@@ -1,0 +1,348 @@
+"""Target `gz`: a Gazebo world (SDF 1.11) with a vehicle in water.
+
+The link's frame is CO, axes forward, left, up.  What acts in Gazebo (gz-sim 8 and later, engine DART):
+
+* `<fluid_added_mass>` about the link's origin, with its Coriolis terms;
+* the Hydrodynamics plug-in, coefficients of nu_j, |nu_k| nu_j and nu_k nu_j, and a constant current;
+* a Thruster plug-in for each thruster, told its thrust in newtons, which acts at once;
+* the Buoyancy plug-in, which takes the volume and its centre from the collision shape.
+
+Which effects are among these coefficients their kernels say (`export.velocity_laws`).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from functools import reduce
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects.catalogue import Entry, current, entries, inertia_matrix, thruster_table
+from hydro.core.effects.program import constants
+from hydro.core.effects.record import Effect
+from hydro.core.errors import DataError
+from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
+from hydro.core.vehicle.rigid_body import mass_matrix
+from hydro.core.vehicle.thrusters import (
+    ASYMMETRY,
+    COLUMNS,
+    DEADBAND,
+    DELAY,
+    GAIN,
+    INFLOW,
+    MAX_REVERSE,
+    MAX_THRUST,
+    POWER,
+    REACTION,
+    SHIFT,
+    TIME_CONSTANT,
+    raised,
+)
+from hydro.export.targets import Lack, Target, lacking, of_sensors
+from hydro.export.velocity_laws import Law, law
+
+FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
+LINK = "base_link"
+PROPELLER_MASS, PROPELLER_RADIUS = 1e-3, 0.02
+"""Of the links that carry the thrust [kg, m]: the vehicle's own mass gives it up."""
+PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
+"""How fast propellers are shown to spin; the thrust does not depend on it."""
+
+AT_ONCE: dict[str, Any] = {"time_constant": 0.0, "lag_step": None}
+LEFT_OUT: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
+    ("thruster lag", "thrust follows its command at once", TIME_CONSTANT, AT_ONCE),
+    ("command delay", "commands are felt at once", DELAY, {"delay": 0.0}),
+    ("thruster inflow", "thrust knows no speed of the water", INFLOW, {}),
+    ("propeller torque", "the reaction of propellers is left out", REACTION, {}),
+)
+"""Of thrusters: what, why, its column of the thruster table, and a thruster's keys without it."""
+
+
+def to_sdf(vehicle: Vehicle) -> bytes:
+    """The world.
+
+    Raises:
+        DataError: An effect or a thruster is at fault, or nothing floats that has no volume.
+    """
+    found, listed = _held(vehicle), entries(vehicle)
+    total = _law(found, entries(found))
+    root = ET.Element("sdf", version="1.11")
+    world = _add(root, "world", name=f"{vehicle.name} in water")
+    world.append(ET.Comment(_words(vehicle)))
+    _add(world, "gravity", [0.0, 0.0, -vehicle.environment.gravity])
+    for name, system in (
+        ("physics", "Physics"),
+        ("user-commands", "UserCommands"),
+        ("scene-broadcaster", "SceneBroadcaster"),
+    ):
+        _plugin(world, name, system)
+    _add(_plugin(world, "buoyancy", "Buoyancy"), "uniform_fluid_density", vehicle.environment.water_density)
+    sun = _add(world, "light", name="sun", type="directional")
+    _add(sun, "direction", [0.0, 0.0, -1.0])
+    model = _add(world, "model", name=vehicle.name)
+    table = thruster_table(vehicle, listed)
+    pushing = [
+        (one, row) for one, row in zip(vehicle.thruster, table, strict=True) if one.position is not None
+    ]
+    link = _add(model, "link", name=LINK)
+    _inertial(link, vehicle, inertia_matrix(found), [np.asarray(one.position) for one, _ in pushing])
+    _hull(link, vehicle, total)
+    for thruster, row in pushing:
+        _thruster(model, vehicle, thruster, row)
+    _hydrodynamics(model, total, current(found))
+    ET.indent(root)
+    return b'<?xml version="1.0"?>\n' + ET.tostring(root) + b"\n"
+
+
+def lacks(vehicle: Vehicle) -> list[Lack]:
+    """What Gazebo has no place for."""
+    c = constants(vehicle, entries(vehicle))
+    held = {entry.where for entry in entries(vehicle) if _holds(entry, c)}
+    names = {entry.effect.name for entry in entries(vehicle) if entry.where not in held}
+
+    def why(effect: Effect) -> str:
+        if effect.actuator is not None:
+            return ""
+        reason = "no sum of products of velocities, nor a constant current or weight"
+        return of_sensors(effect) or (reason if effect.name in names else "")
+
+    return [*lacking(vehicle, why), *_of_thrusters(vehicle)]
+
+
+def warnings(vehicle: Vehicle) -> list[str]:
+    """What a user of the file must know besides."""
+    said = ["thrusters are told newtons, not commands: publish on /model/NAME/joint/THRUSTER/cmd_thrust"]
+    found = _held(vehicle)
+    added, body = np.diag(inertia_matrix(found)), np.diag(mass_matrix(found))
+    heavy = [name for name, a, b in zip(VELOCITIES, added, body, strict=True) if a >= b]
+    if heavy:
+        said.append(
+            f"added mass is that of the vehicle or more in {', '.join(heavy)}: only the engine DART takes "
+            "fluid_added_mass; fed back by the plug-in, as other engines need it, it is unstable there"
+        )
+    if current(found).any():
+        said.append(
+            "current: Gazebo's added mass feels nu_dot and not nu_r_dot, so that M_A [omega x R^T v_c; 0] is "
+            "missing while the vehicle turns"
+        )
+    return said
+
+
+def _holds(entry: Entry, c: Array) -> bool:
+    """Whether Gazebo has a place for an effect that is none of thrusters."""
+    effect, parameters, _ = entry
+    if effect.kind == "sensor":
+        return False
+    if effect.flow is not None:
+        flow = np.zeros(7)
+        effect.flow(parameters, flow)
+        return effect.kernel is None and not flow[3:].any()
+    return effect.kernel is None or law(entry, c) is not None
+
+
+def _held(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with the effects that Gazebo holds, those of thrusters among them."""
+    listed = entries(vehicle)
+    c = constants(vehicle, listed)
+    kept = [table for table, entry in zip(vehicle.effect, listed, strict=True) if _holds(entry, c)]
+    return msgspec.structs.replace(vehicle, effect=tuple(kept))
+
+
+def _law(vehicle: Vehicle, listed: Sequence[Entry]) -> Law:
+    """All forces of the water but inertia, in sum."""
+    c = constants(vehicle, listed)
+    found = (law(entry, c) for entry in listed if entry.effect.kernel is not None)
+    return reduce(lambda one, other: one + other, (one for one in found if one is not None), Law.none())
+
+
+def _of_thrusters(vehicle: Vehicle) -> list[Lack]:
+    """What of the thrusters Gazebo has no place for."""
+    table, found = thruster_table(vehicle), list[Lack]()
+    for what, why, columns, plain in (
+        (
+            "thruster lag",
+            "thrust follows its command at once",
+            (TIME_CONSTANT,),
+            {"time_constant": 0.0, "lag_step": None},
+        ),
+        ("command delay", "commands are felt at once", (DELAY,), {"delay": 0.0}),
+        ("thruster inflow", "thrust knows no speed of the water", (INFLOW,), {}),
+        ("propeller torque", "the reaction of propellers is left out", (REACTION,), {}),
+    ):
+        if (table[:, list(columns)] != 0.0).any():
+            effects = tuple(one for one in vehicle.effect if not _changes(one, vehicle, columns[0]))
+            thrusters = tuple(
+                msgspec.structs.replace(one, **plain) if one.pushes else one for one in vehicle.thruster
+            )
+            without = msgspec.structs.replace(vehicle, effect=effects, thruster=thrusters)
+            found.append(Lack(what, why, without))
+    turning = tuple(one for one in vehicle.thruster if one.wrench is not None)
+    if turning:
+        names = ", ".join(one.name for one in turning)
+        still = tuple(
+            Thruster(name=one.name, curve="none") if one.wrench is not None else one
+            for one in vehicle.thruster
+        )
+        why = "an axis demand has no place where a propeller could stand"
+        found.append(Lack(f"thruster {names}", why, msgspec.structs.replace(vehicle, thruster=still)))
+    return found
+
+
+def _changes(table: dict[str, Any], vehicle: Vehicle, column: int) -> bool:
+    """Whether an effect changes a column of the thruster table."""
+    (entry,) = entries(msgspec.structs.replace(vehicle, effect=(table,)))
+    if entry.effect.actuator is None:
+        return False
+    rows = np.zeros((len(vehicle.thruster), COLUMNS))
+    entry.effect.actuator(entry.parameters, rows)
+    return bool(rows[:, column].any())
+
+
+def _inertial(link: ET.Element, vehicle: Vehicle, added: Array, propellers: Sequence[Array]) -> None:
+    """Mass, inertia about the centre of gravity and added mass, less what the propellers carry."""
+    body = vehicle.rigid_body
+    mass, center = body.mass, np.array(body.center_of_gravity)
+    rest = mass - PROPELLER_MASS * len(propellers)
+    if rest <= 0.0:
+        raise DataError(
+            f"rigid_body.mass: {mass:g} kg leave nothing beside {len(propellers)} propellers of 1 g"
+        )
+    middle = (mass * center - PROPELLER_MASS * sum(propellers, np.zeros(3))) / rest
+    inertia = np.array(body.inertia) - _spread(rest, middle - center)
+    for place in propellers:
+        inertia -= _spread(PROPELLER_MASS, place - center) + _spin() * np.eye(3)
+    inertial = _add(link, "inertial")
+    _add(inertial, "pose", [*HALF_TURN * middle, 0.0, 0.0, 0.0])
+    _add(inertial, "mass", rest)
+    _moments(inertial, inertia * np.outer(HALF_TURN, HALF_TURN))
+    turned = added * np.outer(FRD_FLU, FRD_FLU)
+    if turned.any():
+        water = _add(inertial, "fluid_added_mass")
+        for i in range(6):
+            for j in range(i, 6):
+                _add(water, AXES[i] + AXES[j], turned[i, j])
+
+
+def _spread(mass: float, at: Array) -> Array:
+    """Inertia of a point mass about the origin, (3, 3)."""
+    found: Array = mass * (at @ at * np.eye(3) - np.outer(at, at))
+    return found
+
+
+def _spin() -> float:
+    """Moment of inertia of a propeller's link [kg m^2]."""
+    return PROPELLER_MASS * PROPELLER_RADIUS**2
+
+
+def _moments(inertial: ET.Element, inertia: Array) -> None:
+    """The six entries of an inertia matrix."""
+    matrix = _add(inertial, "inertia")
+    for i in range(3):
+        for j in range(i, 3):
+            _add(matrix, f"i{AXES[i]}{AXES[j]}", inertia[i, j])
+
+
+def _hull(link: ET.Element, vehicle: Vehicle, total: Law) -> None:
+    """A box of the volume that floats the vehicle, about its centre of buoyancy, and the hull to be seen.
+
+    What effects add to weight and buoyancy is put into that volume and its centre.
+    """
+    lift = vehicle.buoyancy.force - total.force
+    if lift <= 0.0:
+        raise DataError("buoyancy: the vehicle with its effects has no buoyancy, and Gazebo no such thing")
+    center = (vehicle.buoyancy.force * np.array(vehicle.buoyancy.center) - total.moment) / lift
+    volume = lift / (vehicle.environment.water_density * vehicle.environment.gravity)
+    sides = np.array([vehicle.hull.length, vehicle.hull.width, vehicle.hull.height])
+    for tag, size, at in (
+        ("collision", sides * (volume / sides.prod()) ** (1.0 / 3.0), center),
+        ("visual", sides, np.array(vehicle.hull.center)),
+    ):
+        shape = _add(link, tag, name=f"hull_{tag}")
+        _add(shape, "pose", [*HALF_TURN * at, 0.0, 0.0, 0.0])
+        _add(_add(_add(shape, "geometry"), "box"), "size", size)
+
+
+def _thruster(model: ET.Element, vehicle: Vehicle, thruster: Thruster, row: Array) -> None:
+    """A propeller's link, its joint along the thrust, and its plug-in."""
+    assert thruster.position is not None
+    ahead, astern = row[MAX_THRUST] * (1.0 + row[GAIN]), row[MAX_REVERSE] * (1.0 + row[GAIN])
+    astern *= 1.0 - row[ASYMMETRY]
+    link = _add(model, "link", name=thruster.name)
+    _add(link, "pose", [*HALF_TURN * np.array(thruster.position), 0.0, 0.0, 0.0])
+    inertial = _add(link, "inertial")
+    _add(inertial, "mass", PROPELLER_MASS)
+    _moments(inertial, _spin() * np.eye(3))
+    joint = _add(model, "joint", name=f"{thruster.name}_joint", type="revolute")
+    _add(joint, "parent", LINK)
+    _add(joint, "child", thruster.name)
+    _add(_add(joint, "axis"), "xyz", HALF_TURN * row[:3])
+    plugin = _plugin(model, "thruster", "Thruster")
+    _add(plugin, "namespace", vehicle.name)
+    _add(plugin, "joint_name", f"{thruster.name}_joint")
+    _add(plugin, "fluid_density", vehicle.environment.water_density)
+    for key, value in PROPELLER.items():
+        _add(plugin, key, value)
+    _add(plugin, "velocity_control", "true")
+    _add(plugin, "max_thrust_cmd", ahead)
+    _add(plugin, "min_thrust_cmd", -astern)
+    if row[DEADBAND] > 0.0 and not row[SHIFT]:
+        _add(plugin, "deadband", raised(row[DEADBAND], row[POWER]) * min(ahead, astern))
+
+
+def _hydrodynamics(model: ET.Element, total: Law, flow: Array) -> None:
+    """The plug-in's coefficients; its signs are those of the derivatives, X_u < 0 for drag."""
+    plugin = _plugin(model, "hydrodynamics", "Hydrodynamics")
+    _add(plugin, "link_name", LINK)
+    _add(plugin, "disable_added_mass", "true")
+    _add(plugin, "disable_coriolis", "true")
+    if flow[:3].any():
+        _add(plugin, "default_current", HALF_TURN * flow[:3])
+    s = FRD_FLU
+    for i, force in enumerate(FORCES):
+        for j, velocity in enumerate(VELOCITIES):
+            if total.linear[i, j]:
+                _add(plugin, force + velocity, s[i] * s[j] * total.linear[i, j])
+            for k, other in enumerate(VELOCITIES):
+                if total.sized[i, j, k]:
+                    _add(plugin, f"{force}{velocity}abs{other}", s[i] * s[j] * total.sized[i, j, k])
+                if total.plain[i, j, k]:
+                    _add(plugin, f"{force}{velocity}{other}", s[i] * s[j] * s[k] * total.plain[i, j, k])
+
+
+def _words(vehicle: Vehicle) -> str:
+    """What stands at the top of the world."""
+    return (
+        f" {vehicle.name}, written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "
+        "Thrusters take newtons. "
+    )
+
+
+def _plugin(parent: ET.Element, name: str, system: str) -> ET.Element:
+    return _add(parent, "plugin", filename=f"gz-sim-{name}-system", name=f"gz::sim::systems::{system}")
+
+
+def _add(parent: ET.Element, tag: str, value: Any = None, **attributes: str) -> ET.Element:
+    """A new element with a text, a number or several."""
+    element = ET.SubElement(parent, tag, attributes)
+    if isinstance(value, str):
+        element.text = value
+    elif value is not None:
+        values = value if isinstance(value, Iterable) else [value]
+        element.text = " ".join(f"{float(one) + 0.0:.12g}" for one in values)  # no -0
+    return element
+
+
+TARGET = Target(
+    name="gz",
+    takes="vehicle",
+    suffix=".sdf",
+    summary="a Gazebo world (SDF 1.11): added mass, Hydrodynamics, Thruster and Buoyancy plug-ins",
+    write=to_sdf,
+    lacks=lacks,
+    warnings=warnings,
+)

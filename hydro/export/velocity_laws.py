@@ -1,0 +1,122 @@
+"""Effects whose force is a sum of products of velocities, or constant along the vertical: by trial.
+
+Gazebo knows drag by coefficients of nu_j, |nu_k| nu_j and nu_k nu_j.  Whether an effect of a vehicle is of
+that kind its kernel says: its wrench is evaluated in many states of motion and fitted, and it is one if
+nothing is left, whatever pose, time and commands are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects import layout
+from hydro.core.effects.catalogue import Entry
+from hydro.core.vehicle.frames import rotation, skew
+
+SAMPLES = 300
+FASTEST = 1.5
+"""Velocities that are tried, either way [m/s, rad/s]."""
+CLOSE = 1e-9
+"""Of the greatest force, that rounding leaves."""
+PAIRS = tuple(itertools.product(range(6), repeat=2))
+PRODUCTS = tuple((j, k) for j, k in PAIRS if j <= k)
+
+
+@dataclass(frozen=True)
+class Law:
+    """The wrench on a vehicle as a polynomial of its velocity through the water, body axes (FRD) about CO.
+
+    Attributes:
+        linear: (6, 6): tau_i += linear[i, j] nu_j.
+        sized: (6, 6, 6): tau_i += sized[i, j, k] |nu_k| nu_j.
+        plain: (6, 6, 6): tau_i += plain[i, j, k] nu_k nu_j.
+        force: Constant force downward in the world [N].
+        moment: (3,): tau_K,M,N += moment x d, d the world's down direction in body axes [N m].
+    """
+
+    linear: Array
+    sized: Array
+    plain: Array
+    force: float
+    moment: Array
+
+    @classmethod
+    def none(cls) -> Law:
+        """No force at all."""
+        return cls(np.zeros((6, 6)), np.zeros((6, 6, 6)), np.zeros((6, 6, 6)), 0.0, np.zeros(3))
+
+    def __add__(self, other: Law) -> Law:
+        return Law(
+            self.linear + other.linear,
+            self.sized + other.sized,
+            self.plain + other.plain,
+            self.force + other.force,
+            self.moment + other.moment,
+        )
+
+
+def law(entry: Entry, constants: Array) -> Law | None:
+    """The law of an effect; None where it is of another kind.
+
+    Args:
+        entry: An effect with a kernel.
+        constants: Of the vehicle (`core.effects.layout`).
+    """
+    effect, parameters, _ = entry
+    if effect.states is not None or effect.kernel is None:
+        return None
+    motions, nu, down = _motions()
+    wrenches = np.zeros((SAMPLES, 6))
+    nothing = np.zeros(0)
+    for s, tau in zip(motions, wrenches, strict=True):
+        effect.kernel(parameters, constants, s, nothing, nothing, tau)
+    if not np.isfinite(wrenches).all():
+        return None
+    columns = _columns(nu, down)
+    found: Array = np.asarray(np.linalg.lstsq(columns, wrenches, rcond=None)[0], np.float64)
+    size = float(np.abs(wrenches).max())
+    if np.abs(wrenches - columns @ found).max() > CLOSE * size:
+        return None
+    found[np.abs(found) < CLOSE * size] = 0.0
+    return _law(found, CLOSE * size)
+
+
+def _motions() -> tuple[Array, Array, Array]:
+    """States of motion (N, length), and of these the velocities (N, 6) and the down directions (N, 3)."""
+    rng = np.random.default_rng(0)
+    nu = rng.uniform(-FASTEST, FASTEST, (SAMPLES, 6))
+    turned = rotation(*rng.uniform(-1.2, 1.2, (3, SAMPLES)))
+    motions = np.zeros((SAMPLES, layout.MOTION))
+    motions[:, layout.RELATIVE_VELOCITY : layout.RELATIVE_VELOCITY + 6] = nu
+    motions[:, layout.VELOCITY : layout.VELOCITY + 6] = nu
+    motions[:, layout.ROTATION : layout.ROTATION + 9] = turned.reshape(-1, 9)
+    motions[:, layout.POSITION : layout.POSITION + 3] = rng.uniform(0.0, 20.0, (SAMPLES, 3))
+    motions[:, layout.TIME] = rng.uniform(0.0, 100.0, SAMPLES)
+    motions[:, layout.COMMANDS :] = rng.uniform(-1.0, 1.0, (SAMPLES, layout.MOST_COMMANDS))
+    return motions, nu, turned[:, 2]
+
+
+def _columns(nu: Array, down: Array) -> Array:
+    """What a law is a sum of, (N, 6 + 36 + 21 + 3)."""
+    sized = np.stack([np.abs(nu[:, k]) * nu[:, j] for j, k in PAIRS], axis=1)
+    plain = np.stack([nu[:, k] * nu[:, j] for j, k in PRODUCTS], axis=1)
+    return np.hstack([nu, sized, plain, down])
+
+
+def _law(found: Array, close: float) -> Law | None:
+    """Coefficients (66, 6) as a law; None where the constant part is no force along the vertical."""
+    linear, sized, plain, still = np.split(found, np.cumsum([6, len(PAIRS), len(PRODUCTS)]))
+    force, turning = still.T[:3], still.T[3:]
+    moment = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
+    if max(np.abs(force - force[0, 0] * np.eye(3)).max(), np.abs(turning - skew(moment)).max()) > close:
+        return None
+    by_size, by_product = np.zeros((6, 6, 6)), np.zeros((6, 6, 6))
+    for (j, k), values in zip(PAIRS, sized, strict=True):
+        by_size[:, j, k] = values
+    for (j, k), values in zip(PRODUCTS, plain, strict=True):
+        by_product[:, j, k] = values
+    return Law(linear.T, by_size, by_product, float(force[0, 0]), moment)
