@@ -1,0 +1,215 @@
+"""A vehicle for ArduSub's SITL: the JSON interface over UDP, as ArduPilot documents it.
+
+SITL sends a frame of servo outputs, and is answered with the state one time step later; it waits for the
+answer, so that it sets the pace.  A frame is `uint16 magic`, `uint16 frame_rate` [Hz], `uint32 frame_count`
+and `uint16 pwm[16]` [us], or 32 of them under another magic, little-endian.  Anything else is dropped and
+counted.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError, UsageError
+from hydro.core.recording.supply import effective_commands
+from hydro.core.simulation.live import Live, Reading
+from hydro.core.thrust_curves.table import commands_of_pulses
+from hydro.core.vehicle.description import Vehicle
+
+HOST, PORT = "127.0.0.1", 9002
+MAGIC = {18458: 16, 29569: 32}
+"""Servo outputs of a frame by its magic."""
+HEAD = struct.Struct("<HHI")
+LONGEST_STEP = 0.05
+"""Of a frame [s]: a slower rate is not followed."""
+NO_OUTPUT = 0
+"""Pulse width of a channel that is switched off: a thruster at rest."""
+DATAGRAM = 2048
+"""Bytes read of a packet; a frame has 72 at most, and a longer packet is none."""
+WAIT = 0.2
+"""Between two looks at whether to end [s]."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What SITL asks for: servo outputs [us], the rate of its frames [Hz], and the number of this one."""
+
+    rate: int
+    number: int
+    pwm: tuple[int, ...]
+
+
+def frame(packet: bytes) -> Frame | None:
+    """The frame of a packet; None where it is none."""
+    if len(packet) < HEAD.size:
+        return None
+    magic, rate, number = HEAD.unpack_from(packet)
+    count = MAGIC.get(magic, 0)
+    if not count or not rate or len(packet) != HEAD.size + 2 * count:
+        return None
+    return Frame(rate, number, struct.unpack_from(f"<{count}H", packet, HEAD.size))
+
+
+def answer(reading: Reading) -> bytes:
+    """The state of a vehicle as SITL reads it: SI units, body axes FRD, world NED."""
+    said = {
+        "timestamp": reading.time,
+        "imu": {"gyro": reading.nu[3:].tolist(), "accel_body": reading.specific_force.tolist()},
+        "position": reading.eta[:3].tolist(),
+        "velocity": reading.velocity.tolist(),
+        "attitude": reading.eta[3:].tolist(),
+        "quaternion": reading.quaternion.tolist(),
+    }
+    return f"\n{json.dumps(said, allow_nan=False)}\n".encode()
+
+
+def channels(text: str, thrusters: int) -> tuple[int, ...]:
+    """Servo outputs of the thrusters in the file's order: `1,2,-3`, counted from 1, below 0 if reversed.
+
+    Raises:
+        UsageError: They are not as many as thrusters, or one is no output.
+    """
+    try:
+        found = tuple(int(one) for one in text.split(","))
+    except ValueError:
+        found = ()
+    most = max(MAGIC.values())
+    if len(found) != thrusters or not all(1 <= abs(one) <= most for one in found):
+        raise UsageError(
+            f"--channels {text!r}: give {thrusters} servo outputs, 1 to {most}, with commas between, "
+            "below 0 where a thruster is reversed"
+        )
+    return found
+
+
+@dataclass
+class Counts:
+    """What came.
+
+    Attributes:
+        frames: That moved the vehicle.
+        malformed: Packets that were no frames.
+        repeated: Frames that came again, and were answered again.
+        lost: Numbers of frames that were left out.
+        restarts: Of SITL, after each of which the vehicle began anew.
+    """
+
+    frames: int = 0
+    malformed: int = 0
+    repeated: int = 0
+    lost: int = 0
+    restarts: int = 0
+
+    def words(self) -> str:
+        """In one line."""
+        return (
+            f"{self.frames:,} frames, {self.malformed:,} malformed packets dropped, {self.repeated:,} frames "
+            f"repeated, {self.lost:,} lost, {self.restarts:,} restarts"
+        )
+
+
+@dataclass
+class Sub:
+    """A vehicle that is told servo outputs.
+
+    Attributes:
+        vehicle: The vehicle file.
+        outputs: Servo outputs of its thrusters, as `channels` gives them.
+        depth: Where it begins, at rest and level [m].
+    """
+
+    vehicle: Vehicle
+    outputs: Sequence[int]
+    depth: float = 0.0
+    counts: Counts = field(default_factory=Counts)
+    _last: int | None = None
+
+    def __post_init__(self) -> None:
+        """Put it there."""
+        self._live = Live(self.vehicle)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._live.reset([0.0, 0.0, self.depth, 0.0, 0.0, 0.0])
+
+    def receive(self, packet: bytes) -> bytes | None:
+        """The answer to a packet; None where it is no frame.
+
+        Raises:
+            DataError: The motion diverges.
+        """
+        asked = frame(packet)
+        if asked is None or max(map(abs, self.outputs), default=0) > len(asked.pwm):
+            self.counts.malformed += 1
+            return None
+        if self._last is not None and asked.number < self._last:
+            self.counts.restarts += 1
+            self._begin()
+            self._last = None
+        if asked.number == self._last:
+            self.counts.repeated += 1
+        else:
+            self.counts.lost += 0 if self._last is None else asked.number - self._last - 1
+            self.counts.frames += 1
+            self._live.step(self._commands(asked.pwm), min(1.0 / asked.rate, LONGEST_STEP))
+        self._last = asked.number
+        return answer(self._live.read())
+
+    def _commands(self, pwm: Sequence[int]) -> Array:
+        """Effective commands of servo outputs."""
+        pulses = np.array([pwm[abs(one) - 1] for one in self.outputs], float)
+        commands: Array = np.clip(commands_of_pulses(pulses.tolist()), -1.0, 1.0) * np.sign(self.outputs)
+        commands[pulses == NO_OUTPUT] = 0.0
+        effective: Array = effective_commands(self.vehicle, commands[None])[0]
+        return effective
+
+
+def serve(
+    sub: Sub,
+    host: str = HOST,
+    port: int = PORT,
+    *,
+    ready: Callable[[int], Any] = lambda port: None,
+    ended: Callable[[float], bool] = lambda idle: False,
+) -> None:
+    """Answer frames until it is to end.
+
+    Args:
+        sub: The vehicle.
+        host: Address to listen on; by default the machine's own alone.
+        port: UDP port; 0 is any free one.
+        ready: Called with the port, once it listens.
+        ended: Asked after every packet, and while there is none, with the time since the last one [s].
+
+    Raises:
+        DataError: The address cannot be listened on, or the motion diverges.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as endpoint:
+        try:
+            endpoint.bind((host, port))
+        except (OSError, OverflowError) as error:
+            raise DataError(
+                f"{host}:{port}: cannot listen there: {str(error).lower()}; choose --host or --port"
+            ) from None
+        endpoint.settimeout(WAIT)
+        ready(endpoint.getsockname()[1])
+        idle = 0.0
+        while not ended(idle):
+            try:
+                packet, sender = endpoint.recvfrom(DATAGRAM)
+            except TimeoutError:
+                idle += WAIT
+                continue
+            except ConnectionError:  # whoever was answered last has gone
+                continue
+            idle = 0.0
+            if (said := sub.receive(packet)) is not None:
+                endpoint.sendto(said, sender)
