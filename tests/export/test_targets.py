@@ -8,6 +8,7 @@ from export.flown import vehicle
 from sim.effects import with_effect
 
 from hydro.cli import main
+from hydro.core.difference.ahead import flights
 from hydro.core.errors import UsageError
 from hydro.export.cost import ALL, of_lacks
 from hydro.export.targets import Lack, all_left_out, choose, targets
@@ -53,6 +54,14 @@ def test_leaving_out_costs_what_predictions_of_the_vehicles_own_flights_say(craf
     assert both > 0.5 * max(no_drag, no_lift)
     assert no_log is None
     assert of_lacks(craft, [log])["error 5 s ahead [m/s]"].to_list() == [None]
+
+
+def test_on_a_recording_the_costs_stand_beside_the_files_own_error(craft):
+    raw = flights(with_effect(craft, "net_buoyancy")).head(4500)
+    table = of_lacks(craft, [Lack("lift", "for a test", craft.without("body_lift"))], raw)
+    own, without = table["error 5 s ahead [m/s]"]
+    assert own > 0.01
+    assert without != own
 
 
 def test_all_that_is_left_out_goes_together(datasets):
