@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hydro.commands.places import Output
-from hydro.commands.shell import STREAM, about, message, network, read, refuse_terminal
+from hydro.commands.shell import STREAM, about, message, read, refuse_terminal
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.export.targets import Target
+    from hydro.io.model import Model
+    from hydro.rl.training.policy import Policy
 
 VEHICLE_SUFFIX = ".toml"
 
@@ -24,7 +26,7 @@ def export(
         typer.Argument(
             metavar="SOURCE",
             show_default=False,
-            help="A vehicle file, or a trained model; - is a model on stdin.",
+            help="Vehicle file, trained model or policy; - is a model or policy on stdin.",
         ),
     ] = STREAM,
     to: Annotated[
@@ -46,7 +48,7 @@ def export(
     ] = True,
     output: Output = STREAM,
 ) -> None:
-    """Write a vehicle file or a trained model for programs without hydro.
+    """Write a vehicle file, a trained model or a policy for programs without hydro.
 
     \b
     target  takes    writes
@@ -54,15 +56,17 @@ def export(
     casadi  vehicle  .casadi  f(x, u), its Jacobians and a Runge-Kutta step; needs the extra casadi
     mujoco  vehicle  .xml     MJCF; hydro.load_student(path) makes it ready to step and to view
     gz      vehicle  .sdf     a Gazebo world (SDF 1.11) with the vehicle in water
-    onnx    model    .onnx    states (N, 12) in, tau_res (N, 6) in N and N m out; needs the extra onnx
+    onnx    model    .onnx    a residual model or a policy; needs the extra onnx
 
     What a target cannot hold of a vehicle is listed on stderr, each with the error that leaving it out makes
     in predictions 5 s ahead (root mean square of the velocity, axes weighed by inertia), beside the error of
     the vehicle file itself.
 
-    A network's graph takes u v w p q r and their rates in the body frame (forward, right, down); features
-    and scalers are part of it. The vehicle feels -tau_res. A temporal model also takes past (N, 42), the
-    velocities of the seven control steps before, newest first, which the caller keeps.
+    A model's graph takes states (N, 12), u v w p q r and their rates in the body frame (forward, right,
+    down), and gives tau_res (N, 6) in N and N m; features and scalers are part of it. The vehicle feels
+    -tau_res. A temporal model also takes past (N, 42), the velocities of the seven control steps before,
+    newest first, which the caller keeps. A policy's graph (policy.parquet of a training) takes observations
+    (N, 36) in SI units and gives actions (N, 6) in [-1, 1].
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
     from hydro.export.targets import choose
     from hydro.io import vehicle as vehicles
@@ -82,8 +86,25 @@ def export(
             message(f"hydro: {line}")
         _tell_left_out(target, source, known, on, cost)
     else:
-        content = target.write(network(source)[1])
+        content = target.write(_trained(source))
     write_bytes(content, sys.stdout.buffer if output == STREAM else output)
+
+
+def _trained(source: str) -> Model | Policy:
+    """A residual network or a policy.
+
+    Raises:
+        DataError: The table is neither, or its footer does not describe it.
+    """
+    from hydro.io.model import from_artefact
+
+    artefact = read(source, "model", "policy")
+    with about(source):
+        if artefact.kind == "model":
+            return from_artefact(artefact)
+        from hydro.rl.training.runs import policy_of
+
+        return policy_of(artefact)
 
 
 def _tell_left_out(target: Target, source: str, vehicle: Vehicle, on: str | None, cost: bool) -> None:

@@ -1,23 +1,48 @@
-"""Target `onnx`: a residual network as an ONNX graph."""
+"""Target `onnx`: a residual network, or a policy, as an ONNX graph."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from hydro.export.targets import Target
 from hydro.io.model import Model
 
+if TYPE_CHECKING:
+    from hydro.rl.training.policy import Policy
 
-def to_onnx(model: Model) -> bytes:
-    """The graph of a network (`learn.export`)."""
+
+def to_onnx(trained: Model | Policy) -> bytes:
+    """The graph of a residual network (`learn.export`) or of a policy.
+
+    Raises:
+        DataError: The tensors of a network are not those that its architecture requires.
+        UsageError: The libraries are not installed.
+    """
     from hydro.learn.export import to_onnx as write
 
-    return write(model)
+    return write(trained) if isinstance(trained, Model) else of_policy(trained)
+
+
+def of_policy(policy: Policy) -> bytes:
+    """The graph of a policy: `observations` (N, O) in SI units to `actions` (N, A), all float32."""
+    import torch
+
+    from hydro.learn.export import graph
+    from hydro.rl.environment.observation import NAMES
+    from hydro.rl.training.policy import Whole
+
+    count = len(policy.encoding)
+    described = {"actions": "shares of the authority on each axis, in [-1, 1]"}
+    if count == len(NAMES):
+        described["observations"] = " ".join(NAMES)
+    return graph(Whole(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
 
 
 TARGET = Target(
     name="onnx",
     takes="model",
     suffix=".onnx",
-    summary="a residual network as an ONNX graph: states in, the wrench out",
+    summary="a residual network or a policy as an ONNX graph",
     write=to_onnx,
     text=False,
 )

@@ -1,4 +1,4 @@
-"""A trained model as ONNX, for programs without torch: states in, newtons and newton metres out.
+"""Networks as ONNX, for programs without torch: of a residual model, states in, newtons out.
 
 Features, scalers and units are within: the graph takes (nu, nu_dot) as a recording has them. A model that
 remembers takes its past as a second input, which the caller keeps (`distillation.history`).
@@ -11,7 +11,7 @@ import importlib.util
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import torch
 from torch import Tensor, nn
@@ -65,26 +65,8 @@ def to_onnx(model: Model) -> bytes:
         DataError: If the model's tensors are not those that its architecture requires.
         UsageError: If the libraries are not installed.
     """
-    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    if missing:
-        raise UsageError(
-            f"{missing[0]} is not installed: install hydro's extra `onnx`: pip install 'deep-hydro-sim[onnx]'"
-        )
     window = model.architecture.get("window", 1)
     arguments = [torch.zeros(2, 12)] + ([torch.zeros(2, remembered(window))] if window > 1 else [])
-    names = ["states", "past"][: len(arguments)]
-    with _quiet():
-        program = torch.onnx.export(
-            Exported(model),
-            tuple(arguments),
-            input_names=names,
-            output_names=["tau_res"],
-            opset_version=OPSET,
-            dynamo=True,
-            external_data=False,
-            dynamic_shapes={name: {0: torch.export.Dim("rows")} for name in names},
-        )
-    assert program is not None
     described = {
         "model": model.name,
         "states": "u v w p q r [m/s, rad/s], then their rates; body FRD",
@@ -94,6 +76,41 @@ def to_onnx(model: Model) -> bytes:
     if window > 1:
         described["past"] = f"u v w p q r at {window - 1} steps before, newest first"
         described["period"] = f"{model.architecture['period']:g} s"
+    names = ["states", "past"][: len(arguments)]
+    return graph(Exported(model), dict(zip(names, arguments, strict=True)), "tau_res", described)
+
+
+def graph(
+    module: nn.Module, inputs: Mapping[str, Tensor], output: str, described: Mapping[str, str]
+) -> bytes:
+    """A module as an ONNX file.
+
+    Args:
+        module: What to write.
+        inputs: Examples of its inputs by their names, two rows each; any number of rows will do.
+        output: Name of its output.
+        described: What the file's metadata say.
+
+    Raises:
+        UsageError: If the libraries are not installed.
+    """
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"{missing[0]} is not installed: install hydro's extra `onnx`: pip install 'deep-hydro-sim[onnx]'"
+        )
+    with _quiet():
+        program = torch.onnx.export(
+            module,
+            tuple(inputs.values()),
+            input_names=list(inputs),
+            output_names=[output],
+            opset_version=OPSET,
+            dynamo=True,
+            external_data=False,
+            dynamic_shapes=tuple({0: torch.export.Dim("rows")} for _ in inputs),
+        )
+    assert program is not None
     proto = program.model_proto
     for key, value in described.items():
         proto.metadata_props.add(key=key, value=value)

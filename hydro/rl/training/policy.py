@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from tensordict.nn import NormalParamExtractor
-from torch import nn
+from torch import Tensor, nn
 from torchrl.modules import MLP
 
 from hydro.core.columns import Array32
@@ -67,6 +67,26 @@ class Policy:
     def __call__(self, observations: Array32) -> Array32:
         """Actions (N, A) at observations (N, O) in SI units: the median of what it would draw."""
         return median(self._network, self.encoding(observations))  # type: ignore[attr-defined]
+
+
+class Whole(nn.Module):
+    """A policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
+
+    scale: Tensor
+    fades: Tensor
+
+    def __init__(self, policy: Policy) -> None:
+        super().__init__()
+        self.layers: nn.Module = policy._network[0]  # type: ignore[attr-defined]
+        self.register_buffer("scale", torch.from_numpy(policy.encoding.scale.copy()))
+        self.register_buffer("fades", torch.from_numpy(policy.encoding.fades.copy()))
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """The median of what the policy would draw."""
+        given = observations / self.scale
+        mean, _ = self.layers(torch.where(self.fades, torch.exp(-given), given)).chunk(2, dim=-1)
+        actions: Tensor = mean.tanh()
+        return actions
 
 
 @torch.no_grad()
