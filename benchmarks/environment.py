@@ -42,19 +42,19 @@ from student import (
 
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
-from hydro.rl.environment import conditions, tasks
+from hydro.rl.environment import conditions
 from hydro.rl.environment.action import ACTIONS, command_kernel
-from hydro.rl.environment.config import Settings
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.step import sense_kernel
+from hydro.rl.world.config import Settings
 
 SUBSTEPS = 20
 WIDTHS = {"mlp": (12, *PHYSFEAT[1:]), "physfeat": PHYSFEAT}
 
 
 def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
-    """A fleet under each condition, in a slalom of eight pillars."""
+    """A fleet under each condition, in a row of eight pillars."""
     vehicle = files.read(bundled("vehicles") / "auv151.toml")[0]
     found = {}
     for condition in conditions.CONDITIONS:
@@ -65,7 +65,7 @@ def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
         known = conditions.Condition(condition, model)
         plant = conditions.plant(known, vehicle, settings, count, threads=threads)
         found[condition] = Fleet(settings, plant)
-        found[condition].set_level(tasks.PILLARS, settings.world.pillars)
+        found[condition].set_level("pillar_row", 8)
         found[condition].reset()
     return found
 
@@ -115,7 +115,7 @@ def profile(fleet: Fleet, seconds: float) -> dict[str, float]:
         "motion in NED and FRD": lambda: plant._read(fleet._all),
         "random numbers": lambda: fleet._noise.standard_normal((fleet.count, OBSERVATIONS)),
         "sonar and observations": lambda: sense_kernel(
-            fleet._all, fleet._senses, fleet._motion, fleet._scenes, noise, fleet._least, fleet._seen
+            fleet._all, fleet._senses, fleet._motion, fleet._scenes, noise, fleet._least, fleet._now
         ),
     }
     found = {"whole step": timed(work, seconds)}

@@ -38,8 +38,9 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.vehicle": "frames rigid_body allocation:thrusters mixing:control_allocation panels ellipsoid",
     "hydro.sim.bridge": "callbacks native fields structs pointers states water mjcf",
     "hydro.sim.residual": "control",
-    "hydro.rl.environment": "action config encoding environments fleet geometry guidance judge:step "
-    "observation planner reward sonar tasks torch_env conditions",
+    "hydro.rl.environment": "action encoding environments fleet geometry guidance judge:step "
+    "observation reward sonar torch_env conditions",
+    "hydro.rl.world": "config planner",
     "hydro.rl.training": "sac train curriculum divergence evaluate runs policy returns",
 }
 

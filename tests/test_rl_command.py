@@ -72,7 +72,8 @@ def test_training_tells_its_choices_and_how_it_goes(
     assert told.out == ""
     assert re.search(r"sac\.batch +16", told.err)
     assert re.search(
-        r"80 steps, \d+/s, stage 1, success 0%, at most 0 min left; without exploration 0% of 3", told.err
+        r"80 steps, \d+/s, point_to_point, success 0%, at most 0 min left; without exploration 0% of 3",
+        told.err,
     )
     assert "go on with more --steps" in told.err
     assert rl("train", VEHICLE, "--steps", 160, *SMALL, "-o", tmp_path / "run") == 0
@@ -126,10 +127,12 @@ def test_a_policy_is_flown_in_either_simulator(run: Path, tmp_path: Path, simula
 
 def test_a_pilot_by_hand_flies_a_vehicle_file_without_any_training(tmp_path: Path) -> None:
     out = tmp_path / "pilot.parquet"
-    assert rl("eval", VEHICLE, "--stage", 3, "--episodes", 3, "-o", out) == 0
-    (row,) = table.read(out, "evaluations").frame.rows(named=True)
-    assert (row["flown_by"], row["stage"], row["pillars"], row["success"]) == ("helmsman", 3, 8, 1.0)
-    assert 0.0 < row["cross_track"] < 1.0
+    assert rl("eval", VEHICLE, "--stage", 3, "--level", 8, "--episodes", 3, "-o", out) == 0
+    blind, row = table.read(out, "evaluations").frame.rows(named=True)
+    assert (blind["flown_by"], blind["success"]) == ("helmsman", 0.0)
+    assert (row["flown_by"], row["task"], row["level"]) == ("helmsman with map", "forest", 8)
+    assert row["success"] == 1.0
+    assert 0.0 < row["tracking_error"] < 0.5
 
 
 def test_a_policy_may_fly_without_the_pilot(run: Path, tmp_path: Path) -> None:
@@ -146,7 +149,7 @@ def test_what_was_flown_is_a_table_that_fits_a_terminal(run: Path, monkeypatch: 
 
 
 def test_pictures_of_a_flight_and_of_curves(run: Path, tmp_path: Path) -> None:
-    assert rl("watch", run, "--stage", 3, "--pillars", 8, "-o", tmp_path / "flight.png") == 0
+    assert rl("watch", run, "--stage", 3, "--level", 8, "-o", tmp_path / "flight.png") == 0
     assert rl("curves", run, run, "-o", tmp_path / "curves.png") == 0
     for name in ("flight.png", "curves.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ import typer
 from hydro.commands.places import FILE, FOLDER
 from hydro.commands.rl_flights import builder_of, eval_, watch
 from hydro.commands.rl_study import study
-from hydro.commands.shell import ModelFile, progress, seed_option
+from hydro.commands.shell import ModelFile, estimates_beside, progress, seed_option
 from hydro.commands.tables import print_table
 from hydro.core.errors import DataError, UsageError
 
@@ -48,6 +48,16 @@ Recipe = Annotated[
     Literal["paper", "demos"],
     typer.Option(help="Choices that go together: as in the paper, or begun with what a pilot by hand does."),
 ]
+TaskAlone = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Learn this task alone, see `hydro rl eval --help`, and no curriculum."
+    ),
+]
+Randomise = Annotated[
+    list[str] | None,
+    typer.Option(metavar="WHAT", help="What each episode's vehicle draws anew, see below; repeat."),
+]
 Choices = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Another choice, such as sac.batch=256; repeat."),
@@ -61,17 +71,19 @@ def train(
     model: ResidualModel = None,
     seed: Annotated[int, seed_option("Of weights, exploration, tasks and noise.")] = 0,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 1,
+    task: TaskAlone = None,
     steps: Steps = 500_000,
     start: Start = None,
     recipe: Recipe = "paper",
+    randomise: Randomise = None,
     choices: Choices = None,
 ) -> None:
     """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
 
-    Stage 1 is point to point in open water, stage 2 pillars, from none to a slalom of eight, stage 3 a
-    planned way to follow. Once 90 % of 150 episodes of training succeed (curriculum.ready) as many are flown
-    without exploration, of which 97 % pass a level (curriculum.share). Training ends with the last level or
-    with the steps.
+    Stage 1 is point to point in open water, stage 2 a slalom that must be weaved, of none to four baffles,
+    stage 3 a forest of pillars with a planned way to follow. Once 90 % of 150 episodes of training succeed
+    (curriculum.ready) as many are flown without exploration, of which 97 % pass a level (curriculum.share).
+    Training ends with the last level or with the steps.
 
     With --recipe demos a pilot by hand, who has the map, flies each level first. The policy is made to do as
     he does, is examined at once and every 10,000 steps, and keeps his flights in half of every batch, with
@@ -81,11 +93,40 @@ def train(
     at every evaluation, and a checkpoint. The same command again goes on where it stopped, with the same
     bits as if it never had; with more --steps, --stages or another curriculum it goes on beyond. With --start
     a policy that has learnt under one condition learns on under another, from the first level.
+
+    The real vehicle is not the file. With --randomise posterior the numbers of every episode's vehicle are
+    drawn from the covariance that `hydro fit`, `add` and `explain` write beside the file, with --randomise
+    0.2 from 20 % about them. --randomise current=0.3 draws a current of up to 0.3 m/s, load=0.1 a payload
+    of up to 10 % of the mass, thruster=1 the share of its thrust that one thruster has lost, bias=1 biases as
+    large as the sensors' noise, delay=0.1 and late=0.1 how late sensors and commands are [s].
     """
     given = _Given(
-        vehicle, output, condition, model, seed, stages, steps, start, recipe, tuple(choices or ())
-    )
+        vehicle, output, condition, model, seed, stages, task or "", steps, start, recipe,
+        (*_drawn(randomise or ()), *(choices or ())),
+    )  # fmt: skip
     _train(given)
+
+
+def _drawn(words: Sequence[str]) -> Iterator[str]:
+    """What is drawn anew, as choices by their names.
+
+    Raises:
+        UsageError: Neither `posterior` nor a share nor a name with a value.
+    """
+    group = "settings.randomise"
+    for word in words:
+        name, equals, value = word.partition("=")
+        if word == "posterior":
+            yield f"{group}.posterior=true"
+        elif equals:
+            yield f"{group}.{name}={value}"
+        elif word.replace(".", "", 1).isdecimal():
+            yield f"{group}.box={word}"
+        else:
+            raise UsageError(
+                f"--randomise {word}: give posterior, a share such as 0.2, or a name and a value such as "
+                "current=0.3"
+            )
 
 
 @dataclass(frozen=True)
@@ -98,6 +139,7 @@ class _Given:
     model: Path | None
     seed: int
     stages: int
+    task: str
     steps: int
     start: Path | None
     recipe: str
@@ -107,23 +149,26 @@ class _Given:
 def _train(given: _Given) -> None:
     """Begin a training, or go on with it, and tell how it goes."""
     from hydro.io import table
+    from hydro.io.covariance import KIND, beside
     from hydro.io.vehicle import read as read_vehicle
     from hydro.rl.training.runs import Folder, run_artefact
     from hydro.rl.training.train import Training
 
-    _, text = read_vehicle(given.vehicle)
+    known, text = read_vehicle(given.vehicle)
+    estimates = estimates_beside(given.vehicle, known)
+    covariance = None if estimates is None else table.read(beside(given.vehicle), KIND)
     residual = table.read(given.model, "model") if given.model is not None else None
     config = _config(given)
     first = None if given.start is None else Folder(given.start).policy()[1]
-    folder, run = Folder(given.output), run_artefact(config, text, residual, first)
-    builder = builder_of(config, text, residual, given.vehicle.parent)
+    folder, run = Folder(given.output), run_artefact(config, text, residual, covariance, first)
+    builder = builder_of(config, text, residual, given.vehicle.parent, estimates)
     state = folder.state(run)
     clock = _Clock()
     learnt = Folder(given.start).learnt() if given.start is not None and state is None else None
     training = Training(config, builder, clock.part, learnt)
     if state is None:
         _require_ability(config, builder, given.vehicle)
-    folder.begin(run, residual)
+    folder.begin(run, residual, covariance)
     if state is not None:
         training.restore(state)
         typer.echo(f"{given.output}: goes on after {training.steps:,} steps", err=True)
@@ -153,10 +198,10 @@ def _require_ability(config: TrainingConfig, builder: Build, vehicle: Path) -> N
     share = mastered(fleet)
     if share < config.pilot:
         raise DataError(
-            f"{vehicle}: a pilot by hand who has the map reaches {share:.0%} of the goals of stage "
-            f"{fleet.stage} in {config.settings.task.steps} steps, so that no policy can pass it: too weak "
-            "or too slow for the task; give it time with --set settings.task.steps=N, or train it all the "
-            "same with --set pilot=0"
+            f"{vehicle}: a pilot by hand who has the map reaches {share:.0%} of the goals of "
+            f"{fleet.task.name} in {fleet.task.steps(fleet.settings)} steps, so that no policy can pass it: "
+            "too weak or too slow for the task; give it time with --set settings.task.steps=N, or train it "
+            "all the same with --set pilot=0"
         )
 
 
@@ -171,7 +216,7 @@ def _config(given: _Given) -> TrainingConfig:
         condition=given.condition,
         seed=given.seed,
         steps=given.steps,
-        curriculum=replace(recipe.curriculum, last=given.stages),
+        curriculum=replace(recipe.curriculum, last=given.stages, task=given.task),
     )
     choices = dict(_choice(one) for one in given.choices)
     for name in choices:
@@ -223,11 +268,9 @@ class _Clock:
         """Steps, steps per second, success, stage and time left."""
         rate = (training.steps - self._first) / max(time.perf_counter() - self._started, 1e-9)
         left = (training.config.steps - training.steps) / rate if rate else 0.0
-        stage, pillars = training.curriculum.level
-        where = f"stage {stage}" + (f" with {pillars} pillars" if stage > 1 else "")
         return (
-            f"{training.steps:,} steps, {rate:.0f}/s, {where}, success {training.curriculum.share:.0%}, "
-            f"at most {left / 60.0:.0f} min left"
+            f"{training.steps:,} steps, {rate:.0f}/s, {_level(training)}, "
+            f"success {training.curriculum.share:.0%}, at most {left / 60.0:.0f} min left"
         )
 
 
@@ -242,9 +285,23 @@ def _ending(training: Training) -> str:
     if verdict := training.watch.verdict:
         return f"diverged ({verdict}) by {training.steps:,} steps; {training.watch.episodes} episodes did"
     if training.curriculum.done:
-        return f"passed its last level after {training.steps:,} steps"
-    stage, pillars = training.curriculum.level
-    return f"its steps are used up in stage {stage} with {pillars} pillars: go on with more --steps"
+        exam = next(one for one in reversed(training.evaluations) if one["purpose"] == "exam")
+        low, high = exam["success_low"], exam["success_high"]
+        return (
+            f"passed its last level, {_level(training)}, after {training.steps:,} steps: "
+            f"{exam['success']:.1%} of {exam['episodes']} episodes without exploration "
+            f"[{low:.1%}, {high:.1%}]"
+        )
+    return f"its steps are used up in {_level(training)}: go on with more --steps"
+
+
+def _level(training: Training) -> str:
+    """The level a training stands at, in words."""
+    from hydro.rl.tasks.registry import TASKS
+
+    name, level = training.curriculum.level
+    counted = TASKS[name].levels
+    return name + (f" with {level} {counted}" if counted else "")
 
 
 def _stderr() -> Any:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from hydro.commands.places import FILE, Output
-from hydro.commands.shell import STREAM, progress, seed_option, shows_table, write
+from hydro.commands.shell import STREAM, estimates_beside, progress, seed_option, shows_table, write
 from hydro.commands.tables import print_table
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     import polars as pl
 
+    from hydro.core.simulation.estimates import Estimates
     from hydro.io.table import Artefact
+    from hydro.rl.environment.fleet import Fleet
+    from hydro.rl.tasks.task import Task
     from hydro.rl.training.build import Builder
     from hydro.rl.training.config import TrainingConfig
-    from hydro.rl.training.evaluate import Actor
+    from hydro.rl.training.pilots import Actor
     from hydro.rl.training.policy import Policy
 
 Flown = Annotated[
@@ -27,53 +30,92 @@ Flown = Annotated[
     typer.Argument(
         metavar="RUN",
         show_default=False,
-        help="Folder of a training, or a vehicle file for the pilot alone.",
+        help="Folder of a training, or a vehicle file for a pilot by hand.",
     ),
 ]
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", show_default=False, help="Folder of a training.")]
 In = Annotated[Literal["student", "teacher"], typer.Option("--in", help="Where to fly.")]
-Stage = Annotated[
-    int | None, typer.Option(min=1, max=3, help="Stage to fly; default: the one that training has come to.")
+TaskName = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Task to fly, see below; default: the one that training has come to."),
 ]
-Pillars = Annotated[int | None, typer.Option(min=0, help="Pillars of stage 2 and 3; default: likewise.")]
+Stage = Annotated[
+    int | None, typer.Option(min=1, max=3, help="The task of a stage of the curriculum, in place of --task.")
+]
+Level = Annotated[
+    int | None, typer.Option(min=0, help="Baffles of the slalom, pillars of a forest or a row.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--setting", metavar="NAME", help="What is other, see below; repeat, or all."),
+]
+Truth = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Vehicle file that is flown in place of the policy's own."),
+]
 
 
-def builder_of(config: TrainingConfig, text: str, residual: Artefact | None, folder: Path | None) -> Builder:
+def builder_of(
+    config: TrainingConfig,
+    text: str,
+    residual: Artefact | None,
+    folder: Path | None,
+    estimates: Estimates | None = None,
+    truth: Path | None = None,
+) -> Builder:
     """What makes a training's fleets."""
     from hydro.core import effects
     from hydro.io import vehicle
     from hydro.io.model import from_artefact
     from hydro.rl.training.build import Builder
 
-    subject = vehicle.parse(text)
-    effects.validate(subject)
-    return Builder(config, subject, from_artefact(residual) if residual is not None else None, folder)
+    subject, other = vehicle.parse(text), None if truth is None else vehicle.read(truth)[0]
+    for one in (subject, other):
+        if one is not None:
+            effects.validate(one)
+    model = from_artefact(residual) if residual is not None else None
+    return Builder(config, subject, model, folder, estimates, other)
 
 
-def _of_vehicle(path: Path) -> Builder:
+def _of_vehicle(path: Path, truth: Path | None) -> Builder:
     """What makes fleets of a vehicle file under its own effects."""
     from hydro.io.vehicle import read
     from hydro.rl.training.config import TrainingConfig
 
-    return builder_of(TrainingConfig(), read(path)[1], None, path.parent)
+    known, text = read(path)
+    return builder_of(TrainingConfig(), text, None, path.parent, estimates_beside(path, known), truth)
 
 
-def _opened(run: Path) -> tuple[Policy, list[Artefact], Builder]:
+def _opened(run: Path, truth: Path | None = None) -> tuple[Policy, list[Artefact], Builder]:
     """Policy of a run, its table, and what makes its fleets."""
+    from hydro.io import covariance
     from hydro.rl.training.runs import Folder
 
     folder = Folder(run)
     policy, artefact = folder.policy()
-    text = folder.run().provenance.vehicle or ""
-    return policy, [artefact], builder_of(folder.config(), text, folder.model(), run)
+    text, kept = folder.run().provenance.vehicle or "", folder.covariance()
+    estimates = None if kept is None else covariance.of(kept, str(run))
+    builder = builder_of(folder.config(), text, folder.model(), run, estimates, truth)
+    return policy, [artefact], builder
 
 
-def _level(come_to: Mapping[str, Any], stage: int | None, pillars: int | None) -> tuple[int, int]:
-    """Stage and pillars to fly, by default those that training has come to."""
-    stage = come_to["stage"] if stage is None else stage
-    if stage == 1:
-        return 1, 0
-    return stage, come_to["pillars"] if pillars is None else pillars
+def _task(
+    come_to: Mapping[str, Any], builder: Builder, task: str | None, stage: int | None, level: int | None
+) -> tuple[Task, int]:
+    """Task and level to fly, by default those that training has come to."""
+    from dataclasses import replace
+
+    from hydro.rl.tasks.registry import STAGES, task_of
+
+    if task is not None and stage is not None:
+        raise UsageError("--task and --stage both say what is to be flown: give one of them")
+    name = task if stage is None else STAGES[stage - 1]
+    chosen = task_of(name or come_to["task"])
+    if level is None:
+        levels = dict(replace(builder.config.curriculum, task="", last=len(STAGES)).levels)
+        here = come_to["level"] if chosen.name == come_to["task"] else None
+        level = levels.get(chosen.name, chosen.most) if here is None else here
+    chosen.require(level)
+    return chosen, level
 
 
 def eval_(
@@ -81,61 +123,98 @@ def eval_(
     simulator: In = "student",
     episodes: Annotated[int, typer.Option(min=1, help="Tasks to fly.")] = 200,
     seed: Annotated[int, seed_option("Of the tasks and the sensors' noise.")] = 1_000_000,
+    task: TaskName = None,
     stage: Stage = None,
-    pillars: Pillars = None,
+    level: Level = None,
+    setting: Settings = None,
+    truth: Truth = None,
     pilot: Annotated[
         bool, typer.Option("--pilot/--no-pilot", help="Fly the same tasks with a pilot by hand, too.")
     ] = True,
     details: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the episodes one by one."), FILE
+        Path | None, typer.Option(metavar="FILE", help="Also write the episodes of the first row."), FILE
     ] = None,
     output: Output = STREAM,
 ) -> None:
     """Fly a trained policy without exploration, in the simulator it was trained in or in the teacher.
 
-    The same seed gives the same tasks to every policy and in both simulators: starts, goals and pillars.
-    Success with its 95 % interval (Wilson), collisions, time to goal of those that arrived, energy, distance
-    from a planned way, and how far the pillars are passed on alternating sides. A policy that wins in its own
-    simulator alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies
-    the same tasks besides (stage 3 with the map, stages 1 and 2 without). With a vehicle file in the place
-    of RUN he flies alone. On a terminal without -o the result is printed.
-    """
+    The same seed gives the same tasks to every policy and in both simulators. Success with its 95 % interval
+    (Wilson), collisions, time to goal of those that arrived, energy, distance from what is to be followed,
+    and how far baffles or pillars are passed on alternating sides. A policy that wins in its own simulator
+    alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies the same
+    tasks besides, and once more with a map where there is something to go round. With a vehicle file in the
+    place of RUN he flies alone. On a terminal without -o the result is printed.
+
+    \b
+    task             what is asked
+    point_to_point   a place in open water                       (stage 1)
+    slalom           baffles from both walls, to be weaved       (stage 2)
+    forest           pillars at random, along a plan             (stage 3)
+    station_keeping  a place to be held in a current
+    circle, helix, lemniscate   a point to be followed
+    docking          a pose, slowly
+    pillar_row       pillars that may be gone round
+
+    With --setting the vehicle, the water or the task differ from what was trained: no_plan (the goal is shown
+    in place of a way), current (0.3 m/s), load (a payload of 10 % of the mass), dead_thruster, posterior
+    (numbers drawn from the covariance beside the vehicle file), half_time, or all; nominal is as the file
+    says. With --truth another vehicle flies than the one that the policy's demands are made for.
+    """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
     import polars as pl
 
     from hydro.io import table
-    from hydro.rl.environment.helmsman import NAME as HELMSMAN
-    from hydro.rl.environment.helmsman import helmsman
     from hydro.rl.training.evaluate import POLICY, fly
+    from hydro.rl.training.trials import NOMINAL, trials_of
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
     alone = run.is_file() or run.suffix == ".toml"
-    policy, learnt, builder = (None, [], _of_vehicle(run)) if alone else _opened(run)
-    begun = {"stage": 1, "pillars": builder.config.settings.world.pillars}
-    level = _level(begun if policy is None else policy.training, stage, pillars)
-    parameters = {"in": simulator, "episodes": episodes, "seed": seed}
+    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, truth)
+    begun = {"task": "point_to_point", "level": 0}
+    chosen, level = _task(begun if policy is None else policy.training, builder, task, stage, level)
+    known = builder.estimates is not None and truth is None
+    trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
+    parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
 
     def made(kind: str, frame: pl.DataFrame) -> Artefact:
         return table.make(kind, frame, stage="rl eval", parameters=parameters, seed=seed, inputs=learnt)
 
-    actors: dict[str, Actor] = {} if policy is None else {POLICY: policy}
-    actors |= {HELMSMAN: helmsman} if alone or pilot else {}
     rows = list[pl.DataFrame]()
-    for name, actor in actors.items():
-        fleet = builder(episodes, seed, simulator)
-        fleet.set_level(*level)
-        with progress(f"fly {episodes} tasks ({name})"):
-            flown = fly(actor, fleet)
-        if details is not None and not rows:
-            table.write(made("episodes", flown), details)
-        steps = 0 if policy is None or name == HELMSMAN else policy.training["steps"]
-        who = {"flown_by": name, "condition": builder.config.condition, "seed": builder.config.seed}
-        rows.append(_result(flown, who | {"steps": steps, "plant": simulator, "purpose": "test"}))
+    for where, trial in trials.items():
+        for name, actor, led in _flyers(policy, chosen, pilot=alone or pilot, planless=trial.planless):
+            fleet = builder(episodes, seed, simulator, trial)
+            fleet.set_level(chosen, level, led=led)
+            with progress(f"fly {episodes} tasks ({name}, {where})"):
+                flown = fly(actor(fleet), fleet)
+            if details is not None and not rows:
+                table.write(made("episodes", flown), details)
+            steps = policy.training["steps"] if policy is not None and name == POLICY else 0
+            who = {"flown_by": name, "condition": builder.config.condition, "seed": builder.config.seed}
+            what = {"steps": steps, "plant": simulator, "purpose": "test", "setting": where}
+            rows.append(_result(flown, who | what))
     result = pl.concat(rows)
     if shows_table(output):
         print_table(result.drop("purpose"), f"{run}, flown in the {simulator}")
     else:
         write(made("evaluations", result), output)
+
+
+def _flyers(
+    policy: Policy | None, task: Task, *, pilot: bool, planless: bool
+) -> list[tuple[str, Callable[[Fleet], Actor], bool]]:
+    """Who flies a task: a name, what makes the actor of a fleet, and whether a planned way is shown."""
+    from hydro.rl.environment.helmsman import NAME, WITH_MAP
+    from hydro.rl.training.evaluate import POLICY
+    from hydro.rl.training.pilots import WithMap, pilot_of
+
+    flyers = list[tuple[str, "Callable[[Fleet], Actor]", bool]]()
+    if policy is not None:
+        flyers.append((POLICY, lambda fleet: policy, task.guided and not planless))
+    if pilot:
+        flyers.append((NAME, lambda fleet: pilot_of(task), False))
+        if task.levels and not planless:
+            flyers.append((WITH_MAP, WithMap, task.guided))
+    return flyers
 
 
 def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
@@ -144,21 +223,24 @@ def _result(flown: pl.DataFrame, what: dict[str, Any]) -> pl.DataFrame:
 
     from hydro.rl.training.evaluate import RARE, summary
 
-    stage, pillars = flown.select("stage", "pillars").row(0)
-    found = what | {"stage": stage, "pillars": pillars} | summary(flown)
+    task, level = flown.select("task", "level").row(0)
+    found = what | {"task": task, "level": level} | summary(flown)
     rare = dict.fromkeys(("time_to_goal", *RARE), pl.Float64)
     return pl.DataFrame([found], schema_overrides=rare)
 
 
 def watch(
-    run: RunFolder,
+    run: Flown,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png or an .mp4."), FILE],
     simulator: In = "student",
-    task: Annotated[int, seed_option("Seed of the task to fly.")] = 0,
+    seed: Annotated[int, seed_option("Of the task to fly.")] = 0,
+    task: TaskName = None,
     stage: Stage = None,
-    pillars: Pillars = None,
+    level: Level = None,
 ) -> None:
     """See a trained policy fly one task: its path with pillars and plan, or a film of it.
+
+    With a vehicle file in the place of RUN a pilot by hand flies, who has a map.
 
     A .png shows the path in its tank, from above and from the side. An .mp4 is rendered by MuJoCo
     off-screen, and needs the extra `video` and, on a machine without a display, MUJOCO_GL=egl or osmesa.
@@ -166,11 +248,16 @@ def watch(
     if output.suffix not in (".png", ".mp4"):
         raise UsageError(f"{output}: name a .png for a picture or an .mp4 for a film")
     from hydro.rl.training.evaluate import trace
+    from hydro.rl.training.pilots import WithMap
+    from hydro.rl.training.trials import NOMINAL, TRIALS
 
-    policy, _, builder = _opened(run)
-    fleet = builder(1, task, simulator)
-    fleet.set_level(*_level(policy.training, stage, pillars))
-    flight = trace(policy, fleet)
+    alone = run.is_file() or run.suffix == ".toml"
+    policy, _, builder = (None, [], _of_vehicle(run, None)) if alone else _opened(run)
+    fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
+    begun = {"task": "point_to_point", "level": 0}
+    chosen, level = _task(begun if policy is None else policy.training, builder, task, stage, level)
+    fleet.set_level(chosen, level)
+    flight = trace(WithMap(fleet) if policy is None else policy, fleet)
     settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
     world = settings.world
     size = world.length, world.width, world.depth
@@ -182,7 +269,10 @@ def watch(
     else:
         from hydro.report.training import Tank, draw_flight, save
 
-        title = f"{builder.config.condition}, seed {builder.config.seed}, in the {simulator}: {ending}"
+        who = (
+            "a pilot by hand" if policy is None else f"{builder.config.condition}, seed {builder.config.seed}"
+        )
+        title = f"{chosen.name}, {who}, in the {simulator}: {ending}"
         tank = Tank(size, flight.pillars, world.pillar_radius, flight.goal, settings.task.radius)
         save(draw_flight(flight.pose[:, :3], flight.way, tank, title), output)
     typer.echo(f"{output}: {ending}", err=True)

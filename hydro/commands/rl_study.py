@@ -72,7 +72,7 @@ def study(
     ran = runner(context, output, workers).run(plan, workers)
     message(f"{ran} of {len(plan)} steps run, the others were done")
     shown = policies.summarise(runs, output).select(
-        "condition", "flown_by", "seed", "steps", "plant", "stage", "pillars",
+        "condition", "flown_by", "seed", "steps", "plant", "task", "level",
         "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
     )  # fmt: skip
     print_table(shown, "Flown without exploration, with 95 % intervals")

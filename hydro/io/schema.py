@@ -64,7 +64,9 @@ KINDS = (
 )
 """The kinds of table that hydro reads and writes."""
 
-VERSIONS = {"raw": 3, "labels": 3, "split": 3, "commands": 2, "evaluations": 2, "episodes": 2}
+VERSIONS = {
+    "raw": 3, "labels": 3, "split": 3, "commands": 2, "curves": 2, "evaluations": 2, "episodes": 2
+}  # fmt: skip
 """How many versions of a kind's schema there are, where it is more than one.
 
 A later one, in a file such as `raw-2.json`, admits nulls or columns that an earlier one refuses; every table

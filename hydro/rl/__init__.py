@@ -6,7 +6,7 @@ what stands before a colon.
     import gymnasium
 
     env = gymnasium.make("hydro.rl:hydro/PointToPoint-v0", condition="R_0")
-    fleet = gymnasium.make_vec("hydro/Slalom-v0", num_envs=8, level=4)
+    fleet = gymnasium.make_vec("hydro/Slalom-v1", num_envs=8, level=2)
 """
 
 from __future__ import annotations
@@ -20,12 +20,25 @@ if TYPE_CHECKING:
 
 __all__ = ["Encoded"]
 
-for _name, _stage in (("PointToPoint", 1), ("Slalom", 2), ("Guided", 3)):
+IDS = {
+    "PointToPoint-v0": "point_to_point",
+    "Slalom-v1": "slalom",
+    "Forest-v0": "forest",
+    "StationKeeping-v0": "station_keeping",
+    "Circle-v0": "circle",
+    "Helix-v0": "helix",
+    "Lemniscate-v0": "lemniscate",
+    "Docking-v0": "docking",
+    "PillarRow-v0": "pillar_row",
+}
+"""Environments, behind `hydro/`, and their tasks in `rl.tasks.registry`."""
+
+for _id, _task in IDS.items():
     gymnasium.register(
-        id=f"hydro/{_name}-v0",
+        id=f"hydro/{_id}",
         entry_point="hydro.rl.environment.environments:Single",
         vector_entry_point="hydro.rl.environment.environments:Vector",
-        kwargs={"stage": _stage},
+        kwargs={"task": _task},
         order_enforce=True,
     )
 

@@ -6,6 +6,7 @@ and `step`, so that compiled code can read them without a copy.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -16,7 +17,7 @@ from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import HALF_TURN, quaternion_kernel
-from hydro.sim.bridge.water import Water
+from hydro.sim.bridge.water import Water, wet
 from hydro.sim.student import Physics, Student
 
 Snapshot = dict[str, NDArray[np.generic]]
@@ -75,6 +76,9 @@ class Plant(Protocol):
     thrust: Array
     diverged: Mask
 
+    def change(self, vehicles: Mapping[int, Vehicle]) -> None:
+        """Let some, by number, be another vehicle of as many thrusters from their next reset on."""
+
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
 
@@ -94,7 +98,7 @@ class StudentPlant:
     def __init__(
         self,
         vehicle: Vehicle,
-        water: Water | None = None,
+        water: Callable[[Vehicle], Water] = wet,
         *,
         count: int = 1,
         physics: Physics | None = None,
@@ -106,7 +110,7 @@ class StudentPlant:
 
         Args:
             vehicle: The vehicle file.
-            water: What of the water they feel; everything the file says by default.
+            water: What of the water a vehicle feels; everything its file says by default.
             count: Number of vehicles.
             physics: Step and integrator.
             period: Control step [s].
@@ -119,7 +123,10 @@ class StudentPlant:
         """
         physics = physics or Physics()
         self._steps = physics.steps(period, "the control step")
-        self._student = Student(vehicle, water, count=count, physics=physics, threads=threads, folder=folder)
+        self._student = Student(
+            vehicle, water(vehicle), count=count, physics=physics, threads=threads, folder=folder
+        )
+        self._water = water
         batch, thrusters = self._student.batch, len(vehicle.thruster)
         self._motion = Coordinates(batch.qpos, batch.qvel, batch.qacc, batch.warning)
         self._force = batch.actuator_force[:, :thrusters]
@@ -128,6 +135,14 @@ class StudentPlant:
         self.vehicle = vehicle
         self._readings, self._all = Readings.of(count, thrusters), np.ones(count, dtype=np.bool_)
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
+
+    def change(self, vehicles: Mapping[int, Vehicle]) -> None:
+        """Let some be other vehicles; see `Plant`.
+
+        Raises:
+            DataError: One cannot be simulated beside the first.
+        """
+        self._student.change({k: (vehicle, self._water(vehicle)) for k, vehicle in vehicles.items()})
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +93,7 @@ class Student:
         )
         self.model = native.prepare(spec.compile())
         self.batch = batch.Batch(self.model, count, nthread=threads)
+        self._physics, self._folder, self._models = physics, folder, [self.model] * count
         program = (water or wet(vehicle)).program
         self._table = thrusters_of(program.flat)
         self._control = control_states(self.model, vehicle.name)
@@ -116,6 +117,29 @@ class Student:
             for vehicle, commands in enumerate(np.asarray(settled, dtype=np.float64)):
                 for thruster in np.flatnonzero(np.isfinite(commands)):
                     self._settle(vehicle, int(thruster), commands[thruster])
+
+    def change(self, vehicles: Mapping[int, tuple[Vehicle, Water]]) -> None:
+        """Let some simulations go on with other vehicles, by number.
+
+        Args:
+            vehicles: Vehicle and water of each, with the thrusters and the memories of the first.
+
+        Raises:
+            DataError: One cannot be simulated, or is too different.
+        """
+        for number, (vehicle, water) in vehicles.items():
+            spec = mjcf.scene(
+                vehicle,
+                water,
+                timestep=self._physics.timestep,
+                integrator=self._physics.integrator,
+                folder=self._folder,
+            )
+            self._models[number] = native.prepare(spec.compile())
+        try:
+            self.batch.set_models(self._models)
+        except (ValueError, mujoco.FatalError) as error:
+            raise DataError(f"these vehicles cannot fly side by side: {error}") from error
 
     def restart(self, mask: NDArray[np.bool_], pose: Array, nu: Array) -> None:
         """Put some vehicles somewhere, at their own time 0, thrusters at rest, and work out their forces.

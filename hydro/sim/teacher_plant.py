@@ -12,6 +12,7 @@ from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
 from hydro.core.effects.layout import ROTATION, TIME
 from hydro.core.effects.program import STATE_COUNT, heed, thrusters_of
+from hydro.core.errors import DataError
 from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.integrate import Course, Thrusters, advance, at_rest, resume
@@ -48,8 +49,10 @@ class TeacherPlant:
         Raises:
             DataError: The vehicle has no teacher.
         """
+        self._period, self._gravity = period, vehicle.environment.gravity
+        self._mesh, self._hidden = mesh, hidden
         subject = teacher(vehicle, mesh=mesh, hidden=hidden)
-        flat, self._period, self._gravity = subject.program.flat, period, vehicle.environment.gravity
+        flat = subject.program.flat
         table = thrusters_of(flat)
         thrusters, past = len(table), 2 + math.ceil(table[:, DELAY].max(initial=0.0) / period)
         self.vehicle = vehicle
@@ -59,6 +62,24 @@ class TeacherPlant:
         self._lags, self._commands = np.zeros((count, thrusters)), np.zeros((count, past, thrusters))
         self._time = np.zeros(count)
         self._fleet = _Fleet(flat, subject.facets, self._y, self._lags, self._commands, self._time)
+        self._own: dict[int, _Fleet] = {}
+
+    def change(self, vehicles: Mapping[int, Vehicle]) -> None:
+        """Let some be other vehicles; see `sim.plant.Plant`.
+
+        Raises:
+            DataError: One has no teacher, or has other thrusters or memories than the first.
+        """
+        for number, vehicle in vehicles.items():
+            subject = teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
+            flat = subject.program.flat
+            alike = thrusters_of(flat).shape == thrusters_of(self._fleet.flat).shape
+            if not alike or flat[STATE_COUNT] != self._fleet.flat[STATE_COUNT]:
+                raise DataError(
+                    f"{vehicle.name}: flies beside vehicles with other thrusters or memories; give one "
+                    "that differs in its numbers alone"
+                )
+            self._own[number] = self._fleet._replace(flat=flat, facets=subject.facets)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
@@ -75,7 +96,14 @@ class TeacherPlant:
 
     def _fly(self, mask: Mask, period: float, *, begin: bool = False) -> None:
         """Fly some vehicles for a time, and bring their arrays up to date."""
-        _fly(mask, self._fleet, begin, period, self._gravity, self._readings)
+        alike, alone = mask.copy(), np.zeros_like(mask)
+        for number, fleet in self._own.items():
+            alike[number] = False
+            if mask[number]:
+                alone[number] = True
+                _fly(alone, fleet, begin, period, self._gravity, self._readings)
+                alone[number] = False
+        _fly(alike, self._fleet, begin, period, self._gravity, self._readings)
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""

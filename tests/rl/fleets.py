@@ -11,8 +11,8 @@ from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
 from hydro.rl.environment import conditions
-from hydro.rl.environment.config import Noise, Settings
 from hydro.rl.environment.fleet import Fleet
+from hydro.rl.world.config import Noise, Settings
 from hydro.sim.teacher_plant import TeacherPlant
 
 SILENT = Noise(velocity=0.0, rate=0.0, depth=0.0, range=0.0)
@@ -54,4 +54,4 @@ def put(
         flown.pillars[0, number] = axis
     flown._distance[0] = np.linalg.norm(flown.goals[0] - at)
     flown._observe(np.ones(1, dtype=bool))
-    return flown._seen[0].astype(float)
+    return flown._now[0].astype(float)

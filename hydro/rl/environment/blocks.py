@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hydro.core.columns import Array, Array32, Mask, Rows
+from hydro.core.columns import Array, Array32, Mask
 
-RETURN, AGE, ENERGY, OVERSPEED, TOTALS = range(5)
-"""Totals of an episode: sum of rewards, steps, seconds of full thrust, steps faster than is plausible."""
+RETURN, AGE, ENERGY, OVERSPEED, ERROR, TOTALS = range(6)
+"""Totals of an episode: sum of rewards, steps, seconds of full thrust, steps faster than is plausible, sum of
+the squared distances from the goal that count [m^2]."""
 ARRIVED, TOUCHED, DIVERGED, FAST, TERMINATED, TRUNCATED, FLAGS = range(7)
-RADIUS, STEPS, LIMIT, PERIOD = range(4)
+STEPS, RADIUS, TILT, SPEED, TURNING, SETTLING = range(6)
+"""Where the numbers of `tasks.task.Ends` stand."""
+LIMIT, PERIOD = range(2)
 
 
 class Senses(NamedTuple):
@@ -37,17 +40,15 @@ class Senses(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What a step is worth and when an episode ends.
+    """What a step is measured by, whatever the task.
 
     Attributes:
-        weights: Of the reward.
         hull: Numbers of `rl.environment.geometry`.
         tank: Likewise.
         table: Thruster table (n, columns).
-        limits: Radius of success [m], steps of an episode, implausible speed [m/s], control step [s].
+        limits: Implausible speed [m/s], control step [s].
     """
 
-    weights: Array
     hull: Array
     tank: Array
     table: Array
@@ -78,14 +79,16 @@ class Scenes(NamedTuple):
     """The tasks that the vehicles fly.
 
     Attributes:
-        stages: Stage of each episode (N,).
+        weights: Of the terms of the reward (N, WEIGHTS), see `rl.environment.reward`.
+        ends: When its episode is done (N, 6), see `tasks.task.Ends`.
         goals: (N, 3), NED [m].
         targets: What each is to swim to (N, 3).
         pillars: Axes of its pillars (N, P, 2), NaN where there is none.
         path_cost: Weighted cost of being off the path (N,).
     """
 
-    stages: Rows
+    weights: Array
+    ends: Array
     goals: Array
     targets: Array
     pillars: Array

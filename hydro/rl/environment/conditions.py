@@ -10,7 +10,7 @@ from hydro.core.residual.lowering import TrainedModel
 from hydro.core.residual.network import Network
 from hydro.core.vehicle.description import Vehicle
 from hydro.io.vehicle import vehicle_hash
-from hydro.rl.environment.config import Settings
+from hydro.rl.world.config import Settings
 from hydro.sim.bridge.water import Water, dry, residual, wet
 from hydro.sim.plant import StudentPlant
 from hydro.sim.residual.beside import beside
@@ -60,13 +60,14 @@ class Condition:
             )
 
 
-def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04) -> Water:
+def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file: str = "") -> Water:
     """What of the water a vehicle feels under a condition.
 
     Args:
         condition: The condition.
-        vehicle: The vehicle file.
+        vehicle: The vehicle, as its file says or changed.
         period: Control step [s].
+        file: Hash of the vehicle file; by default of the vehicle.
 
     Raises:
         DataError: The file has effects beside which the model cannot be flown, see `sim.residual.beside`.
@@ -76,7 +77,11 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04) -> Wa
         return wet(vehicle) if condition.name == EFFECTS else dry(vehicle)
     control = Control(Network.of(model), period, conditioning=preset(condition.conditioning, vehicle))
     whole = model.subtract == "effects"
-    if whole and model.labelled is not None and vehicle_hash(model.labelled) != vehicle_hash(vehicle):
+    if (
+        whole
+        and model.labelled is not None
+        and vehicle_hash(model.labelled) != (file or vehicle_hash(vehicle))
+    ):
         raise DataError(
             f"{model.name}: its labels left out the effects of another vehicle file than {vehicle.name}; "
             "fly it with the file that they were made with"
@@ -103,9 +108,10 @@ def plant(
         threads: Threads that share the vehicles.
         folder: Folder of the vehicle file.
     """
+    known = vehicle_hash(vehicle)
     return StudentPlant(
         vehicle,
-        water(condition, vehicle, period=settings.period),
+        lambda one: water(condition, one, period=settings.period, file=known),
         count=count,
         physics=settings.physics,
         period=settings.period,

@@ -22,13 +22,18 @@ from hydro.core.columns import Array32
 from hydro.core.errors import UsageError
 from hydro.core.residual.lowering import TrainedModel
 from hydro.core.vehicle.description import Vehicle
+from hydro.io import covariance
 from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
-from hydro.rl.environment import conditions, tasks
+from hydro.rl.environment import conditions
 from hydro.rl.environment.action import ACTIONS
-from hydro.rl.environment.config import Settings
-from hydro.rl.environment.fleet import Fleet, Guidance, Info
-from hydro.rl.environment.observation import ENCODING, bounds
+from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.guidance import Guidance
+from hydro.rl.environment.interfaces import Info
+from hydro.rl.environment.observation import bounds, encoding
+from hydro.rl.tasks.point_to_point import PointToPoint
+from hydro.rl.tasks.registry import task_of
+from hydro.rl.world.config import Settings
 
 if TYPE_CHECKING:
     from hydro.sim.film import Camera
@@ -42,8 +47,9 @@ class FleetConfig:
     """What a fleet flies, where and under which physics: the keywords of the Gymnasium environments.
 
     Attributes:
-        stage: 1 point to point, 2 pillars, 3 guided.
-        level: Number of pillars in stages 2 and 3; all by default.
+        task: One of `tasks.registry.TASKS`.
+        level: How many of what its levels count, `Task.levels`; the most by default.
+        led: Whether vehicles are shown a planned way; by default where the task has one.
         vehicle: A vehicle, its file, or the name of a bundled one.
         condition: One of `conditions.CONDITIONS`.
         model: Residual model, for the conditions that fly with one.
@@ -52,8 +58,9 @@ class FleetConfig:
         threads: Threads that share the vehicles.
     """
 
-    stage: int = tasks.POINT_TO_POINT
+    task: str = PointToPoint.name
     level: int | None = None
+    led: bool | None = None
     vehicle: Vehicle | str | Path = VEHICLE
     condition: str = conditions.EFFECTS
     model: TrainedModel | None = None
@@ -63,7 +70,7 @@ class FleetConfig:
 
 
 def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int = 0) -> Fleet:
-    """A fleet of students at a stage of the curriculum.
+    """A fleet of students with a task.
 
     Args:
         config: What it flies; point to point in open water by default.
@@ -72,17 +79,19 @@ def make_fleet(config: FleetConfig | None = None, *, count: int = 1, seed: int =
 
     Raises:
         DataError: The vehicle cannot be read or flown.
-        UsageError: There is no such stage, level or condition.
+        UsageError: There is no such task, level or condition.
     """
     config = config or FleetConfig()
     settings, vehicle = config.settings, config.vehicle
     known = vehicle if isinstance(vehicle, Vehicle) else vehicles.read(_file(vehicle))[0]
     condition = conditions.Condition(config.condition, config.model, config.conditioning)
     plant = conditions.plant(condition, known, settings, count, threads=config.threads)
-    guidance = _guidance(settings, count) if config.stage == tasks.GUIDED else None
-    fleet = Fleet(settings, plant, seed, guidance)
-    most = 0 if config.stage == tasks.POINT_TO_POINT else settings.world.pillars
-    fleet.set_level(config.stage, most if config.level is None else config.level)
+    estimates = None
+    if settings.randomise.posterior and not isinstance(vehicle, Vehicle):
+        estimates, _ = covariance.read(_file(vehicle), known)
+    fleet = Fleet(settings, plant, seed, Guidance(settings, count), estimates=estimates)
+    task = task_of(config.task)
+    fleet.set_level(task, task.most if config.level is None else config.level, led=config.led)
     return fleet
 
 
@@ -90,13 +99,6 @@ def _file(vehicle: str | Path) -> Path:
     """A vehicle file by path, or by the name of a bundled one."""
     known = bundled("vehicles") / f"{vehicle}.toml"
     return known if known.is_file() else Path(vehicle)
-
-
-def _guidance(settings: Settings, count: int) -> Guidance:
-    """Guidance along planned paths."""
-    from hydro.rl.environment.guidance import Guidance
-
-    return Guidance(settings, count)
 
 
 def _spaces(settings: Settings) -> tuple[spaces.Box, spaces.Box]:
@@ -114,7 +116,7 @@ class Single(gymnasium.Env):  # type: ignore[misc]
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
 
     def __init__(
-        self, stage: int = tasks.POINT_TO_POINT, *, render_mode: str | None = None, **choices: Any
+        self, task: str = PointToPoint.name, *, render_mode: str | None = None, **choices: Any
     ) -> None:
         """Take the fields of `FleetConfig`; `reset` seeds.
 
@@ -123,8 +125,8 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UsageError(f"render_mode {render_mode!r}: choose 'rgb_array', or none")
-        self.render_mode, self._choices = render_mode, choices | {"stage": stage}
-        self.fleet = make_fleet(FleetConfig(stage, **choices))
+        self.render_mode, self._choices = render_mode, choices | {"task": task}
+        self.fleet = make_fleet(FleetConfig(task, **choices))
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.fleet.settings.period)}
         self.observation_space, self.action_space = _spaces(self.fleet.settings)
         self._begun = False
@@ -197,7 +199,7 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def __init__(
         self,
         num_envs: int = 8,
-        stage: int = tasks.POINT_TO_POINT,
+        task: str = PointToPoint.name,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **choices: Any,
@@ -205,10 +207,10 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         """Take the fields of `FleetConfig`; `reset` seeds."""
         self._mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
-        self.fleet = make_fleet(FleetConfig(stage, **choices), count=num_envs)
+        self.fleet = make_fleet(FleetConfig(task, **choices), count=num_envs)
         self.num_envs = num_envs
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._choices = choices | {"stage": stage, "num_envs": num_envs, "autoreset_mode": self._mode.value}
+        self._choices = choices | {"task": task, "num_envs": num_envs, "autoreset_mode": self._mode.value}
         self.single_observation_space, self.single_action_space = _spaces(self.fleet.settings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -276,12 +278,13 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
         """Wrap an environment of one vehicle."""
         super().__init__(env)
         space = env.observation_space
-        ends = np.sort([ENCODING(space.low.copy()), ENCODING(space.high.copy())], axis=0)
+        self._encoding = encoding(env.unwrapped.fleet.settings)
+        ends = np.sort([self._encoding(space.low.copy()), self._encoding(space.high.copy())], axis=0)
         self.observation_space = spaces.Box(*ends, dtype=np.float32)
 
     def observation(self, observation: Array32) -> Array32:
         """What a network is given of it."""
-        return ENCODING(observation)
+        return self._encoding(observation)
 
 
 def _draw(rng: np.random.Generator) -> int:

@@ -1,32 +1,35 @@
 """Episodes of many vehicles at once: the batched core below every interface of the environment.
 
 A control step is one call into the plant and two into compiled code, whatever the number of vehicles.  A
-vehicle whose episode ends begins its next one within the same step.
+vehicle whose episode ends begins its next one within the same step.  Where vehicles differ from their file
+(`rl.environment.randomiser`), or a task has a current, each episode begins with a model of its own.
 """
 
 from __future__ import annotations
 
 import json
-from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array, Array32, Mask
 from hydro.core.effects import inertia_matrix
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, UsageError
+from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.control_allocation import mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.core.vehicle.rigid_body import mass_matrix
-from hydro.rl.environment import geometry, observation, reward, tasks
+from hydro.rl.environment import geometry, observation, reward
 from hydro.rl.environment.action import ACTIONS, command_kernel
 from hydro.rl.environment.blocks import (
     AGE,
     ENERGY,
+    ERROR,
     FLAGS,
     OVERSPEED,
     RETURN,
+    SETTLING,
     TOTALS,
     Episodes,
     Motion,
@@ -34,79 +37,16 @@ from hydro.rl.environment.blocks import (
     Rules,
     Scenes,
 )
-from hydro.rl.environment.config import Settings
+from hydro.rl.environment.interfaces import Guidance, Info, State, Step
 from hydro.rl.environment.observation import OBSERVATIONS
+from hydro.rl.environment.past import Past
+from hydro.rl.environment.randomiser import Randomiser
+from hydro.rl.environment.reward import WEIGHTS
 from hydro.rl.environment.step import sense_kernel, step_kernel
+from hydro.rl.tasks.registry import TASKS, task_of
+from hydro.rl.tasks.task import Ends, Task, generator
+from hydro.rl.world.config import Settings
 from hydro.sim.plant import Plant
-
-State = dict[str, NDArray[np.generic]]
-
-
-class Guidance(Protocol):
-    """What leads the vehicles of stage 3 along a path."""
-
-    def reset(self, mask: Mask, starts: Array, goals: Array, pillars: Array) -> None:
-        """Plan anew for some vehicles (N,): starts and goals (N, 3), NED, pillars (N, P, 2)."""
-
-    def targets(self, mask: Mask, positions: Array) -> tuple[Array, Array]:
-        """Points to swim to (N, 3) and weighted costs of being off the path (N,), at positions (N, 3).
-
-        Called once per control step; rows outside the mask (N,) neither advance nor are read.
-        """
-
-    def state(self) -> State:
-        """Everything that the future depends on."""
-
-    def restore(self, state: State) -> None:
-        """Go back to a state, bit for bit."""
-
-
-class Info(NamedTuple):
-    """What happened to every vehicle in a step, (N,) each.
-
-    The totals are of the episode up to and with this step; where it ends here they are final.
-
-    Attributes:
-        success: It arrived.
-        collision: It touched something or broke the surface.
-        diverged: The simulation raised a warning, or its state is not finite.
-        distance: To the goal, at the end of the step [m].
-        overspeed: It moved faster than `Settings.overspeed`.
-        episode_return: Sum of rewards.
-        episode_length: Steps.
-        episode_energy: Time of all thrusters at full thrust that would have taken the same energy [s].
-        episode_overspeed: Steps faster than `Settings.overspeed`.
-    """
-
-    success: Mask
-    collision: Mask
-    diverged: Mask
-    distance: Array
-    overspeed: Mask
-    episode_return: Array
-    episode_length: NDArray[np.int64]
-    episode_energy: Array
-    episode_overspeed: NDArray[np.int64]
-
-
-class Step(NamedTuple):
-    """The outcome of a step of all vehicles.
-
-    Attributes:
-        obs: Observations to act on next (N, 36): of the new episode where one ended.
-        reward: (N,).
-        terminated: Success, collision or divergence, (N,).
-        truncated: The last step of an episode that ended by time alone, (N,).
-        final_obs: Observations of the states that the step led to (N, 36), before any new episode.
-        info: More.
-    """
-
-    obs: Array32
-    reward: Array32
-    terminated: Mask
-    truncated: Mask
-    final_obs: Array32
-    info: Info
 
 
 class Fleet:
@@ -116,33 +56,53 @@ class Fleet:
         settings: All choices.
         plant: What they fly in.
         count: Number of vehicles N.
-        stage: Stage of episodes that begin from now on, 1 to 3.
-        level: Their number of pillars.
+        task: Task of episodes that begin from now on.
+        level: Its level.
+        led: Whether they are shown points ahead on planned ways for targets, and not their goals.
         starts: Start of every vehicle's episode (N, 3), NED.
-        goals: Its goal (N, 3).
+        goals: Where its goal is now (N, 3).
         pillars: Axes of its pillars (N, P, 2), NaN where there is none.
-        targets: What it is to swim to (N, 3): the goal, or in stage 3 a point ahead on the path.
-        guidance: What leads it there, if anything.
+        targets: What it is shown as its target (N, 3).
+        guidance: What plans ways and leads along them, if anything.
     """
 
     def __init__(
-        self, settings: Settings, plant: Plant, seed: int = 0, guidance: Guidance | None = None
+        self,
+        settings: Settings,
+        plant: Plant,
+        seed: int = 0,
+        guidance: Guidance | None = None,
+        *,
+        believed: Vehicle | None = None,
+        estimates: Estimates | None = None,
     ) -> None:
-        """Make a fleet of all vehicles of a plant, in stage 1; `reset` begins.
+        """Make a fleet of all vehicles of a plant, for point to point; `reset` begins.
 
         Args:
             settings: All choices.
             plant: What the vehicles fly in, with the control step of the settings.
-            seed: Of tasks and noise.
-            guidance: For stage 3.
+            seed: Of tasks, noise and draws.
+            guidance: For tasks with a plan.
+            believed: The vehicle file by which demands become commands; that of the plant by default.
+            estimates: Covariance of the file's numbers, for `Randomisation.posterior`.
+
+        Raises:
+            UsageError: The vehicle believed in has other thrusters, or there is nothing to draw from.
         """
-        crew = mixing(plant.vehicle, mass_matrix(plant.vehicle) + inertia_matrix(plant.vehicle))
+        known = believed or plant.vehicle
+        crew = mixing(known, mass_matrix(known) + inertia_matrix(known))
+        if len(crew.table) != plant.thrust.shape[1]:
+            raise UsageError(
+                f"{plant.vehicle.name} has {plant.thrust.shape[1]} thrusters and {known.name} "
+                f"{len(crew.table)}: give a truth with the same"
+            )
         self.settings, self.plant, self.seed, self.guidance = settings, plant, seed, guidance
-        self.count, self.stage, self.level = len(plant.pose), tasks.POINT_TO_POINT, 0
+        self.count, self.task, self.level, self.led = len(plant.pose), next(iter(TASKS.values())), 0, False
         self._mixing = crew.allocation, crew.table, crew.authority
         self._senses = observation.senses(settings, plant.vehicle)
         self._rules = _rules(settings, plant.vehicle, crew.table)
         self._noise = _generator(seed)
+        self._randomiser = Randomiser(settings, plant.vehicle, OBSERVATIONS, estimates)
         self._make_arrays()
 
     def _make_arrays(self) -> None:
@@ -150,27 +110,44 @@ class Fleet:
         count, plant = self.count, self.plant
         self.starts, self.goals, self.targets = (np.zeros((count, 3)) for _ in range(3))
         self.pillars = np.full((count, self.settings.world.pillars, 2), np.nan)
-        self._stages = np.ones(count, dtype=np.int64)
-        self._episode = np.full(count, -1, dtype=np.int64)
+        self._courses, self._ahead = np.zeros((count, 1, 3)), np.zeros(count, dtype=np.int64)
+        self._weights, self._ends = np.zeros((count, WEIGHTS)), np.zeros((count, len(Ends._fields)))
+        self._following, self._episode = np.zeros(count, dtype=np.bool_), np.full(count, -1, dtype=np.int64)
+        self._drawn, self._currents = np.zeros((count, 2), dtype=np.int64), np.zeros((count, 3))
+        self._changed, self._bias = np.zeros(count, dtype=np.bool_), np.zeros((count, OBSERVATIONS))
         self._before = np.zeros((count, ACTIONS))
         self._distance, self._path_cost, self._least = np.zeros(count), np.zeros(count), np.zeros(count)
         self._rotation, self._totals = np.zeros((count, 9)), np.zeros((count, TOTALS))
-        self._seen = np.zeros((count, OBSERVATIONS), dtype=np.float32)
+        self._now = np.zeros((count, OBSERVATIONS), dtype=np.float32)
+        seen, obeyed = self._randomiser.latest
+        self._seen = Past(count, seen + self.settings.history, OBSERVATIONS, np.float32)
+        self._demands = Past(count, obeyed + 1, ACTIONS, np.float64)
         self._commands, self._all = np.zeros_like(plant.thrust), np.ones(count, dtype=np.bool_)
         self._motion = Motion(
             plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged, self._rotation
         )
-        self._scenes = Scenes(self._stages, self.goals, self.targets, self.pillars, self._path_cost)
+        self._scenes = Scenes(
+            self._weights, self._ends, self.goals, self.targets, self.pillars, self._path_cost
+        )
         self._episodes = Episodes(self._least, self._before, self._distance, self._totals)
 
-    def set_level(self, stage: int, level: int = 0) -> None:
-        """Choose stage and number of pillars of the episodes that begin from now on.
+    def set_level(self, task: str | Task, level: int = 0, *, led: bool | None = None) -> None:
+        """Choose task and level of the episodes that begin from now on.
+
+        Args:
+            task: The task, or its name.
+            level: Its level.
+            led: Whether vehicles are shown a planned way; by default where the task is `guided`.
 
         Raises:
-            UsageError: There is no such stage or level, or stage 3 is asked for without guidance.
+            UsageError: There is no such task or level, or a way is to be planned without guidance.
         """
-        tasks.require_level(self.settings, stage, level, guided=self.guidance is not None)
-        self.stage, self.level = stage, level
+        chosen = task_of(task) if isinstance(task, str) else task
+        chosen.require(level)
+        led = chosen.guided if led is None else led
+        if led and self.guidance is None:
+            raise UsageError(f"{chosen.name} needs guidance along a path; give the fleet some")
+        self.task, self.level, self.led = chosen, level, led
 
     def reset(self, mask: Mask | None = None, seed: int | None = None) -> Array32:
         """Begin the next episode of some vehicles.
@@ -180,12 +157,12 @@ class Fleet:
             seed: Begin anew with the tasks and the noise of this seed.
 
         Returns:
-            Observations of all vehicles (N, 36), those of the others as they were.
+            Observations of all vehicles (N, O), those of the others as they were.
         """
         if seed is not None:
             self.reseed(seed)
         self._begin(self._all if mask is None else mask)
-        return self._seen.copy()
+        return self._visible()
 
     def reseed(self, seed: int) -> None:
         """Let the next episode of every vehicle be the first one of a seed."""
@@ -206,12 +183,14 @@ class Fleet:
         demands = np.array(actions, dtype=np.float64)
         if demands.shape != self._before.shape:
             raise DataError(f"actions: expected shape {self._before.shape}, got {demands.shape}")
-        if not command_kernel(*self._mixing, demands, np.empty(ACTIONS), self._commands):
+        np.clip(demands, -1.0, 1.0, out=demands)
+        self._demands.note(self._all, demands)
+        if not command_kernel(*self._mixing, self._demands.seen(), np.empty(ACTIONS), self._commands):
             raise DataError("actions: some are not finite; look at what the policy saw")
         self.plant.step(self._commands)
 
-        self._observe(self._all)
-        final = self._seen.copy()
+        self._observe(self._all, 1)
+        final = self._visible()
         outcome = Outcome(
             np.empty(self.count, dtype=np.float32), np.empty((FLAGS, self.count), dtype=np.bool_)
         )
@@ -220,47 +199,107 @@ class Fleet:
         counted = self._totals.astype(np.int64)
         info = Info(
             success, collision, diverged, self._distance.copy(), overspeed, self._totals[:, RETURN].copy(),
-            counted[:, AGE], self._totals[:, ENERGY].copy(), counted[:, OVERSPEED],
+            counted[:, AGE], self._totals[:, ENERGY].copy(), counted[:, OVERSPEED], self._error(),
         )  # fmt: skip
         done = terminated | truncated
         following = final
         if renew and done.any():
             self._begin(done)
-            following = self._seen.copy()
+            following = self._visible()
         return Step(following, outcome.reward, terminated, truncated, final, info)
 
     def _begin(self, mask: Mask) -> None:
         """Begin the next episode of some vehicles."""
         pose, velocity = np.zeros((self.count, 7)), np.zeros((self.count, 6))
+        late = np.zeros((2, self.count), dtype=np.int64)
+        vehicles: dict[int, Vehicle] = {}
         self._episode[mask] += 1
-        for k in np.flatnonzero(mask):
-            scene = tasks.scene(
-                self.settings, self.stage, self.level, self.seed, int(k), int(self._episode[k])
-            )
-            self.starts[k], self.goals[k], self.pillars[k] = scene.start, scene.goal, scene.pillars
-            pose[k, :3], pose[k, 3:] = scene.start, quaternion_from_euler(0.0, 0.0, scene.heading)
+        for k in map(int, np.flatnonzero(mask)):
+            pose[k, :3], pose[k, 3:] = self._set_scene(k)
+            self._drawn[k] = self.seed, self._episode[k]
+            vehicles |= self._draw(k, late)
+        if vehicles:
+            self.plant.change(vehicles)
         self.plant.reset(mask, pose, velocity)
-        self._stages[mask] = self.stage
-        self._before[mask], self._totals[mask] = 0.0, 0.0
+        self._weights[mask] = reward.weights(self.task.reward(self.settings))
+        self._ends[mask] = self.task.ends(self.settings)
+        self._ahead[mask] = round(self.task.lead(self.settings) / self.settings.period)
+        self._before[mask], self._totals[mask], self._following[mask] = 0.0, 0.0, self.led
         self._distance[mask] = np.linalg.norm(self.starts[mask] - self.goals[mask], axis=1)
-        self.targets[mask], self._path_cost[mask] = self.goals[mask], 0.0
-        guided = mask & (self._stages == tasks.GUIDED)
-        if self.guidance is not None and guided.any():
-            self.guidance.reset(guided, self.starts, self.goals, self.pillars)
+        self._path_cost[mask] = 0.0
+        if self.guidance is not None and self.led:
+            self.guidance.reset(mask, self.starts, self.goals, self.pillars)
+        self._demands.begin(mask, self._before, late[1])
         self._observe(mask)
+        self._seen.begin(mask, self._now, late[0])
 
-    def _observe(self, mask: Mask) -> None:
-        """Renew what some vehicles see, with noise and under guidance."""
-        guided = mask & (self._stages == tasks.GUIDED)
-        if self.guidance is not None and guided.any():
-            ahead, cost = self.guidance.targets(guided, self.plant.pose[:, :3])
-            self.targets[guided], self._path_cost[guided] = ahead[guided], cost[guided]
-        noise = self._noise.standard_normal((self.count, OBSERVATIONS))
-        sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._seen)
+    def _set_scene(self, k: int) -> tuple[Array, Array]:
+        """Draw the scene of a vehicle's episode; where it begins, and the quaternion that it has there."""
+        rng = generator(self.seed, k, int(self._episode[k]))
+        scene = self.task.scene(self.settings, self.level, rng)
+        if len(scene.pillars) > self.pillars.shape[1]:
+            raise UsageError(
+                f"a scene of {len(scene.pillars)} pillars, and there is room for {self.pillars.shape[1]}: "
+                "raise world.pillars"
+            )
+        if (more := len(scene.course) - self._courses.shape[1]) > 0:
+            self._courses = np.pad(self._courses, ((0, 0), (0, more), (0, 0)), mode="edge")
+        self._courses[k, : len(scene.course)] = scene.course
+        self._courses[k, len(scene.course) :] = scene.course[-1]
+        self.starts[k], self.goals[k], self._currents[k] = scene.start, scene.goal, scene.current
+        self.pillars[k] = np.nan
+        self.pillars[k, : len(scene.pillars)] = scene.pillars
+        return scene.start, quaternion_from_euler(0.0, 0.0, scene.heading)
+
+    def _draw(self, k: int, late: NDArray[np.int64]) -> dict[int, Vehicle]:
+        """Draw what a vehicle's episode is flown with; the vehicle under its number where it is to change.
+
+        Args:
+            k: Its number.
+            late: By how many steps sensors and commands of each vehicle are late (2, N); written.
+        """
+        seed, episode = map(int, self._drawn[k])
+        draw = self._randomiser.draw(seed, k, episode, self._currents[k])
+        self._bias[k], late[:, k] = draw.bias, (draw.seen_late, draw.obeyed_late)
+        before, self._changed[k] = self._changed[k], draw.vehicle is not None
+        if draw.vehicle is None:
+            return {k: self.plant.vehicle} if before else {}
+        return {k: draw.vehicle}
+
+    def _observe(self, mask: Mask, elapsed: int = 0) -> None:
+        """Renew goals, targets and what is seen of some vehicles, `elapsed` steps after the last time."""
+        if self._courses.shape[1] > 1:
+            every, last = np.arange(self.count), self._courses.shape[1] - 1
+            now = self._totals[:, AGE].astype(np.int64) + elapsed
+            self.goals[mask] = self._courses[every, np.minimum(now, last)][mask]
+            self.targets[mask] = self._courses[every, np.minimum(now + self._ahead, last)][mask]
+        else:
+            self.targets[mask] = self.goals[mask]
+        led = mask & self._following
+        if self.guidance is not None and led.any():
+            ahead, cost = self.guidance.targets(led, self.plant.pose[:, :3])
+            self.targets[led], self._path_cost[led] = ahead[led], cost[led]
+        noise = self._noise.standard_normal((self.count, OBSERVATIONS)) + self._bias
+        sense_kernel(mask, self._senses, self._motion, self._scenes, noise, self._least, self._now)
+        self._seen.note(mask, self._now)
+
+    def _visible(self) -> Array32:
+        """What all vehicles see (N, O), the newest that has arrived first."""
+        return self._seen.seen(self.settings.history)
+
+    def _error(self) -> Array:
+        """Root mean square distances from what is to be held or followed, where something is, (N,) [m]."""
+        counted = self._totals[:, AGE] - np.floor(self._ends[:, SETTLING])
+        mean = self._totals[:, ERROR] / np.maximum(counted, 1.0)
+        held = (self._ends[:, SETTLING] >= 0.0) & (counted > 0.0)
+        return np.where(held, np.sqrt(mean), 0.0)
 
     def state(self) -> State:
         """Everything that the future depends on, as arrays; see `restore`."""
         parts = {f"fleet/{name}": np.array(getattr(self, name)) for name in _STATE}
+        parts["fleet/task"] = np.frombuffer(self.task.name.encode(), dtype=np.uint8).copy()
+        for name, past in (("seen", self._seen), ("demands", self._demands)):
+            parts |= {f"{name}/values": past.values.copy(), f"{name}/late": past.late.copy()}
         parts |= {f"plant/{name}": value for name, value in self.plant.snapshot().items()}
         if self.guidance is not None:
             parts |= {f"guidance/{name}": value for name, value in self.guidance.state().items()}
@@ -269,12 +308,22 @@ class Fleet:
 
     def restore(self, state: State) -> None:
         """Go on from a `state` of a fleet of the same settings, bit for bit as that one did."""
+        changed = np.flatnonzero(self._changed)
+        self._courses = np.zeros_like(state["fleet/_courses"], dtype=np.float64)
         for name in _STATE:
             value = state[f"fleet/{name}"]
             if isinstance(getattr(self, name), np.ndarray):
                 getattr(self, name)[:] = value
             else:
-                setattr(self, name, int(value))
+                setattr(self, name, type(getattr(self, name))(value))
+        self.task = task_of(state["fleet/task"].tobytes().decode())
+        for name, past in (("seen", self._seen), ("demands", self._demands)):
+            past.values[:], past.late[:] = state[f"{name}/values"], state[f"{name}/late"]
+        vehicles = dict.fromkeys(map(int, changed), self.plant.vehicle)
+        for k in map(int, np.flatnonzero(self._changed)):
+            vehicles |= self._draw(k, np.zeros((2, self.count), dtype=np.int64))
+        if vehicles:
+            self.plant.change(vehicles)
         self.plant.restore(_part(state, "plant/"))
         if self.guidance is not None:
             self.guidance.restore(_part(state, "guidance/"))
@@ -282,22 +331,16 @@ class Fleet:
 
 
 _STATE = (
-    "seed", "stage", "level", "starts", "goals", "targets", "pillars", "_stages", "_episode", "_before",
-    "_distance", "_path_cost", "_least", "_rotation", "_totals", "_seen",
+    "seed", "level", "led", "starts", "goals", "targets", "pillars", "_courses", "_ahead", "_weights",
+    "_ends", "_following", "_episode", "_drawn", "_currents", "_changed", "_bias", "_before", "_distance",
+    "_path_cost", "_least", "_rotation", "_totals", "_now",
 )  # fmt: skip
 
 
 def _rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """Reward and ends of episodes, as the kernels take them; thruster table (n, columns)."""
-    task = settings.task
-    limits = np.array([task.radius, task.steps, settings.overspeed, settings.period])
-    return Rules(
-        reward.weights(settings.reward),
-        geometry.hull_numbers(vehicle.hull),
-        geometry.tank(settings.world),
-        table,
-        limits,
-    )
+    """What a step is measured by, as the kernels take it; thruster table (n, columns)."""
+    limits = np.array([settings.overspeed, settings.period])
+    return Rules(geometry.hull_numbers(vehicle.hull), geometry.tank(settings.world), table, limits)
 
 
 def _generator(seed: int) -> np.random.Generator:

@@ -12,7 +12,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Hull
-from hydro.rl.environment.config import World
+from hydro.rl.world.config import World
 
 LENGTH, WIDTH, FLOOR, RADIUS = range(4)
 """Where the tank's numbers stand: its far walls, its floor, and the radius of its pillars [m]."""

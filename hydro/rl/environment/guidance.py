@@ -1,4 +1,4 @@
-"""What leads vehicles along a planned way (stage 3): a point ahead, and the cost of being off the way."""
+"""What leads vehicles along a planned way: a point ahead, and the cost of being off the way."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
-from hydro.rl.environment.config import Settings
-from hydro.rl.environment.planner import Grid, plan
+from hydro.rl.environment.reward import cross_track_cost
+from hydro.rl.world.config import Settings
+from hydro.rl.world.planner import Grid, plan
 
 State = dict[str, NDArray[np.generic]]
 
-AHEAD = 3.5
-"""How far along the way the point ahead lies [m]."""
 ALPHA = 0.15
 """Weight of the new point in the exponential moving average."""
 BACK, ON = 1.0, 5.0
@@ -32,6 +31,7 @@ class Guidance:
 
     def __init__(self, settings: Settings, count: int) -> None:
         """Make room for the ways of `count` vehicles in the world of the settings."""
+        self._lead = settings.task.ahead
         self._world, self._weight = settings.world, settings.reward.path
         self._grid = Grid(settings.world.length, settings.world.width)
         self.ways = np.zeros((count, 2, 3))
@@ -59,7 +59,7 @@ class Guidance:
             others are as good as any.
         """
         cost = np.zeros(len(positions))
-        follow_kernel(mask, positions, self.ways, self._along, self._ahead, self.off, cost)
+        follow_kernel(mask, positions, self.ways, self._along, self._ahead, self.off, cost, self._lead)
         return self._ahead.copy(), self._weight * cost
 
     def state(self) -> State:
@@ -73,15 +73,15 @@ class Guidance:
 
 
 @jit
-def cross_track_cost(error: float) -> float:
-    """e^2 below 1 m, and 2 |e| - 1 beyond: Huber-like, once differentiable (eq. 9)."""
-    size = abs(error)
-    return size * size if size < 1.0 else 2.0 * size - 1.0
-
-
-@jit
 def follow_kernel(
-    mask: Mask, positions: Array, ways: Array, along: Array, ahead: Array, off: Array, cost: Array
+    mask: Mask,
+    positions: Array,
+    ways: Array,
+    along: Array,
+    ahead: Array,
+    off: Array,
+    cost: Array,
+    lead: float,
 ) -> None:
     """Move every vehicle's place on its way and the smoothed point ahead of it.
 
@@ -93,6 +93,7 @@ def follow_kernel(
         ahead: Smoothed points ahead (N, 3), NaN at the beginning; rewritten.
         off: Distances to the ways (N,) [m], written.
         cost: (N,) written, without weight.
+        lead: How far along the way the point ahead lies [m].
     """
     point = np.empty(3)
     for k in range(len(mask)):
@@ -100,7 +101,7 @@ def follow_kernel(
             continue
         off[k], along[k] = nearest(ways[k], positions[k], along[k] - BACK, along[k] + ON)
         cost[k] = cross_track_cost(off[k])
-        at(ways[k], along[k] + AHEAD, point)
+        at(ways[k], along[k] + lead, point)
         for i in range(3):
             if math.isnan(ahead[k, i]):
                 ahead[k, i] = point[i]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from hydro.core.columns import Array32
-from hydro.rl.environment.observation import GRAVITY, RATE, TARGET, VELOCITY
+from hydro.core.columns import Array, Array32
+from hydro.rl.environment.observation import GRAVITY, QUATERNION, RATE, TARGET, VELOCITY
 
-NAME = "helmsman"
+NAME, WITH_MAP = "helmsman", "helmsman with map"
 FASTEST, SLOWING = 1.6, 0.7  # m/s, and 1/s of the way that is left
 THRUST, TURNING = 2.0, 0.8  # demand per m/s, and per rad/s
+BLIND = 0.5  # m, from the target: its direction says nothing there
 
 
 def helmsman(seen: Array32) -> Array32:
@@ -19,15 +20,28 @@ def helmsman(seen: Array32) -> Array32:
     knows neither the vehicle nor the pillars.
 
     Args:
-        seen: Observations (N, 36) of `rl.environment.observation`.
+        seen: Observations (N, 36) of `rl.environment.observation`, the newest where several are seen at once.
 
     Returns:
         Demands (N, 6); the fleet clips them.
     """
+    way = seen[:, TARGET : TARGET + 3]
+    near = np.linalg.norm(way, axis=1) < BLIND
+    return _steer(seen, np.where(near, 0.0, np.arctan2(way[:, 1], way[:, 0])))
+
+
+def docker(seen: Array32) -> Array32:
+    """The same law with the bow kept to the north, as a dock asks for."""
+    w, x, y, z = seen[:, QUATERNION : QUATERNION + 4].T
+    return _steer(seen, -np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _steer(seen: Array32, turn: Array) -> Array32:
+    """Demands (N, 6) towards the target, turning by angles (N,) [rad] to starboard."""
     way, velocity, rates = (seen[:, at : at + 3] for at in (TARGET, VELOCITY, RATE))
     down = seen[:, GRAVITY : GRAVITY + 3]
     down = down / np.linalg.norm(down, axis=1, keepdims=True)
     away = np.linalg.norm(way, axis=1, keepdims=True)
     wanted = way / np.maximum(away, 1e-9) * np.minimum(FASTEST, SLOWING * away)
-    turn = np.column_stack([-down[:, 1], down[:, 0], np.arctan2(way[:, 1], way[:, 0])])
-    return np.hstack([THRUST * (wanted - velocity), turn - TURNING * rates]).astype(np.float32)
+    turns = np.column_stack([-down[:, 1], down[:, 0], turn])
+    return np.hstack([THRUST * (wanted - velocity), turns - TURNING * rates]).astype(np.float32)

@@ -19,10 +19,10 @@ from hydro.core.columns import Array, Array32
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.environment.blocks import Motion, Scenes, Senses
-from hydro.rl.environment.config import Noise, Settings
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.environment.geometry import FLOOR, tank
 from hydro.rl.environment.sonar import BEAMS, beams, sonar_kernel
+from hydro.rl.world.config import Noise, Settings
 
 TARGET, VELOCITY, RATE, QUATERNION, GRAVITY, DEPTH, SONAR = 0, 3, 6, 9, 13, 16, 17
 ALTITUDE = SONAR + BEAMS
@@ -46,6 +46,12 @@ ENCODING = Encoding(
 """How a policy is given them."""
 
 
+def encoding(settings: Settings) -> Encoding:
+    """How a policy is given all that is seen at once, see `Settings.history`."""
+    times = settings.history
+    return Encoding(np.tile(ENCODING.scale, times), np.tile(ENCODING.fades, times))
+
+
 def sigmas(noise: Noise) -> Array:
     """Standard deviation of each observation's noise, (36,)."""
     sigma = np.zeros(OBSERVATIONS)
@@ -57,7 +63,13 @@ def sigmas(noise: Noise) -> Array:
 
 
 def bounds(settings: Settings) -> tuple[Array32, Array32]:
-    """Least and greatest values (36,) that a sensor gives; what lies beyond is clipped."""
+    """Least and greatest values (O,) of what is seen at once; what lies beyond is clipped."""
+    low, high = _limits(settings)
+    return np.tile(low, settings.history), np.tile(high, settings.history)
+
+
+def _limits(settings: Settings) -> tuple[Array32, Array32]:
+    """Least and greatest values (36,) that a sensor gives."""
     high = np.full(OBSERVATIONS, 100.0)
     world = settings.world
     high[TARGET : TARGET + 3] = np.linalg.norm([world.length, world.width, world.depth])
@@ -74,7 +86,7 @@ def bounds(settings: Settings) -> tuple[Array32, Array32]:
 def senses(settings: Settings, vehicle: Vehicle) -> Senses:
     """The sensors of a vehicle under the settings, as the kernels take them."""
     return Senses(
-        np.stack(bounds(settings)),
+        np.stack(_limits(settings)),
         beams(settings.sonar, vehicle.hull),
         settings.sonar.reach,
         tank(settings.world),

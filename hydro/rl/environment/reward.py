@@ -1,4 +1,8 @@
-"""The reward of one control step (paper eq. 8): potential, heading, upright, success, and what they cost."""
+"""The terms that the reward of one control step is the sum of; a task chooses their weights.
+
+The paper's eq. 8: `shaping`, `posture`, `obstacle_cost`, `effort_cost` and what success and collision are
+worth; beside them `straying` of tasks that hold or follow, `alignment` and `haste` of docking.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,14 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
-from hydro.rl.environment.config import Reward
+from hydro.rl.world.config import Reward
 
 SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(8)
 NEAR, FAR, COLLISION, ENERGY, ACTION, SMOOTHNESS, PATH = range(8, 15)
+HOLD, ALIGNMENT, CLOSE, HASTE, WEIGHTS = range(15, 20)
 FALL_OFF = 1.5  # 1/m, of the obstacle cost
 NEAR_SHARE = 0.01  # of the cost of a collision, for every step within `near`
+SLOWER = 0.5  # 1/s, of the distance to a dock: speed that is not hasty beyond what the dock allows
 
 
 def weights(reward: Reward) -> Array:
@@ -68,3 +74,28 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
         change += (action[j] - before[j]) * (action[j] - before[j])
     mean = 1.0 / action.size
     return float(w[ENERGY] * power + w[ACTION] * mean * size + w[SMOOTHNESS] * mean * change)
+
+
+@jit
+def cross_track_cost(error: float) -> float:
+    """e^2 below 1 m, and 2 |e| - 1 beyond: Huber-like, once differentiable (eq. 9)."""
+    size = abs(error)
+    return size * size if size < 1.0 else 2.0 * size - 1.0
+
+
+@jit
+def straying(w: Array, away: float) -> float:
+    """Cost of being `away` [m] from what is to be held or followed."""
+    return float(w[HOLD] * cross_track_cost(away))
+
+
+@jit
+def alignment(w: Array, R: Array, away: float) -> float:
+    """Pay for a bow to the north, w (cos + 1) / 2, within `close` of the dock, `away` [m] from it."""
+    return float(w[ALIGNMENT] * 0.5 * (R[0] + 1.0)) if away < w[CLOSE] else 0.0
+
+
+@jit
+def haste(w: Array, speed: float, allowed: float, away: float) -> float:
+    """Cost of a speed [m/s] beyond what a dock `away` [m] from it allows, `allowed` where it is reached."""
+    return float(w[HASTE] * max(0.0, speed - allowed - SLOWER * away))

@@ -9,8 +9,8 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
 from hydro.core.vehicle.description import Hull
-from hydro.rl.environment.config import Sonar
 from hydro.rl.environment.geometry import FLOOR, LENGTH, RADIUS, WIDTH
+from hydro.rl.world.config import Sonar
 
 BEAMS = 15
 

@@ -13,16 +13,21 @@ from hydro.rl.environment.blocks import (
     ARRIVED,
     DIVERGED,
     ENERGY,
+    ERROR,
     FAST,
     LIMIT,
     OVERSPEED,
     PERIOD,
     RADIUS,
     RETURN,
+    SETTLING,
+    SPEED,
     STEPS,
     TERMINATED,
+    TILT,
     TOUCHED,
     TRUNCATED,
+    TURNING,
     Episodes,
     Motion,
     Outcome,
@@ -32,8 +37,17 @@ from hydro.rl.environment.blocks import (
 )
 from hydro.rl.environment.geometry import collision_kernel
 from hydro.rl.environment.observation import observe_kernel
-from hydro.rl.environment.reward import COLLISION, SUCCESS, effort_cost, obstacle_cost, posture, shaping
-from hydro.rl.environment.tasks import PILLARS
+from hydro.rl.environment.reward import (
+    COLLISION,
+    SUCCESS,
+    alignment,
+    effort_cost,
+    haste,
+    obstacle_cost,
+    posture,
+    shaping,
+    straying,
+)
 
 POWER = 1.5  # an ideal propeller's power goes with this power of its thrust
 
@@ -95,41 +109,69 @@ def step_kernel(
         outcome: Of this step.
     """
     for k in range(actions.shape[0]):
-        away = distance(scenes.goals[k], motion.pose[k])
-        mark_ends(rules, motion, scenes, k, away, outcome.flags)
+        w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
+        away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
+        totals[AGE] += 1.0
+        if 0.0 <= ends[SETTLING] < totals[AGE]:
+            totals[ERROR] += away * away
+        mark_ends(rules, motion, scenes, k, away, totals, outcome.flags)
         power = power_share(rules.table, motion.thrust[k])
-        gain = shaping(rules.weights, episodes.distance[k], away)
-        gain -= effort_cost(rules.weights, power, actions[k], episodes.action[k])
+        gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, actions[k], episodes.action[k])
         north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
-        gain += posture(rules.weights, motion.rotation[k], north, east)
-        if scenes.stages[k] >= PILLARS:
-            gain -= obstacle_cost(rules.weights, episodes.nearest[k]) + scenes.path_cost[k]
-        if outcome.flags[ARRIVED, k]:
-            gain += rules.weights[SUCCESS]
+        gain += posture(w, motion.rotation[k], north, east)
+        gain += alignment(w, motion.rotation[k], away) - haste(w, speed, ends[SPEED], away)
+        gain -= obstacle_cost(w, episodes.nearest[k]) + straying(w, away) + scenes.path_cost[k]
+        if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
+            gain += w[SUCCESS]
         if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
-            gain -= rules.weights[COLLISION]
+            gain -= w[COLLISION]
         outcome.reward[k] = gain
 
         episodes.distance[k] = away
         for j in range(actions.shape[1]):
             episodes.action[k, j] = actions[k, j]
-        episodes.totals[k, RETURN] += gain
-        episodes.totals[k, AGE] += 1.0
-        episodes.totals[k, ENERGY] += power * rules.limits[PERIOD]
-        episodes.totals[k, OVERSPEED] += 1.0 if outcome.flags[FAST, k] else 0.0
-        late = episodes.totals[k, AGE] >= rules.limits[STEPS]
-        outcome.flags[TRUNCATED, k] = not outcome.flags[TERMINATED, k] and late
+        totals[RETURN] += gain
+        totals[ENERGY] += power * rules.limits[PERIOD]
+        totals[OVERSPEED] += 1.0 if outcome.flags[FAST, k] else 0.0
 
 
 @jit
-def mark_ends(rules: Rules, motion: Motion, scenes: Scenes, k: int, away: float, flags: Mask) -> None:
-    """Write the flags of vehicle `k`, `away` [m] from its goal: all but whether its time is up."""
+def mark_ends(
+    rules: Rules, motion: Motion, scenes: Scenes, k: int, away: float, totals: Array, flags: Mask
+) -> None:
+    """Write the flags of vehicle `k`, `away` [m] from its goal, with the totals of its episode."""
+    ends, velocity = scenes.ends[k], motion.velocity[k]
     failed = bool(motion.diverged[k])
     touched = not failed and collision_kernel(
         rules.hull, rules.tank, motion.pose[k], motion.rotation[k], scenes.pillars[k]
     )
-    arrived = not failed and not touched and away <= rules.limits[RADIUS]
-    u, v, w = motion.velocity[k, 0], motion.velocity[k, 1], motion.velocity[k, 2]
+    late = totals[AGE] >= ends[STEPS]
+    arrived, ended = False, failed or touched
+    if not ended and ends[SETTLING] < 0.0:
+        arrived = ended = there(ends, motion.pose[k], velocity, away)
+    elif not ended and late:
+        arrived = root_mean_square(totals, ends) <= ends[RADIUS]
     flags[ARRIVED, k], flags[TOUCHED, k], flags[DIVERGED, k] = arrived, touched, failed
-    flags[FAST, k] = math.sqrt(u**2 + v**2 + w**2) > rules.limits[LIMIT]
-    flags[TERMINATED, k] = arrived or touched or failed
+    flags[FAST, k] = length(velocity[:3]) > rules.limits[LIMIT]
+    flags[TERMINATED, k], flags[TRUNCATED, k] = ended, late and not ended
+
+
+@jit
+def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
+    """Whether a vehicle `away` [m] from its goal is within all limits of its task."""
+    if away > ends[RADIUS] or length(velocity[:3]) > ends[SPEED] or length(velocity[3:]) > ends[TURNING]:
+        return False
+    return bool(2.0 * math.acos(min(abs(pose[3]), 1.0)) <= ends[TILT])
+
+
+@jit
+def root_mean_square(totals: Array, ends: Array) -> float:
+    """Of the distance from the goal, over the steps that count so far [m]; infinite where none does."""
+    counted = totals[AGE] - math.floor(ends[SETTLING])
+    return math.sqrt(totals[ERROR] / counted) if ends[SETTLING] >= 0.0 and counted > 0.0 else math.inf
+
+
+@jit
+def length(vector: Array) -> float:
+    """Of a vector (3,)."""
+    return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)

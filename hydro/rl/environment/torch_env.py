@@ -21,14 +21,14 @@ OUTCOMES = ("success", "collision", "diverged")
 class FleetEnv(EnvBase):  # type: ignore[misc]
     """Vehicles of a fleet as a locked batch; episodes that have ended wait for a reset.
 
-    Read are `action` (N, 6); written `observation` (N, 36), `reward`, `done`, `terminated` and `truncated`
+    Read are `action` (N, 6); written `observation` (N, O), `reward`, `done`, `terminated` and `truncated`
     (N, 1), and `success`, `collision` and `diverged` (N, 1).
     """
 
     batch_locked = True
 
     def __init__(self, fleet: Fleet) -> None:
-        """Wrap a fleet; its stage and level stay its own."""
+        """Wrap a fleet; its task and level stay its own."""
         super().__init__(device="cpu", batch_size=torch.Size([fleet.count]))
         self.fleet = fleet
         count = fleet.count

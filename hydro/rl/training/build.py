@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from hydro.core.errors import UsageError
+from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.io.model import Model
 from hydro.rl.environment import conditions
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
 from hydro.rl.training.config import TrainingConfig
+from hydro.rl.training.trials import Trial
+from hydro.rl.world.config import Settings
 from hydro.sim.plant import Plant
 from hydro.sim.teacher_plant import TeacherPlant
 
@@ -27,33 +31,46 @@ class Builder:
         vehicle: The vehicle file.
         model: The residual model of the condition, if it flies with one.
         folder: Folder of the vehicle file, where a hull mesh is looked for.
+        estimates: Covariance of the vehicle file's numbers, where there is one.
+        truth: What is flown in place of the file's vehicle; demands become commands as the file has it.
     """
 
     config: TrainingConfig
     vehicle: Vehicle
     model: Model | None = None
     folder: Path | None = None
+    estimates: Estimates | None = None
+    truth: Vehicle | None = None
 
-    def __call__(self, count: int, seed: int, simulator: Simulator = "student") -> Fleet:
-        """A fleet of `count` vehicles with tasks of a seed.
+    def __call__(
+        self, count: int, seed: int, simulator: Simulator = "student", trial: Trial | None = None
+    ) -> Fleet:
+        """A fleet of `count` vehicles with tasks of a seed; in the setting of a trial, or that of training.
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: The condition lacks its residual model, or has one that it does not fly with.
+            UsageError: The condition lacks its residual model, or has one that it does not fly with; or
+                numbers are to be drawn that it does not heed, or of which there is no covariance.
         """
-        settings = self.config.settings
-        return Fleet(settings, self._plant(count, simulator), seed, Guidance(settings, count))
-
-    def _plant(self, count: int, simulator: Simulator) -> Plant:
-        if simulator == "teacher":
-            return TeacherPlant(self.vehicle, count=count, period=self.config.settings.period)
-        config = self.config
-        condition = conditions.Condition(config.condition, self.model, config.conditioning)
-        return conditions.plant(
-            condition,
-            self.vehicle,
-            config.settings,
-            count,
-            threads=config.threads,
-            folder=self.folder,
+        settings = self.config.settings if trial is None else trial.of(self.config.settings)
+        drawn = settings.randomise
+        if (drawn.posterior or drawn.box) and self.config.condition != conditions.EFFECTS:
+            raise UsageError(
+                f"{self.config.condition} does not heed the numbers of the vehicle file's effects: draw them "
+                f"with --condition {conditions.EFFECTS}"
+            )
+        return Fleet(
+            settings,
+            self._plant(settings, count, simulator),
+            seed,
+            Guidance(settings, count),
+            believed=self.vehicle,
+            estimates=self.estimates,
         )
+
+    def _plant(self, settings: Settings, count: int, simulator: Simulator) -> Plant:
+        flown, config = self.truth or self.vehicle, self.config
+        if simulator == "teacher":
+            return TeacherPlant(flown, count=count, period=settings.period)
+        condition = conditions.Condition(config.condition, self.model, config.conditioning)
+        return conditions.plant(condition, flown, settings, count, threads=config.threads, folder=self.folder)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from hydro.core import seeds
 from hydro.core.errors import UsageError
-from hydro.rl.environment.config import Settings
-from hydro.rl.environment.tasks import STAGES
+from hydro.rl.tasks.registry import STAGES, task_of
+from hydro.rl.world.config import Settings
 
 
 def _counted(counts: Mapping[str, int]) -> None:
@@ -85,8 +85,10 @@ class Curriculum:
     """When the curriculum goes on.
 
     Attributes:
+        task: A task to be learnt by itself, at its greatest level; empty: the stages are.
         last: Last stage, 1 to 3.
-        pillars: Numbers of pillars of stage 2, one level each; stage 3 has as many as its last.
+        baffles: Numbers of baffles of stage 2, the slalom, one level each; none is open water.
+        pillars: Those of stage 3, the forest.
         share: Share of episodes without exploration that must succeed.
         ready: Share of the last episodes of training from which on they are flown; exploration itself makes
             a policy fail that would not by itself, the more the closer it passes by pillars.
@@ -95,8 +97,10 @@ class Curriculum:
             training come to; 0: when these are `ready`.
     """
 
+    task: str = ""
     last: int = 1
-    pillars: tuple[int, ...] = (0, 2, 4, 8)
+    baffles: tuple[int, ...] = (0, 1, 2, 4)
+    pillars: int = 12
     share: float = 0.97
     ready: float = 0.9
     window: int = 150
@@ -106,22 +110,28 @@ class Curriculum:
         """Refuse what is no curriculum.
 
         Raises:
-            UsageError: There is no such stage, no level of pillars, or a share that is none.
+            UsageError: There is no such stage, task or level, or a share that is none.
         """
-        if self.last not in STAGES:
-            raise UsageError(f"there is no stage {self.last}: choose 1 to {STAGES[-1]}")
-        if not self.pillars or min(self.pillars) < 0:
-            raise UsageError("stage 2 needs at least one level, of 0 pillars or more")
+        if not 1 <= self.last <= len(STAGES):
+            raise UsageError(f"there is no stage {self.last}: choose 1 to {len(STAGES)}")
+        if not self.baffles:
+            raise UsageError("stage 2 needs at least one level, of 0 baffles or more")
+        for name, level in self.levels:
+            task_of(name).require(level)
         if not (0.0 < self.share <= 1.0 and 0.0 < self.ready <= 1.0) or self.window < 1:
             raise UsageError("the curriculum goes on at a share within 0 and 1 of at least one episode")
         if self.examine < 0:
             raise UsageError(f"curriculum.examine is {self.examine}; give a number of steps, or 0")
 
     @property
-    def levels(self) -> tuple[tuple[int, int], ...]:
-        """Stage and number of pillars of every level, in order."""
-        stages = ((1, 0),), tuple((2, pillars) for pillars in self.pillars), ((3, self.pillars[-1]),)
-        return tuple(level for stage in stages[: self.last] for level in stage)
+    def levels(self) -> tuple[tuple[str, int], ...]:
+        """Task and level of every level, in order."""
+        if self.task:
+            alone = task_of(self.task)
+            return ((alone.name, alone.most),)
+        levels = (0,), self.baffles, (self.pillars,)
+        stages = zip(STAGES, levels, strict=True)
+        return tuple((name, level) for name, of in list(stages)[: self.last] for level in of)
 
 
 @dataclass(frozen=True)

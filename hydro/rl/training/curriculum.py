@@ -1,4 +1,4 @@
-"""Which task comes next: from open water through pillars to a path to follow (paper III-D)."""
+"""Which task comes next: from open water through a slalom to a forest with a plan (paper III-D)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class CurriculumProgress:
 
     Attributes:
         config: When it goes on.
-        passed: Levels behind it, stage and number of pillars.
+        passed: Levels behind it, each a task and its level.
     """
 
     def __init__(self, config: Curriculum) -> None:
         """Begin at the first level."""
         self.config = config
-        self.passed: list[tuple[int, int]] = []
+        self.passed: list[tuple[str, int]] = []
         self._window: deque[bool] = deque(maxlen=config.window)
 
     @property
@@ -28,12 +28,12 @@ class CurriculumProgress:
         return not self._ahead
 
     @property
-    def level(self) -> tuple[int, int]:
-        """Stage and pillars of the level it stands at; of the last once that is passed."""
+    def level(self) -> tuple[str, int]:
+        """Task and level that it stands at; the last once that is passed."""
         return (self._ahead or self.config.levels[-1:])[0]
 
     @property
-    def _ahead(self) -> tuple[tuple[int, int], ...]:
+    def _ahead(self) -> tuple[tuple[str, int], ...]:
         """Levels that are not passed yet."""
         return tuple(level for level in self.config.levels if level not in self.passed)
 
@@ -67,5 +67,5 @@ class CurriculumProgress:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a `state`, of this curriculum or another: what was passed stays passed."""
-        self.passed = [(stage, pillars) for stage, pillars in state["passed"]]
+        self.passed = [(task, level) for task, level in state["passed"]]
         self._window = deque(state["window"], maxlen=self.config.window)

@@ -8,14 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from hydro.core.columns import Array32, Mask
-from hydro.rl.environment.fleet import Fleet, Step
-from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.helmsman import helmsman
-from hydro.rl.environment.observation import TARGET
-from hydro.rl.environment.tasks import GUIDED
+from hydro.core.columns import Array32
+from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.interfaces import Step
+from hydro.rl.training.pilots import WithMap
 from hydro.rl.training.returns import Transition
 
 
@@ -26,7 +23,7 @@ def demonstrations(fleet: Fleet) -> Iterator[Transition]:
     is the better for knowing the way.
 
     Args:
-        fleet: Vehicles that have not flown yet, their stage and level set.
+        fleet: Vehicles that have not flown yet, its task and level set.
     """
     once = np.ones(fleet.count, dtype=np.int64)
     for observations, actions, step in _flown(fleet):
@@ -50,25 +47,11 @@ def mastered(fleet: Fleet) -> float:
 
 
 def _flown(fleet: Fleet) -> Iterator[tuple[Array32, Array32, Step]]:
-    """What is seen (N, 36), what the pilot does (N, 4) and what comes of it, for one episode's time."""
-    observations = fleet.reset()
-    chart, begun = Guidance(fleet.settings, fleet.count), np.ones(fleet.count, dtype=np.bool_)
-    for _ in range(fleet.settings.task.steps):
-        actions = np.clip(helmsman(_with_map(fleet, chart, begun, observations)), -1.0, 1.0)
+    """What is seen (N, O), what the pilot does (N, 6) and what comes of it, for one episode's time."""
+    pilot, observations = WithMap(fleet), fleet.reset()
+    for _ in range(fleet.task.steps(fleet.settings)):
+        actions = np.clip(pilot(observations), -1.0, 1.0)
         step = fleet.step(actions)
-        begun = step.terminated | step.truncated
+        pilot.begun = step.terminated | step.truncated
         yield observations, actions, step
         observations = step.obs
-
-
-def _with_map(fleet: Fleet, chart: Guidance, begun: Mask, observations: Array32) -> Array32:
-    """Observations (N, 36) with a point ahead on a planned way for a target."""
-    if fleet.stage == GUIDED:
-        return observations
-    chart.reset(begun, fleet.starts, fleet.goals, fleet.pillars)
-    pose = fleet.plant.pose
-    ahead, _ = chart.targets(np.ones(fleet.count, dtype=np.bool_), pose[:, :3])
-    seen = observations.copy()
-    turned = Rotation.from_quat(pose[:, [4, 5, 6, 3]]).inv()
-    seen[:, TARGET : TARGET + 3] = turned.apply(ahead - pose[:, :3])
-    return seen

@@ -2,46 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from hydro.core.columns import Array
-from hydro.rl.environment.fleet import Fleet, Step
+from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.tasks import GUIDED
+from hydro.rl.environment.interfaces import Step
+from hydro.rl.training.pilots import Actor, WithMap
 
 POLICY = "policy"
 """Who flies, where it is not a pilot by hand."""
-Actor = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""Observations (N, 36) to actions (N, 6)."""
 
 OUTCOMES = ("success", "collision", "diverged", "time")
 CONFIDENCE = 0.95
 POSITION = ("x", "y", "z")
-RARE = ("cross_track", "alternating")
-"""What not every task has."""
+RARE = ("tracking_error", "alternating")
+"""What not every flight has."""
 
 
 def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
     """Fly one episode with every vehicle of a fleet that has not flown yet.
 
     Args:
-        actor: The policy.
-        fleet: As many vehicles as episodes are wanted, its stage and level set.
+        actor: The policy, or a pilot.
+        fleet: As many vehicles as episodes are wanted, its task and level set.
 
     Returns:
         The episodes, a table of kind `episodes`.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
-    led = fleet.guidance if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED else None
+    chart, everybody = Guidance(fleet.settings, fleet.count), np.ones(fleet.count, dtype=np.bool_)
+    chart.reset(everybody, starts, goals, pillars)
     places, squares = [fleet.plant.pose[:, :3].copy()], np.zeros(fleet.count)
     weaved = bool(np.isfinite(pillars).any())
+    holds = fleet.task.ends(fleet.settings).settling >= 0.0
     rows: dict[int, dict[str, Any]] = {}
     while len(rows) < fleet.count:
         step = fleet.step(actor(observations))
@@ -49,15 +48,15 @@ def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
         for k in np.flatnonzero(step.terminated | step.truncated):
             if k not in rows:
                 ended = _ended(step, int(k), fleet.settings.period)
-                flown = max(int(step.info.episode_length[k]) - 1, 1)
-                off = None if led is None else float(np.sqrt(squares[k] / flown))
+                off = np.sqrt(squares[k] / max(int(step.info.episode_length[k]) - 1, 1))
+                error = {"tracking_error": float(step.info.episode_error[k] if holds else off)}
                 weaving = alternating(np.array([at[k] for at in places]), pillars[k]) if weaved else None
-                rows[int(k)] = ended | {"cross_track": off, "alternating": weaving}
+                rows[int(k)] = ended | error | {"alternating": weaving}
         if weaved:
             places.append(fleet.plant.pose[:, :3].copy())
-        if led is not None:
-            squares += led.off**2
-    level = {"stage": fleet.stage, "pillars": fleet.level}
+        chart.targets(everybody, fleet.plant.pose[:, :3])
+        squares += chart.off**2
+    level = {"task": fleet.task.name, "level": fleet.level}
     frame = pl.DataFrame(
         [level | rows[k] for k in range(fleet.count)], schema_overrides=dict.fromkeys(RARE, pl.Float64)
     )
@@ -67,22 +66,25 @@ def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
 
 
 def alternating(way: Array, pillars: Array) -> float | None:
-    """Share of the pillars passed that were passed on the other side than the one before.
+    """Share of the obstacles passed that were passed on the other side than the one before.
+
+    Pillars that are equally far north are one obstacle, a baffle, and passed where the nearest of them is.
 
     Args:
         way: Positions along a flight (K, 3), NED [m].
-        pillars: Axes of the pillars (P, 2) along north or south, NaN where there is none.
+        pillars: Axes of the pillars (P, 2), NaN where there is none.
 
     Returns:
         1 where it weaves through all, 0 where it goes round them; None where fewer than two are passed.
     """
     standing = pillars[np.isfinite(pillars).all(axis=1)]
     sides = []
-    for north, east in standing[np.argsort(standing[:, 0])]:
+    for north in np.unique(standing[:, 0]):
         ahead = way[:, 0] > north
         crossed = np.flatnonzero(ahead[1:] != ahead[:-1])
         if len(crossed):
-            sides.append(way[crossed[-1], 1] > east)
+            here, easts = way[crossed[-1], 1], standing[standing[:, 0] == north, 1]
+            sides.append(here > easts[np.argmin(np.abs(easts - here))])
     return float(np.mean(np.diff(sides))) if len(sides) > 1 else None
 
 
@@ -95,7 +97,7 @@ class Flight(NamedTuple):
         targets: What it swam to (K, 3), NED [m].
         goal: (3,), NED [m].
         pillars: Axes of the pillars (P, 2), NED [m].
-        way: Corners of the planned way (W, 3), NED [m]; none without a plan.
+        way: Corners of the planned way, or the trajectory to be followed (W, 3), NED [m]; none without.
         outcome: How it ended.
     """
 
@@ -114,9 +116,11 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
     goal, pillars = fleet.goals[0].copy(), fleet.pillars[0]
     standing = pillars[np.isfinite(pillars).all(axis=1)].copy()
     way = np.empty((0, 3))
-    if isinstance(fleet.guidance, Guidance) and fleet.stage == GUIDED:
-        way = fleet.guidance.ways[0].copy()
-    poses, targets = [fleet.plant.pose[0].copy()], [fleet.targets[0].copy()]
+    if fleet.led or isinstance(actor, WithMap):
+        chart = Guidance(fleet.settings, 1)
+        chart.reset(np.ones(1, dtype=np.bool_), fleet.starts, fleet.goals, fleet.pillars)
+        way = chart.ways[0].copy()
+    poses, targets, goals = [fleet.plant.pose[0].copy()], [fleet.targets[0].copy()], [goal]
     while True:
         step = fleet.step(actor(observations))
         observations = step.obs
@@ -124,8 +128,11 @@ def trace(actor: Actor, fleet: Fleet) -> Flight:
             break
         poses.append(fleet.plant.pose[0].copy())
         targets.append(fleet.targets[0].copy())
+        goals.append(fleet.goals[0].copy())
     t: Array = fleet.settings.period * np.arange(len(poses), dtype=np.float64)
     outcome = _ended(step, 0, fleet.settings.period)["outcome"]
+    if len(way) == 0 and (goals[0] != goals[-1]).any():
+        way = np.array(goals)
     return Flight(t, np.array(poses), np.array(targets), goal, standing, way, outcome)
 
 
@@ -153,8 +160,8 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
     Returns:
         `episodes`; `success` with `success_low`, `success_high` (Wilson, 95 %); shares of `collision` and
         `diverged`; means of `reward`, `energy` and `overspeed`; `time_to_goal`, median of those that arrived,
-        None where none did; `cross_track`, r.m.s. over episodes, and mean `alternating`, None where no task
-        has them.
+        None where none did; `tracking_error`, r.m.s. over episodes; and mean `alternating`, None where
+        nothing is passed.
     """
     count = episodes.height
     arrived = episodes.filter(pl.col("outcome") == "success")
@@ -167,7 +174,7 @@ def summary(episodes: pl.DataFrame) -> dict[str, Any]:
         **{name: episodes["outcome"].eq(name).mean() for name in ("collision", "diverged")},
         "time_to_goal": arrived["duration"].median(),
         **{name: episodes[name].mean() for name in ("reward", "energy", "overspeed")},
-        "cross_track": episodes.select(pl.col("cross_track").pow(2).mean().sqrt()).item(),
+        "tracking_error": episodes.select(pl.col("tracking_error").pow(2).mean().sqrt()).item(),
         "alternating": episodes["alternating"].mean(),
     }
 

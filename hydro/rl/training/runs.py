@@ -2,6 +2,7 @@
 
     run.parquet          every choice, with the vehicle file in its footer
     model.parquet        the residual model, where its condition flies with one
+    covariance.parquet   the covariance of the vehicle file's numbers, where one lies beside it
     curves.parquet       how learning went
     evaluations.parquet  how the policy did without exploration
     policy.parquet       what it has learnt so far
@@ -36,6 +37,7 @@ from hydro.rl.training.policy import Policy
 from hydro.rl.training.train import Training
 
 RUN, MODEL, POLICY, CHECKPOINT = "run.parquet", "model.parquet", "policy.parquet", "checkpoint.pt"
+COVARIANCE = "covariance.parquet"
 CURVES, EVALUATIONS = "curves.parquet", "evaluations.parquet"
 STAGE = "rl train"
 AGAIN = "perhaps an earlier version wrote it: train again with `hydro rl train`"
@@ -43,13 +45,17 @@ RENAMED = {"ladder": "curriculum"}
 """Groups of choices whose name in version 0.1 was another."""
 
 
-def run_artefact(
-    config: TrainingConfig, vehicle_text: str, model: Artefact | None, start: Artefact | None = None
-) -> Artefact:
-    """The table of a training's choices, made from vehicle, residual model and the policy to start from."""
+def run_artefact(config: TrainingConfig, vehicle_text: str, *sources: Artefact | None) -> Artefact:
+    """The table of a training's choices, made from its vehicle and of what else there is.
+
+    Args:
+        config: The choices.
+        vehicle_text: Text of the vehicle file.
+        sources: Residual model, covariance of the file's numbers, and the policy to start from.
+    """
     choices = _choices(config)
     frame = pl.DataFrame({"name": list(choices), "value": list(choices.values())})
-    inputs = [one for one in (model, start) if one is not None]
+    inputs = [one for one in sources if one is not None]
     return table.make(
         "run", frame, stage=STAGE, seed=config.seed, inputs=inputs, vehicle_text=vehicle_text,
         parameters={"condition": config.condition},
@@ -155,8 +161,8 @@ class Folder:
             return None
         return _read_state(self.path / CHECKPOINT)
 
-    def begin(self, run: Artefact, model: Artefact | None) -> None:
-        """Make the folder, with the choices and a copy of the residual model.
+    def begin(self, run: Artefact, model: Artefact | None, covariance: Artefact | None = None) -> None:
+        """Make the folder, with the choices and copies of the residual model and the covariance.
 
         Call it once the training itself stands: a folder with choices that cannot be trained is in the way of
         those that can.
@@ -169,8 +175,9 @@ class Folder:
         except OSError as error:
             raise explained(str(self.path), error) from error
         table.write(run, self.path / RUN)
-        if model is not None:
-            table.write(model, self.path / MODEL)
+        for copied, name in ((model, MODEL), (covariance, COVARIANCE)):
+            if copied is not None:
+                table.write(copied, self.path / name)
 
     def _require_same(self, run: Artefact) -> None:
         before = self.run()
@@ -217,6 +224,11 @@ class Folder:
         """The residual model that its condition flies with, if it does."""
         return table.read(self.path / MODEL, "model") if (self.path / MODEL).exists() else None
 
+    def covariance(self) -> Artefact | None:
+        """The covariance of the vehicle file's numbers, where there was one."""
+        there = (self.path / COVARIANCE).exists()
+        return table.read(self.path / COVARIANCE, "covariance") if there else None
+
     def learnt(self) -> dict[str, Any]:
         """The state of its learner, for another training to begin with.
 
@@ -242,8 +254,8 @@ class Reached(TypedDict):
     """What a training has come to, as far as it is read again."""
 
     steps: int
-    stage: int
-    pillars: int
+    task: str
+    level: int
 
 
 class DescribedPolicy(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

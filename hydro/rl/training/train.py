@@ -15,8 +15,9 @@ import polars as pl
 import torch
 
 from hydro.rl.environment.action import ACTIONS
-from hydro.rl.environment.fleet import Fleet, Step
-from hydro.rl.environment.observation import ENCODING
+from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.interfaces import Step
+from hydro.rl.environment.observation import encoding
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
 from hydro.rl.training.demonstrations import demonstrations
@@ -24,6 +25,7 @@ from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.sac import Learner, Losses
+from hydro.rl.training.trials import NOMINAL
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
 """Of the tasks of evaluations and of examinations: the same for every training."""
@@ -76,7 +78,7 @@ class Training:
         self.evaluations: list[dict[str, Any]] = []
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
-        self._learner = Learner(ENCODING, ACTIONS, config.sac, config.seed)
+        self._learner = Learner(encoding(config.settings), ACTIONS, config.sac, config.seed)
         self._skilled = learnt is not None
         if learnt is not None:
             self._learner.begin_with(learnt)
@@ -139,13 +141,13 @@ class Training:
 
     def policy(self) -> Policy:
         """What has been learnt so far."""
-        stage, pillars = self.curriculum.level
+        task, level = self.curriculum.level
         return self._learner.policy(
             {
                 "steps": self.steps,
                 "levels_passed": len(self.curriculum.passed),
-                "stage": stage,
-                "pillars": pillars,
+                "task": task,
+                "level": level,
             }
         )
 
@@ -185,13 +187,14 @@ class Training:
 
     def _evaluate(self, purpose: Literal["curve", "exam"], episodes: int, seed: int) -> float:
         """Share of episodes at the present level that succeed without exploration."""
-        stage, pillars = self.curriculum.level
+        task, level = self.curriculum.level
         fleet = self._build(episodes, seed)
-        fleet.set_level(stage, pillars)
+        fleet.set_level(task, level)
         with self._part("evaluating"):
             found = summary(fly(self._learner.best, fleet))
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
-        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "stage": stage, "pillars": pillars}
+        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "task": task, "level": level}
+        why |= {"setting": NOMINAL}
         self.evaluations.append(who | why | found)
         if purpose == "curve":
             self.watch.evaluation(found["success"])
@@ -199,15 +202,15 @@ class Training:
 
     def _record(self) -> None:
         """Add a point to the curves."""
-        stage, pillars = self.curriculum.level
+        task, level = self.curriculum.level
         losses = np.mean(self._losses, axis=0).tolist() if self._losses else [None] * len(Losses._fields)
         self.curves.append(
             {
                 "steps": self.steps,
                 "updates": self._learner.updates,
                 "episodes": self.episodes,
-                "stage": stage,
-                "pillars": pillars,
+                "task": task,
+                "level": level,
                 "success": self.curriculum.share,
                 "reward": float(np.mean(self._returns)) if self._returns else None,
                 "overspeed": self._overspeed,

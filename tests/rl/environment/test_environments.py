@@ -16,25 +16,25 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from torchrl.envs.utils import check_env_specs
 
-import hydro.rl  # noqa: F401  registers the environments
+import hydro.rl
 from hydro.core.errors import DataError, UsageError
-from hydro.rl.environment.config import Settings, Task
 from hydro.rl.environment.environments import Encoded, FleetConfig, Single, make_fleet
 from hydro.rl.environment.observation import ENCODING
 from hydro.rl.environment.torch_env import FleetEnv
+from hydro.rl.world.config import Episode, Settings
 
-SHORT = Settings(task=Task(steps=20))
+SHORT = Settings(task=Episode(steps=20))
 
 
-@pytest.mark.parametrize("name", ["hydro/PointToPoint-v0", "hydro/Slalom-v0", "hydro/Guided-v0"])
+@pytest.mark.parametrize("name", hydro.rl.IDS)
 def test_gymnasiums_checker_is_content(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
+        check_env(gymnasium.make(f"hydro/{name}").unwrapped, skip_render_check=True)
 
 
 def test_an_episode_through_gymnasium():
-    env = gymnasium.make("hydro/Slalom-v0", level=3, settings=SHORT, condition="R_0")
+    env = gymnasium.make("hydro/PillarRow-v0", level=3, settings=SHORT, condition="R_0")
     first, info = env.reset(seed=4)
     assert info == {}
     for step in range(20):
@@ -110,7 +110,7 @@ def vectors(mode):
 
 
 def test_a_pickled_environment_goes_on_with_the_same_bits():
-    env = gymnasium.make("hydro/Guided-v0", level=3, condition="R_0").unwrapped
+    env = gymnasium.make("hydro/Forest-v0", level=8, condition="R_0").unwrapped
     many = gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=2, settings=SHORT).unwrapped
     env.reset(seed=3)
     many.reset(seed=3)
@@ -127,8 +127,8 @@ def test_a_pickled_environment_goes_on_with_the_same_bits():
 
 
 def test_observations_may_be_encoded_as_the_policies_are_given_them():
-    env = Encoded(gymnasium.make("hydro/Slalom-v0", level=3))
-    plain = gymnasium.make("hydro/Slalom-v0", level=3)
+    env = Encoded(gymnasium.make("hydro/Slalom-v1", level=3))
+    plain = gymnasium.make("hydro/Slalom-v1", level=3)
     seen, raw = env.reset(seed=2)[0], plain.reset(seed=2)[0]
     assert env.observation_space.contains(seen)
     np.testing.assert_array_equal(seen, ENCODING(raw))
@@ -139,7 +139,7 @@ def test_observations_may_be_encoded_as_the_policies_are_given_them():
 
 @pytest.mark.skipif("MUJOCO_GL" not in os.environ, reason="pictures need MUJOCO_GL")
 def test_a_picture_shows_the_vehicle():
-    env = gymnasium.make("hydro/Slalom-v0", render_mode="rgb_array")
+    env = gymnasium.make("hydro/Slalom-v1", render_mode="rgb_array")
     env.reset(seed=1)
     picture = env.render()
     assert picture.shape == (360, 640, 3)
@@ -196,7 +196,8 @@ def test_stable_baselines3_trains_on_it():
         ({"vehicle": "no-such"}, DataError, "no-such"),
         ({"condition": "R_1"}, UsageError, "R_1.*R_PhysFeat"),
         ({"condition": "R_MLP"}, UsageError, "kind mlp, and none"),
-        ({"stage": 2, "level": 12}, UsageError, "level 12"),
+        ({"task": "slalom", "level": 12}, UsageError, "level 12"),
+        ({"task": "salom"}, UsageError, "no task 'salom': choose one of slalom"),
     ],
 )
 def test_bad_choices_are_refused_in_one_line(choices, error, word):

@@ -8,10 +8,8 @@ import pytest
 from fleets import QUIET, fleet, neutral, put, teachers, vehicle
 
 from hydro.core.errors import DataError, UsageError
-from hydro.rl.environment.config import Settings, Task
 from hydro.rl.environment.fleet import Fleet
-from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.helmsman import helmsman
+from hydro.rl.world.config import Episode, Settings
 
 
 def flown(subject, steps, seed=0):
@@ -28,7 +26,7 @@ def same(one, two):
 
 @pytest.mark.parametrize("make", [fleet, teachers])
 def test_a_fleet_goes_on_from_a_state_bit_for_bit(make):
-    short = replace(Settings(), task=Task(steps=25))
+    short = replace(Settings(), task=Episode(steps=25))
     subject = make(short, count=3)
     subject.reset()
     flown(subject, 17)
@@ -72,7 +70,7 @@ def test_the_same_tasks_in_student_and_teacher_however_they_fly():
 
 
 def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step():
-    subject = fleet(replace(QUIET, task=Task(steps=10)), count=2)
+    subject = fleet(replace(QUIET, task=Episode(steps=10)), count=2)
     subject.reset()
     for number in range(1, 11):
         step = subject.step(np.zeros((2, 6)))
@@ -85,7 +83,7 @@ def test_an_episode_ends_by_time_and_the_next_begins_in_the_same_step():
 
 
 def test_without_renewal_an_ended_episode_waits_for_its_reset():
-    subject = fleet(replace(QUIET, task=Task(steps=3)), count=2)
+    subject = fleet(replace(QUIET, task=Episode(steps=3)), count=2)
     subject.reset()
     for _ in range(3):
         step = subject.step(np.zeros((2, 6)), renew=False)
@@ -173,12 +171,12 @@ def test_conditions_fly_differently():
 def test_a_level_counts_from_the_next_episode_on():
     subject = fleet(count=2)
     subject.reset()
-    subject.set_level(2, 5)
+    subject.set_level("pillar_row", 5)
     assert np.isnan(subject.pillars).all()
     subject.reset()
     assert (np.isfinite(subject.pillars[:, :, 0]).sum(axis=1) == 5).all()
     with pytest.raises(UsageError, match="guidance"):
-        subject.set_level(3, 5)
+        subject.set_level("forest", 5)
 
 
 BELOW = np.array([0.0, 0.0, 1.0])
@@ -204,11 +202,11 @@ class Rail:
         self.goals = state["goals"].copy()
 
 
-def test_stage_3_follows_its_guidance():
+def test_what_is_led_follows_its_guidance():
     rail, plain = Rail(), fleet(count=2)
     guided = Fleet(QUIET, fleet(count=2).plant, guidance=rail)
-    guided.set_level(3, 4)
-    plain.set_level(2, 4)
+    guided.set_level("pillar_row", 4, led=True)
+    plain.set_level("pillar_row", 4)
     seen, wanted = guided.reset(), plain.reset()
     np.testing.assert_array_equal(guided.targets, guided.goals + BELOW)
     np.testing.assert_array_equal(seen[:, 3:], wanted[:, 3:])
@@ -238,27 +236,3 @@ def test_a_vehicle_without_some_axis_ignores_its_demand():
     subject.reset()
     subject.step([[0, 0, 1.0, 1.0, 1.0, 0]])
     assert (subject.plant.thrust == 0.0).all()
-
-
-def arrivals(subject):
-    """Share of a fleet's first episodes that the helmsman ends at the goal."""
-    seen, success = subject.reset(), np.zeros(subject.count, dtype=bool)
-    going = ~success
-    while going.any():
-        step = subject.step(helmsman(seen), renew=False)
-        seen, success = step.obs, success | (going & step.info.success)
-        going &= ~(step.terminated | step.truncated)
-    return success.mean()
-
-
-def test_a_slalom_asks_for_skill():
-    """A straight course meets the pillars that stand in it."""
-    subject = fleet(Settings(), count=12)
-    subject.set_level(2, 8)
-    assert arrivals(subject) < 0.5
-
-
-def test_a_slalom_can_be_swum_in_time_along_its_plan():
-    guided = Fleet(Settings(), fleet(count=6).plant, guidance=Guidance(Settings(), 6))
-    guided.set_level(3, 8)
-    assert arrivals(guided) == 1.0

@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.rl.environment.config import Settings
-from hydro.rl.environment.guidance import AHEAD, ALPHA, Guidance, cross_track_cost, nearest
+from hydro.rl.environment.guidance import ALPHA, Guidance, nearest
+from hydro.rl.environment.reward import cross_track_cost
+from hydro.rl.world.config import Settings
 
+AHEAD = Settings().task.ahead
 START, GOAL = np.array([4.0, 6.0, 2.0]), np.array([16.0, 6.0, 2.0])
 ALL = np.array([True])
 NOWHERE = np.full((1, 8, 2), np.nan)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hydro.core.vehicle.frames import rotation, rotation_from_quaternion
 from hydro.rl.environment import observation as o
-from hydro.rl.environment.config import Settings
+from hydro.rl.world.config import Settings
 
 HALF = np.pi / 2
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.frames import rotation
 from hydro.rl.environment import reward
-from hydro.rl.environment.config import Reward, Settings, World
+from hydro.rl.world.config import Reward, Settings, World
 
 W = reward.weights(Reward())
 
@@ -98,11 +98,11 @@ def test_arriving_pays_more_than_any_loitering():
     assert step.reward[0] > 500 * (Reward().heading + Reward().upright)
 
 
-def test_pillars_cost_in_stage_2_alone():
+def test_pillars_cost_where_a_task_has_them_alone():
     earned = {}
-    for stage in (1, 2):
+    for stage, task in ((1, "point_to_point"), (2, "pillar_row")):
         flown = fleet(QUIET, craft=neutral())
-        flown.set_level(stage, 0)
+        flown.set_level(task, 0)
         put(flown, goal=(18.0, 6.0, 4.0), pillars=[(14.0, 6.0)])
         earned[stage] = flown.step(np.zeros((1, 6)), renew=False).reward[0]
     assert earned[1] - earned[2] == pytest.approx(
@@ -114,7 +114,8 @@ def test_pillars_cost_in_stage_2_alone():
     ("choices", "word"),
     [
         ({"reward": Reward(success=5.0)}, "loiter|without arriving"),
-        ({"world": World(length=15.0)}, "world.length"),
+        ({"world": World(length=9.0)}, "world.length"),
+        ({"history": 0}, "history"),
         ({"period": 0.041}, "control step"),
     ],
 )

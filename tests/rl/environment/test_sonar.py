@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.frames import quaternion_from_euler, rotation
 from hydro.rl.environment import geometry
-from hydro.rl.environment.config import Sonar, World
 from hydro.rl.environment.sonar import BEAMS, beams, sonar_kernel
+from hydro.rl.world.config import Sonar, World
 from hydro.sim import scene
 from hydro.sim.bridge.states import coordinates
 

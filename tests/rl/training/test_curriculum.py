@@ -13,8 +13,15 @@ from hydro.rl.training.divergence import UPDATES, Watch
 
 
 def test_the_levels_lead_from_open_water_through_pillars_to_guidance():
-    assert Curriculum().levels == ((1, 0),)
-    assert Curriculum(last=3, pillars=(0, 4, 8)).levels == ((1, 0), (2, 0), (2, 4), (2, 8), (3, 8))
+    open_water = ("point_to_point", 0)
+    assert Curriculum().levels == (open_water,)
+    through = tuple(("slalom", baffles) for baffles in (0, 2, 4))
+    assert Curriculum(last=3, baffles=(0, 2, 4), pillars=9).levels == (open_water, *through, ("forest", 9))
+
+
+def test_a_task_may_be_learnt_alone():
+    assert Curriculum(task="docking").levels == (("docking", 0),)
+    assert Curriculum(task="slalom").levels == (("slalom", 4),)
 
 
 def test_training_is_examined_only_when_a_full_window_succeeds_often_enough():
@@ -50,18 +57,18 @@ def test_the_window_is_of_the_last_episodes(outcomes):
 
 
 def test_an_examination_passes_the_level_or_empties_the_window():
-    curriculum = CurriculumProgress(Curriculum(last=2, pillars=(0,)))
+    curriculum = CurriculumProgress(Curriculum(last=2, baffles=(0,)))
     for _ in range(150):
         curriculum.note(True)
     assert not curriculum.examined(0.96)
-    assert curriculum.level == (1, 0)
+    assert curriculum.level == ("point_to_point", 0)
     assert not curriculum.ready
     assert curriculum.examined(0.98)
-    assert curriculum.level == (2, 0)
+    assert curriculum.level == ("slalom", 0)
     assert not curriculum.done
     assert curriculum.examined(1.0)
     assert curriculum.done
-    assert curriculum.level == (2, 0)
+    assert curriculum.level == ("slalom", 0)
 
 
 def test_a_longer_curriculum_goes_on_where_the_shorter_one_ended():
@@ -69,16 +76,16 @@ def test_a_longer_curriculum_goes_on_where_the_shorter_one_ended():
     short.examined(1.0)
     longer = CurriculumProgress(Curriculum(last=3))
     longer.restore(short.state())
-    assert longer.level == (2, 0)
+    assert longer.level == ("slalom", 0)
 
 
 def test_what_was_passed_stays_passed_in_another_curriculum():
-    before = CurriculumProgress(Curriculum(last=2, pillars=(0, 1, 2)))
+    before = CurriculumProgress(Curriculum(last=2, baffles=(0, 1, 2)))
     for _ in range(3):
         before.examined(1.0)
-    after = CurriculumProgress(Curriculum(last=2, pillars=(0, 4, 8)))
+    after = CurriculumProgress(Curriculum(last=2, baffles=(0, 3, 4)))
     after.restore(before.state())
-    assert after.level == (2, 4)
+    assert after.level == ("slalom", 3)
     assert not after.done
 
 
@@ -87,8 +94,9 @@ def test_what_was_passed_stays_passed_in_another_curriculum():
     [
         {"last": 0},
         {"last": 4},
-        {"pillars": ()},
-        {"pillars": (-1,)},
+        {"baffles": ()},
+        {"baffles": (-1,), "last": 2},
+        {"task": "no-such"},
         {"share": 0.0},
         {"ready": 1.1},
         {"window": 0},

@@ -97,6 +97,8 @@ def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radi
     start, goal = np.asarray(start, float), np.asarray(goal, float)
     standing = np.asarray(pillars, float)
     standing = np.ascontiguousarray(standing[np.isfinite(standing).all(axis=1)])
+    if _clear(start[:2], goal[:2], standing, radius + grid.margin - grid.cell):
+        return _with_depth(np.stack([start[:2], goal[:2]]), start[2], goal[2])
     for share in RELAXED:
         free = grid.free(standing, radius, share)
         cells = astar(free, grid.of(start[:2]), grid.of(goal[:2]))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from hydro.core.errors import DataError, UsageError
-from hydro.rl.environment.planner import Grid, astar, plan
+from hydro.rl.world.planner import Grid, astar, plan
 
 TANK = Grid(24.0, 12.0)
 NOWHERE = np.full((8, 2), np.nan)

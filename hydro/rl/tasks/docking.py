@@ -1,0 +1,48 @@
+"""Docking: to arrive slowly, level and with the bow to the north."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
+from hydro.rl.world.config import Reward, Settings
+
+HASTE = 0.1
+"""Weight of every m/s too fast."""
+
+
+class Docking(Task):
+    """A dock to the north, to be entered at a pose, and no faster than it allows.
+
+    Observations have no heading of the dock, so that it is the same for all: level, bow to the north.
+    """
+
+    name = "docking"
+    patience = 2.0
+
+    def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
+        """Draw the dock, and a start south of it, heading anywhere."""
+        task, world, docking = settings.task, settings.world, settings.docking
+        low = np.full(3, task.margin)
+        high = np.array([world.length, world.width, world.depth]) - task.margin
+        while True:
+            dock = rng.uniform(low, high)
+            bearing = np.pi + rng.uniform(-docking.bearing, docking.bearing)
+            away = rng.uniform(task.least, task.most)
+            start = dock + away * np.array([np.cos(bearing), np.sin(bearing), 0.0])
+            start[2] += rng.uniform(-1.0, 1.0)
+            if (start >= low).all() and (start <= high).all():
+                return Scene(start, rng.uniform(-np.pi, np.pi), dock[None], nowhere())
+
+    def reward(self, settings: Settings) -> Reward:
+        """With pay for standing as the dock does and a cost of haste; the heading there counts half."""
+        given = super().reward(settings)
+        half = 0.5 * given.heading
+        return replace(given, heading=half, alignment=half, haste=HASTE)
+
+    def ends(self, settings: Settings) -> Ends:
+        """Within the limits of pose and speed."""
+        given = settings.docking
+        return Ends(self.steps(settings), given.within, given.tilt, given.speed, given.turning)

@@ -1,0 +1,18 @@
+"""Point to point in open water: the first stage of the curriculum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.rl.tasks.task import Scene, Task, open_water
+from hydro.rl.world.config import Settings
+
+
+class PointToPoint(Task):
+    """Start, heading and goal at random in open water."""
+
+    name = "point_to_point"
+
+    def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
+        """Draw start, heading and goal."""
+        return open_water(settings, rng)

@@ -1,0 +1,62 @@
+"""A slalom that must be weaved: the second stage of the curriculum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import UsageError
+from hydro.rl.tasks.task import Scene, Task, along, depths, open_water, with_obstacles
+from hydro.rl.world.config import Reward, Settings
+
+
+class Slalom(Task):
+    """Baffles of pillars alternately from both long walls, each past the middle: none can be gone round."""
+
+    name = "slalom"
+    levels = "baffles"
+    most = 4
+    patience = 2.0
+
+    def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
+        """Baffles across a course north or south, as far from each other as the tank allows at random.
+
+        Raises:
+            UsageError: The tank is too short for so many.
+        """
+        if level == 0:
+            return open_water(settings, rng)
+        task, world, slalom = settings.task, settings.world, settings.slalom
+        spare = world.length - 2.0 * (task.margin + slalom.run_up) - (level - 1) * slalom.spacing
+        if spare < 0.0:
+            raise UsageError(
+                f"a slalom of {level} baffles needs a tank {-spare:.3g} m longer: lengthen world.length, or "
+                "take fewer"
+            )
+        south = bool(rng.random() < 0.5)
+        # The spare length goes to the gaps: before the first baffle, between them, and behind the last.
+        gaps = np.diff(np.r_[0.0, np.sort(rng.uniform(0.0, spare, level)), spare])
+        north = task.margin + slalom.run_up + np.cumsum(gaps[:-1]) + slalom.spacing * np.arange(level)
+        from_west = (np.arange(level) + rng.integers(2)) % 2 == 0
+        pillars = np.concatenate(
+            [
+                _baffle(settings, x, float(rng.uniform(*slalom.reach)), west)
+                for x, west in zip(north, from_west, strict=True)
+            ]
+        )
+        shy = task.margin + 1.0  # of the side walls, where the way turns
+        sides = rng.uniform(shy, world.width - shy, 2)
+        depth, other = depths(settings, rng)
+        ends = np.array([[task.margin, sides[0], depth], [world.length - task.margin, sides[1], other]])
+        return along(settings, ends, pillars, south, rng)
+
+    def reward(self, settings: Settings) -> Reward:
+        """With costs of nearness."""
+        return with_obstacles(self, settings)
+
+
+def _baffle(settings: Settings, north: float, reach: float, from_west: bool) -> Array:
+    """Axes of the pillars of one baffle (P, 2), the last of them where it ends."""
+    radius, gap = settings.world.pillar_radius, settings.slalom.gap
+    east = np.arange(reach - radius, -radius, -gap)[::-1]
+    return np.column_stack([np.full(len(east), north), east if from_west else settings.world.width - east])

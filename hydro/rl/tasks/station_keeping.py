@@ -1,0 +1,43 @@
+"""Station keeping: a place to be held in a current."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hydro.rl.tasks.task import Ends, Scene, Task, nowhere
+from hydro.rl.world.config import Reward, Settings
+
+CLEAR = 1.5
+"""Distance that the place keeps from floor, surface and walls beyond that of the start [m]."""
+HOLD = 0.05
+"""Weight of the distance from what is to be held."""
+
+
+class StationKeeping(Task):
+    """A place in open water to be held in a current until time is up."""
+
+    name = "station_keeping"
+
+    def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
+        """Draw the place, the current, and a start nearby."""
+        world, station = settings.world, settings.station
+        size = np.array([world.length, world.width, world.depth])
+        margin = settings.task.margin
+        place = rng.uniform(np.full(3, margin + CLEAR), size - margin - CLEAR)
+        way = rng.standard_normal(3)
+        start = place + rng.uniform(0.0, station.away) * way / np.linalg.norm(way)
+        start = np.clip(start, margin, size - margin)
+        towards, speed = rng.uniform(-np.pi, np.pi), rng.uniform(*station.current)
+        current = speed * np.array([np.cos(towards), np.sin(towards), 0.0])
+        return Scene(start, rng.uniform(-np.pi, np.pi), place[None], nowhere(), current)
+
+    def reward(self, settings: Settings) -> Reward:
+        """With a cost of the distance, and nothing for the heading."""
+        return replace(super().reward(settings), hold=HOLD, heading=0.0)
+
+    def ends(self, settings: Settings) -> Ends:
+        """The error counts once the vehicle has had time to come there."""
+        station = settings.station
+        return Ends(self.steps(settings), station.within, settling=station.settling / settings.period)
