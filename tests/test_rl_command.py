@@ -135,6 +135,70 @@ def test_a_pilot_by_hand_flies_a_vehicle_file_without_any_training(tmp_path: Pat
     assert 0.0 < row["tracking_error"] < 0.5
 
 
+def test_settings_are_flown_beside_the_pilot(run: Path, tmp_path: Path) -> None:
+    """Without a covariance there is no posterior, and in open water no plan to leave out."""
+    out = tmp_path / "settings.parquet"
+    assert rl("eval", run, "--setting", "all", "--episodes", 3, "-o", out) == 0
+    result = table.read(out, "evaluations").frame
+    settings = ["nominal", "current", "load", "dead_thruster", "half_time"]
+    assert result["setting"].unique(maintain_order=True).to_list() == settings
+    assert result["flown_by"].to_list() == ["policy", "helmsman"] * len(settings)
+    assert result.filter(flown_by="helmsman")["reward"].n_unique() == len(settings)
+
+
+def test_a_plan_may_be_left_out_and_the_map_with_it(tmp_path: Path) -> None:
+    out = tmp_path / "planless.parquet"
+    line = ["eval", VEHICLE, "--task", "forest", "--level", 8, "--setting", "no_plan", "--episodes", 3]
+    assert rl(*line, "-o", out) == 0
+    (row,) = table.read(out, "evaluations").frame.rows(named=True)
+    assert (row["flown_by"], row["setting"], row["success"]) == ("helmsman", "no_plan", 0.0)
+
+
+def test_another_vehicle_may_be_the_truth(tmp_path: Path, datasets: Path) -> None:
+    """A vehicle with three times the drag arrives later than the file says."""
+    slow = tmp_path / "slow.toml"
+    slow.write_text(Path(VEHICLE).read_text().replace("diagonal = [95.0,", "diagonal = [300.0,"))
+    times = []
+    for truth in ([], ["--truth", slow]):
+        out = tmp_path / "truth.parquet"
+        assert rl("eval", VEHICLE, "--episodes", 4, *truth, "-o", out) == 0
+        times.append(table.read(out, "evaluations").frame["time_to_goal"].item())
+    assert times[1] > times[0] + 0.2
+    five = datasets / "vehicles" / "remus100.toml"
+    assert rl("eval", VEHICLE, "--truth", five, "--episodes", 1, "-o", tmp_path / "x") == 2
+
+
+def test_a_vehicle_with_a_covariance_is_drawn_from_it(tmp_path: Path) -> None:
+    """The run keeps a copy, from which its policy is tested."""
+    from hydro.core.simulation.estimates import Estimate, Estimates
+    from hydro.io import covariance
+
+    vehicle = tmp_path / "vehicle.toml"
+    vehicle.write_text(Path(VEHICLE).read_text())
+    drag = Estimate("quadratic_damping", "diagonal", (0,), "kg/m", 95.0)
+    covariance.write(
+        Estimates((drag,), covariance=pl.DataFrame({"a": [100.0]}).to_numpy()),
+        vehicle,
+        stage="fit",
+        inputs=[],
+        vehicle_text=vehicle.read_text(),
+    )
+    run = tmp_path / "run"
+    line = ["train", vehicle, "--steps", 80, "--randomise", "posterior", "--randomise", "current=0.2"]
+    assert rl(*line, *SMALL, "-o", run) == 0
+    assert (run / "covariance.parquet").exists()
+    out = tmp_path / "drawn.parquet"
+    assert rl("eval", run, "--setting", "posterior", "--no-pilot", "--episodes", 3, "-o", out) == 0
+    assert table.read(out, "evaluations").frame["setting"].to_list() == ["posterior"]
+
+
+def test_a_task_is_trained_alone(tmp_path: Path) -> None:
+    line = ["train", VEHICLE, "--task", "station-keeping", "--steps", 80, *SMALL, "-o", tmp_path / "run"]
+    assert rl(*line) == 0
+    found = table.read(tmp_path / "run" / "evaluations.parquet", "evaluations").frame
+    assert set(found["task"]) == {"station_keeping"}
+
+
 def test_a_policy_may_fly_without_the_pilot(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "alone.parquet"
     assert rl("eval", run, "--no-pilot", "--episodes", 3, "-o", out) == 0
@@ -190,6 +254,23 @@ def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
         (("train", VEHICLE, "--condition", "R_1", "-o", "x"), "there is no condition 'R_1'", 2),
         (("train", VEHICLE, "--condition", "R_MLP", "-o", "x"), "flies with a residual model", 2),
         (("train", VEHICLE, "--start", "nowhere", "-o", "x"), "nowhere", 1),
+        (
+            ("train", VEHICLE, "--task", "dock", "-o", "x"),
+            "there is no task 'dock': choose one of docking",
+            2,
+        ),
+        (("train", VEHICLE, "--randomise", "much", "-o", "x"), "give posterior, a share such as 0.2", 2),
+        (("train", VEHICLE, "--randomise", "posterior", "-o", "x"), "no covariance of its numbers", 2),
+        (("train", VEHICLE, "--randomise", "wind=1", "-o", "x"), "no choice is called", 2),
+        (
+            ("train", VEHICLE, "--condition", "R_0", "--randomise", "0.2", "-o", "x"),
+            "R_0 does not heed the numbers",
+            2,
+        ),
+        (("eval", VEHICLE, "--setting", "storm", "-o", "x"), "there is no setting 'storm'", 2),
+        (("eval", VEHICLE, "--setting", "no_plan", "-o", "x"), "without a plan to leave out", 2),
+        (("eval", VEHICLE, "--task", "slalom", "--stage", "2", "-o", "x"), "give one of them", 2),
+        (("eval", VEHICLE, "--task", "slalom", "--level", "9", "-o", "x"), "choose 0 to 4", 2),
         *(
             (("train", VEHICLE, "--set", choice, "-o", "x"), f"{choice.split('=')[0]} is", 2)
             for choice in (

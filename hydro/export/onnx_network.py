@@ -24,7 +24,10 @@ def to_onnx(trained: Model | Policy) -> bytes:
 
 
 def of_policy(policy: Policy) -> bytes:
-    """The graph of a policy: `observations` (N, O) in SI units to `actions` (N, A), all float32."""
+    """The graph of a policy: `observations` (N, O) in SI units to `actions` (N, A), all float32.
+
+    A policy that sees several observations at once takes them one after another, the newest first.
+    """
     import torch
 
     from hydro.learn.export import graph
@@ -33,8 +36,8 @@ def of_policy(policy: Policy) -> bytes:
 
     count = len(policy.encoding)
     described = {"actions": "shares of the authority on each axis, in [-1, 1]"}
-    if count == len(NAMES):
-        described["observations"] = " ".join(NAMES)
+    seen = count // len(NAMES)
+    described["observations"] = " ".join(NAMES) if seen == 1 else f"{seen} x {' '.join(NAMES)}, newest first"
     return graph(Whole(policy).eval(), {"observations": torch.zeros(2, count)}, "actions", described)
 
 

@@ -19,7 +19,7 @@ from hydro.rl.training.demonstrations import demonstrations
 from hydro.rl.training.evaluate import alternating, fly, interval, summary, trace
 from hydro.rl.training.runs import Folder, changed, config_of, policy_of, run_artefact
 from hydro.rl.training.train import Training
-from hydro.rl.world.config import Episode, Settings
+from hydro.rl.world.config import Episode, Randomisation, Settings
 
 SHORT = Settings(task=Episode(steps=10))
 QUICK = TrainingConfig(
@@ -30,7 +30,7 @@ QUICK = TrainingConfig(
     sac=SACConfig(layers=(16,), batch=16, capacity=300, random=40),
     settings=SHORT,
 )
-TABLES = ("run.parquet", "curves.parquet", "evaluations.parquet", "policy.parquet")
+TABLES = ("run.parquet", "curves.parquet", "evaluations.parquet", "policy.parquet", "checkpoint.pt")
 EVERYWHERE = replace(SHORT, task=Episode(steps=10, radius=100.0))  # every episode succeeds at its first step
 
 
@@ -55,7 +55,14 @@ def train(path, config, auv151, evaluations=1000):
     return training
 
 
-@pytest.mark.parametrize("shown", [{}, {"demonstrations": 3, "clone": 5}], ids=["alone", "shown"])
+DRAWN = replace(SHORT, history=2, randomise=Randomisation(box=0.1, current=0.2, load=0.1, late=0.04))
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [{}, {"demonstrations": 3, "clone": 5}, {"settings": DRAWN}],
+    ids=["alone", "shown", "of drawn vehicles"],
+)
 def test_going_on_after_a_kill_gives_the_bytes_of_never_having_stopped(tmp_path, auv151, shown):
     """More steps than memory holds, so that it has been overwritten when the kill comes."""
     config = replace(QUICK, steps=480, **shown)

@@ -28,6 +28,7 @@ from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.config import SACConfig
+from hydro.rl.training.memory import pack, unpack
 from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
 
@@ -302,14 +303,14 @@ class Learner:
         return Losses(*(loss.detach() for loss in losses))
 
     def state(self) -> dict[str, Any]:
-        """Everything that the future depends on, for `torch.save`; a copy of a memory not yet full alone."""
+        """Everything that the future depends on, for `torch.save`; memories packed, see `training.memory`."""
         return {
             "loss": self.loss.state_dict(),
             "average": self._average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "generators": {name: each.get_state() for name, each in self._generators.items()},
             "memories": {
-                name: (_transitions(memory), memory.writer.state_dict())
+                name: (pack(_transitions(memory)), memory.writer.state_dict())
                 for name, memory in self._memories.items()
             },
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
@@ -335,9 +336,9 @@ class Learner:
         for name, each in self._generators.items():
             each.set_state(state["generators"][name])
         for name, memory in self._memories.items():
-            transitions, writer = state["memories"][name]
+            packed, writer = state["memories"][name]
             memory.empty()
-            if transitions:
+            if transitions := unpack(packed):
                 rows = len(transitions["action"])
                 memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
             memory.writer.load_state_dict(writer)
@@ -345,14 +346,9 @@ class Learner:
         self.updates = state["updates"]
 
 
-def _transitions(memory: ReplayBuffer) -> dict[str, Any]:
-    """What a memory holds; of one that is not full a copy, for a view is saved with all behind it."""
-    if not len(memory):
-        return {}
-    kept = memory[:]
-    if len(kept) < memory.storage.max_size:
-        kept = kept.clone()
-    transitions: dict[str, Any] = kept.flatten_keys(".").to_dict()
+def _transitions(memory: ReplayBuffer) -> dict[str, Tensor]:
+    """What a memory holds."""
+    transitions: dict[str, Tensor] = memory[:].flatten_keys(".").to_dict() if len(memory) else {}
     return transitions
 
 
