@@ -26,6 +26,8 @@ from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
 from hydro.core.columns import POSE, VELOCITY, Array
+from hydro.core.diagnosis.baseline import allowing_for_waves, refit, stable_start
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
@@ -39,9 +41,9 @@ from hydro.core.vehicle.thrusters import configuration_matrix
 DT = 0.02
 SESSIONS = ("walk", "coupled", "walk")
 ATTEMPTS = 200
-DEPTH = 5.0
+DEPTH, SHALLOW = 5.0, {"surface_suction": 1.5, "ocean_waves": 3.0}
+"""Where sessions begin [m], and those of some effects."""
 MIDDLE = 20.0
-"""Where sessions begin [m]."""
 Draw = Callable[[np.random.Generator, Vehicle], dict[str, Any]]
 
 
@@ -158,6 +160,12 @@ TRUTHS: dict[str, Draw] = {
     "fluid_memory": lambda rng, v: {"K": [axes(v, 0.3, rng)], "rates": [float(rng.uniform(0.5, 3.0))]},
     "current_shear": lambda rng, v: several(("g_N", "g_E"), [0.08, 0.08], rng) | {"z_0": DEPTH},
     "current_trend": lambda rng, v: several(("a_N", "a_E"), [4e-3, 4e-3], rng) | {"t_0": MIDDLE},
+    "ocean_waves": lambda rng, v: {
+        "height": within(0.3, 1.2, signs=False)(rng),
+        "period": within(5.0, 9.0, signs=False)(rng),
+        "direction": float(rng.uniform(0.0, 2.0 * np.pi)),
+        "peak": within(0.0, 5.0, signs=False)(rng),
+    },
     "drifting_ballast": lambda rng, v: {
         "S": [float(0.01 * mass(v) * rng.uniform(0.5, 1.5)) for _ in range(2)],
         "tilt": within(0.1, 0.4, signs=False)(rng),
@@ -267,10 +275,12 @@ def recovered(
     effect, _, _ = name.partition(".")
     hidden = next(iter(truth.effects(effect)))
     form = next((f".{key}" for key in CATALOGUE[effect].one_of if key in hidden), "")
-    depth = 1.5 if name == "surface_suction" else DEPTH
-    motion = simulate(truth, commands(vehicle, seconds, seed, depth))
+    depth = SHALLOW.get(name, DEPTH)
+    motion = simulate(truth, commands(vehicle, seconds, seed, depth), sea=seed)
     logged = disturb(motion.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     raw = motion.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+    if CATALOGUE[effect].is_random:
+        return recovered_sea(misjudged(known, rng), hidden, raw)
     others = [other for other in damping_of(known) if other != effect]
     found = fit(misjudged(known, rng), raw, [effect + form, *BESIDE.get(effect, ()), *others])
     mine = np.array([entry.effect == effect for entry in found.free.entries])
@@ -282,6 +292,28 @@ def recovered(
         "worst": float(np.abs(z).max()),
         "z": z.tolist(),
         "chi2": found.chi2,
+        "failure": "",
+    }
+
+
+def recovered_sea(file: Vehicle, hidden: Mapping[str, Any], raw: pl.DataFrame) -> dict[str, Any]:
+    """The same of waves, which no fit finds: as a diagnosis estimates them, damping fitted beside them."""
+    log = preprocess(file, raw)
+    start, problem = stable_start(file, log)
+    baseline = allowing_for_waves(refit(file, log, problem, start))
+    sea = baseline.sea
+    if sea is None:
+        raise DataError("no waves are seen")
+    off = sea.values - [hidden[parameter.name] for parameter in CATALOGUE[hidden["name"]].parameters]
+    off[2] = (off[2] + np.pi) % (2.0 * np.pi) - np.pi  # the direction
+    z = off / np.sqrt(np.diag(sea.spread))
+    return {
+        "entries": len(z),
+        "within": int((np.abs(z) <= 3.0).sum()),
+        "determined": len(z),
+        "worst": float(np.abs(z).max()),
+        "z": z.tolist(),
+        "chi2": baseline.refitted.normal.chi2,
         "failure": "",
     }
 

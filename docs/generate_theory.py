@@ -106,6 +106,7 @@ REFERENCES = """## References
 - Cummins, W. E. (1962). The impulse response function and ship motions. *Schiffstechnik* 9, 101-109.
 - Fossen, T. I. (1994). *Guidance and Control of Ocean Vehicles*. Wiley.
 - Fossen, T. I. (2011). *Handbook of Marine Craft Hydrodynamics and Motion Control*. Wiley.
+- Hasselmann, K. et al. (1973). Measurements of wind-wave growth and swell decay during the Joint North Sea Wave Project (JONSWAP). *Ergänzungsheft zur Deutschen Hydrographischen Zeitschrift* A8 (12).
 - Hoerner, S. F. (1965). *Fluid-Dynamic Drag*. Published by the author.
 - Kinsey, J. C. and Whitcomb, L. L. (2007). In situ alignment calibration of attitude and Doppler sensors for precision underwater vehicle navigation: theory and experiment. *IEEE Journal of Oceanic Engineering* 32(2), 286-299.
 - Lewis, E. V. (ed.) (1988). *Principles of Naval Architecture*, volume I: Stability and Strength. SNAME.

@@ -35,6 +35,7 @@ LEVELS = {
         ("diagnosis",),
         ("difference",),
         ("experiment",),
+        ("sea",),
         ("evaluation",),
         ("preprocessing",),
         ("residual",),

@@ -18,13 +18,15 @@ if TYPE_CHECKING:
 
 
 @vehicle_first
-def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
+def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
     """Move a vehicle by commands, with every effect of its file.
 
     Args:
         vehicle: the vehicle.
         commands: `session`, `t` [s] and `cmd_1 ... cmd_n` in [-1, 1], each row held until the next: every
             session starts at rest at the origin. Or a raw table, whose own rows give the initial states.
+        sea: seed of the waves of its file, drawn for every session anew; without, the sea is calm, as in
+            every prediction.
 
     Returns:
         The raw table of what it would have logged, without noise.
@@ -35,7 +37,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     from hydro.core.simulation.simulate import simulate as move
     from hydro.io.table import conform
 
-    return conform("raw", move(vehicle, commands))
+    return conform("raw", move(vehicle, commands, sea=sea))
 
 
 @vehicle_first

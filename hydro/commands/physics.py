@@ -12,6 +12,7 @@ from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
 from hydro.commands.shell import STREAM, about, progress, refuse_terminal, seed_option, tell_voltage, write
 from hydro.commands.tables import person, print_table
+from hydro.core import seeds
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
@@ -37,6 +38,15 @@ def simulate(
     ] = False,
     draws: Annotated[int, typer.Option(min=40, help="Vehicles drawn for the bands.")] = 100,
     seed: Annotated[int, seed_option("Seed of the draws.")] = 0,
+    sea: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=seeds.LARGEST,
+            show_default=False,
+            help="Draw the waves of VEHICLE from this seed, for each session anew; without, the sea is calm.",
+        ),
+    ] = None,
     map_: MapFile = None,
     msg: Definitions = None,
     output: Output = STREAM,
@@ -45,7 +55,8 @@ def simulate(
 
     Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a
     raw table starts each session, and restarts after each gap, from the state of its own row. The recording
-    is free of noise and carries the vehicle file, so that no later stage needs --vehicle.
+    is free of noise and carries the vehicle file, so that no later stage needs --vehicle. Waves have no place
+    in a prediction: with --sea they are drawn, as one of the seas that the file stands for.
 
     With --bands, parameters are drawn from the covariance beside the vehicle file, which hydro fit, add and
     explain write (vehicle.toml: vehicle.covariance.parquet), and every draw is simulated: the table then has
@@ -61,12 +72,15 @@ def simulate(
     name = called(commands)
     source = Logs(map_, msg, vehicle).read(commands, "commands", "raw")
     tell_voltage(known, source.frame)
+    if bands and sea is not None:
+        raise UsageError("--sea draws one sea, and --bands many vehicles in a calm one: give one of the two")
     if bands:
         write(_bands(vehicle, source, name, draws, seed), output)
         return
     with about(name):
-        frame = move(known, source.frame)
-    write(table.make("raw", frame, stage="simulate", inputs=[source], vehicle_text=text), output)
+        frame = move(known, source.frame, sea=sea)
+    made = table.make("raw", frame, stage="simulate", seed=sea, inputs=[source], vehicle_text=text)
+    write(made, output)
 
 
 def _bands(vehicle: Path, source: Artefact, name: str, draws: int, seed: int) -> Artefact:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from hydro.core.columns import MOTION as MOTION_COLUMNS
 from hydro.core.columns import Array, command_columns
 from hydro.core.compiled import jit
-from hydro.core.effects import Program, assemble, inertia_matrix, sensor, validate, velocity_log
+from hydro.core.effects import CATALOGUE, Program, assemble, inertia_matrix, sensor, validate, velocity_log
 from hydro.core.effects.catalogue import with_role
 from hydro.core.effects.inertia import ADDED_MASS
 from hydro.core.effects.layout import TIME
@@ -193,6 +193,7 @@ def fly(
     heading: float = 0.0,
     hold_heading: bool = False,
     nu: ArrayLike = (0.0,) * 6,
+    sea: Sequence[int] = (0,),
 ) -> tuple[Array, Array]:
     """True motion of one session, from a level attitude, and the commands that made it.
 
@@ -203,6 +204,7 @@ def fly(
         heading: Heading of the start, and of the hold [rad].
         hold_heading: Whether heading is held besides depth, roll and pitch.
         nu: Velocity of the start over ground (6,), body axes; rest by default [m/s, rad/s].
+        sea: Seeds of the waves, where the file has them or they are hidden.
 
     Returns:
         Motion (N, 12) x … psi, u … r, and effective commands (N, n), see `recording.supply`.
@@ -216,6 +218,8 @@ def fly(
     aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
     states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
     crew, program = subject.mixing, subject.program
+    if any(CATALOGUE[table["name"]].is_random for table in subject.vehicle.effect):
+        program = assemble(subject.vehicle, sea=sea)
     wrenches = np.ascontiguousarray(demand) * crew.authority
     pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, first[2], aim)
     course = Course(commands, np.arange(rows) / LOG_RATE, SUBSTEPS, 1.0 / (LOG_RATE * SUBSTEPS))
@@ -234,7 +238,12 @@ def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: 
     heading_rng, noise_rng = (np.random.default_rng([seed, session.number + 1, use]) for use in (1, 2))
     heading = float(heading_rng.uniform(-np.pi, np.pi))
     motion, commands = fly(
-        subject, demand, depth=depth, heading=heading, hold_heading=holds_heading(session.kind)
+        subject,
+        demand,
+        depth=depth,
+        heading=heading,
+        hold_heading=holds_heading(session.kind),
+        sea=(seed, session.number + 1),
     )
     t = np.arange(session.rows) / LOG_RATE
     motion[:, 6:] = sensor.measured(subject.log, t, motion[:, 6:])

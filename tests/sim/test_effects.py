@@ -12,6 +12,7 @@ from sim.effects import DT, EFFECTS, ETA, NU, ROWS, commands, preset, with_effec
 from hydro.core.effects import CATALOGUE, assemble
 from hydro.core.simulation.simulate import steps_of_row, trajectory
 from hydro.sim.bridge import mjcf, native, states
+from hydro.sim.bridge.water import wet
 from hydro.sim.student import Physics, Student
 
 PRESETS = ("auv151", "bluerov2_heavy", "remus100", "stonefish")
@@ -95,7 +96,24 @@ def test_an_effect_acts_as_simulated(datasets, name, effect):
 
 
 def test_every_effect_on_the_motion_is_tried():
-    assert set(EFFECTS) == {name for name, effect in CATALOGUE.items() if effect.kind != "sensor"}
+    moving = {name for name, one in CATALOGUE.items() if one.kind != "sensor" and not one.is_random}
+    assert set(EFFECTS) == moving
+
+
+def test_a_sea_moves_a_vehicle_in_mujoco_as_in_the_simulation(datasets):
+    vehicle = preset(datasets, "auv151")
+    waves = {"name": "ocean_waves", "height": 0.6, "period": 4.0, "direction": 0.7, "peak": 2.3}
+    vehicle = msgspec.structs.replace(vehicle, effect=(*vehicle.effect, waves))
+    held, t = minute(vehicle)[:1], np.arange(ROWS + 1) * DT
+    student = Student(vehicle, wet(vehicle, sea=(7,)), physics=Physics(integrator="rk4"))
+    student.start(ETA[None], STARTS[:1])
+    found = student.fly(held, round(DT / 0.002))[0]
+    commands = np.vstack([held[0], held[0, -1:]])
+    seas = [
+        trajectory(assemble(vehicle, sea=sea), commands, t, eta=ETA, nu=STARTS[0]) for sea in ((7,), None)
+    ]
+    assert np.abs(found - seas[0][1:])[:, 6:].max() < 1e-6
+    assert np.abs(found - seas[1][1:])[:, 6:].max() > 0.05
 
 
 @pytest.mark.parametrize("integrator", ["euler", "implicitfast"])

@@ -289,3 +289,16 @@ def test_bad_input_is_told():
     explosive = [{"name": "body_lift", "L11": -1e6}]
     with pytest.raises(DataError, match="diverges by t ="):
         fly(teacher(craft(), hidden=explosive), demand(500, surge=0.5, sway=0.1))
+
+
+def test_hidden_waves_move_the_teacher_by_seed_and_session_and_never_its_calm_water() -> None:
+    waves = {"name": "ocean_waves", "height": 0.6, "period": 4.0, "direction": 0.7}
+    calm, rough = teacher(craft()), teacher(craft(), hidden=[waves])
+    still = demand(200)
+    at_rest, _ = fly(calm, still, depth=3.0)
+    moved = [fly(rough, still, depth=3.0, sea=sea)[0] for sea in ((1, 1), (1, 1), (1, 2))]
+    np.testing.assert_array_equal(moved[0], moved[1])
+    assert np.abs(moved[0] - moved[2])[:, 6:9].max() > 0.02
+    assert np.abs(moved[0] - at_rest)[:, 6:9].max() > 0.05
+    flat, _ = fly(teacher(craft(), hidden=[waves | {"height": 0.0}]), still, depth=3.0, sea=(1, 1))
+    np.testing.assert_array_equal(flat, at_rest)

@@ -7,7 +7,7 @@ enough, or is much of what others have left of it; whatever kinematics alone sho
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import msgspec
@@ -31,10 +31,12 @@ from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.fit import fit as equation_error
-from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.output_error import OutputError, in_waves
 from hydro.core.identification.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
-from hydro.core.preprocessing.sensor_tests import KinematicTest, shown
+from hydro.core.preprocessing.sensor_tests import KinematicTest
+from hydro.core.preprocessing.sensor_tests import shown as misread
+from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
 MATERIAL = 0.05
@@ -45,6 +47,8 @@ MUCH_OF_IT, PLAIN = 0.15, 0.01
 """or else the part of what is left that it must explain, and the share of the noise that this must be."""
 VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
+SEA_TWICE = 2
+"""Times that waves are looked for: once more with the file's own effects fitted beside them."""
 SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
 """Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
 DIVERGED_FILE = (
@@ -73,6 +77,8 @@ class Baseline:
             diverge.
         warnings: What went wrong on the way, a sentence each.
         file: Another vehicle whose values alone are known beforehand; None where these are.
+        sea: Waves that the recording shows and the file has not: the shots allow for them.
+        calmed: Part of the error beyond the noise that goes with them.
     """
 
     vehicle: Vehicle
@@ -85,6 +91,8 @@ class Baseline:
     start: Vehicle | None = None
     warnings: tuple[str, ...] = ()
     file: Vehicle | None = None
+    sea: SeaState | None = None
+    calmed: float = 0.0
 
     @property
     def filed(self) -> Vehicle:
@@ -122,7 +130,7 @@ class Baseline:
     def sure(self, effect: str) -> bool:
         """Whether kinematics alone shows that the velocity log misreads so, whatever the dynamics lack."""
         test = self.sensors.get(effect)
-        return test is not None and shown(test)
+        return test is not None and misread(test)
 
 
 @dataclass(frozen=True)
@@ -235,6 +243,32 @@ def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehi
     return Baseline(
         vehicle, effects, log, problem, given, refitted, log.sensors, start=start, warnings=tuple(warnings)
     )
+
+
+def allowing_for_waves(baseline: Baseline) -> Baseline:
+    """The baseline over shots that allow for the waves of the recording, where it shows any.
+
+    They are no law that shots could be fitted with; what they make of a shot is weighed out by their
+    spectrum, or else whatever else is missing would have to explain them.  A file that states waves has
+    them allowed for already.
+    """
+    vehicle, log, shots = baseline.vehicle, baseline.log, baseline.problem.shots
+    if any(CATALOGUE[table["name"]].is_random for table in vehicle.effect):
+        return baseline
+    allowed = baseline
+    for _ in range(SEA_TWICE):
+        sea = shown(allowed.refitted.vehicle, log.record)
+        if sea is None:
+            break
+        forces = allowed.refitted.vehicle
+        model = candidate(msgspec.structs.replace(forces, effect=(*forces.effect, sea.table)))
+        problem = OutputError(in_waves(replace(shots, swell=None), model))
+        again = refit(vehicle, log, problem, baseline.filed)
+        gone = 1.0 - again.refitted.excess / max(baseline.refitted.excess, 1e-9)
+        if not gone >= MATERIAL:
+            break
+        allowed = replace(again, file=baseline.file, sea=sea, calmed=gone)
+    return allowed
 
 
 def weighed_fit(

@@ -31,6 +31,8 @@ RIGHT = 2.0
 """Mean squared residual in units of the noise of a model that may be right: then likelihood names effects."""
 CLEAN = 1.35
 """The same up to which nothing to speak of is left beside the noise,"""
+CALM = 1.15
+"""and the same where shots allow for waves,"""
 NEAR = 102.0 / 118.0
 """and share of names by likelihood that were right where more is left."""
 ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
@@ -269,7 +271,7 @@ def stated(finding: Finding) -> Finding:
     return replace(finding, verdict="suspect", advice=suspecting(finding.effect, finding.advice))
 
 
-def by_likelihood_confidence(frequency: float, left: float) -> float:
+def by_likelihood_confidence(frequency: float, left: float, *, in_waves: bool = False) -> float:
     """Probability that a name is right where likelihood names it.
 
     Of 921 names that were all but sure on the benchmarks' recordings 908 were right where the model leaves at
@@ -278,8 +280,9 @@ def by_likelihood_confidence(frequency: float, left: float) -> float:
     Args:
         frequency: Share of the resampled recordings in which the effect wins, see `selection_frequency`.
         left: Mean squared residual of the model, in units of the noise.
+        in_waves: Whether it is beside waves of the recording, which hide much of what a model leaves.
     """
-    return frequency if left <= CLEAN else NEAR * frequency
+    return frequency if left <= (CALM if in_waves else CLEAN) else NEAR * frequency
 
 
 def by_transfer_confidence(score: float, others: Sequence[float]) -> float:

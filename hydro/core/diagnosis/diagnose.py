@@ -22,6 +22,7 @@ from hydro.core.diagnosis.baseline import (
     Baseline,
     Found,
     Outcome,
+    allowing_for_waves,
     refit,
     stable_shots,
     stable_start,
@@ -51,6 +52,7 @@ from hydro.core.diagnosis.model import (
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import repeated_effects
+from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best, plain, showing
@@ -133,7 +135,13 @@ def diagnose_log(
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
-    baseline = replace(refit(vehicle, log, problem, start), file=file)
+    baseline = allowing_for_waves(replace(refit(vehicle, log, problem, start), file=file))
+    return with_waves(_searched_for(baseline, progress), baseline)
+
+
+def _searched_for(baseline: Baseline, progress: Progress) -> Diagnosis:
+    """What is missing beside a baseline."""
+    vehicle, log = baseline.vehicle, baseline.log
     search, outcome = searched(baseline, progress)
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, progress)
@@ -151,6 +159,29 @@ def diagnose_log(
     question = left_open(baseline, outcome, findings)
     progress("done", 1.0)
     return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question)
+
+
+def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:
+    """The diagnosis with the waves of the recording as its first finding, where they are new to the file."""
+    sea = baseline.sea
+    if sea is None:
+        return diagnosis
+    others = [one for one in diagnosis.findings if one.verdict != "nothing_missing"]
+    faults = [one for one in others if one.verdict == "log_fault"]
+    waves = Finding(
+        "missing",
+        WAVES.name,
+        (WAVES.name,),
+        baseline.calmed,
+        confidence=1.0,
+        p_value=sea.p_value,
+        parameters=sea.parameters,
+        standard_errors=sea.errors,
+        advice=advice.in_waves(sea.parameters, sea.speed, len(others) == len(faults)),
+        support=1.0,
+    )
+    rest = others[len(faults) :]
+    return replace(diagnosis, findings=(*faults, waves, *rest))
 
 
 def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
@@ -236,7 +267,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         share,
         low,
         high,
-        by_likelihood_confidence(tied[effect], model.normal.chi2),
+        by_likelihood_confidence(tied[effect], model.normal.chi2, in_waves=baseline.sea is not None),
         found.p_value,
         parameters,
         errors,

@@ -288,17 +288,21 @@ def _next(
 ) -> Step:
     """The step after these."""
     number, added, fit = len(steps), (), None  # type: int, tuple[str, ...], Fit | None
+    chance: list[dict[str, Any]] = []
     log, hull = recordings.log, recordings.hull
     if steps:
         last, found = steps[-1], _finding(steps[-1])
         is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
         added = (next(iter(found)),) if is_new else tuple(found)
         progress("all together", 0.0)
+        every = (*last.tables, *found.values())
+        chance = [dict(one) for one in every if CATALOGUE[one["name"]].is_random]
         if hull is None:
-            fit = _fit_together(last.vehicle, log, _wanted(last, found), file)
+            there = extended(last.vehicle, [_bare(one) for one in chance])
+            fit = _fit_together(there, log, _wanted(last, found), file)
         else:
             fit = fit_changes(file, log, hull, [_bare(one) for one in (*last.tables, *found.values())])
-    fitted = fit.tables() if fit else ()
+    fitted = (*(fit.tables() if fit else ()), *chance)
     vehicle = extended(file, fitted)
     compared = [recordings.compared(vehicle, log, part(progress, 0.3, 0.5))]
     if recordings.holdout is not None:
@@ -329,6 +333,8 @@ def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Veh
 
     What the recording does not show stays as it stands in the file of step 0.
     """
+    if not wanted:
+        return None
     unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
     start, problem = stable_start(begun, log)
@@ -340,9 +346,13 @@ def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Veh
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
-    """What is fitted together: the file's own effects and all added, from their values, and what is new."""
+    """What is fitted together: the file's own effects and all added, from their values, and what is new.
+
+    What acts by chance is estimated by the diagnosis, not by a fit.
+    """
     known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
-    return [*(name for name in known if name not in found), *(_bare(table) for table in found.values())]
+    new = [_bare(table) for name, table in found.items() if not CATALOGUE[name].is_random]
+    return [*(name for name in known if name not in found and not CATALOGUE[name].is_random), *new]
 
 
 def _bare(table: Table) -> dict[str, Any]:

@@ -256,9 +256,10 @@ def left_out_error(vehicle: Vehicle, effects: Sequence[str], problem: OutputErro
     Returns:
         ENDLESS where a prediction leaves all bounds.
     """
-    begun = problem.at_measured_states(vehicle)
+    begun = OutputError.of(problem.shots, vehicle)
+    fitted = [name for name in effects if not CATALOGUE[name].is_random]
     try:
-        model = fit_model(vehicle, list(effects), begun, np.zeros((1, 3)), BEGINNINGS)
+        model = fit_model(vehicle, fitted, begun, np.zeros((1, 3)), BEGINNINGS)
     except Diverges:
         return ENDLESS
     costs = model.costs

@@ -60,7 +60,8 @@ def unexplained(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     """
     first, model, last = baseline.refitted, outcome.model, outcome.last
     far = not model.normal.chi2 <= FIT
-    if not far and model.excess < max(LEFT * first.excess, STRUCTURED * model.normal.residuals):
+    whole = first.excess / max(1.0 - baseline.calmed, 1e-9)  # what waves hid of it included
+    if not far and model.excess < max(LEFT * whole, STRUCTURED * model.normal.residuals):
         return []
     if not (far or last.significant or (_white(baseline) and _steady_share(model) >= STRUCTURED)):
         return []

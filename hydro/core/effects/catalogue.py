@@ -22,13 +22,26 @@ from hydro.core.effects import (
     restoring,
     sensor,
     surroundings,
+    waves,
 )
 from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
 from hydro.core.vehicle.description import Vehicle
 
-FAMILIES = (inertia, damping, hull, restoring, currents, surroundings, memory, actuator, sensor, formula)
+FAMILIES = (
+    inertia,
+    damping,
+    hull,
+    restoring,
+    currents,
+    waves,
+    surroundings,
+    memory,
+    actuator,
+    sensor,
+    formula,
+)
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
 
 ROUNDING = 1e-6
@@ -144,13 +157,16 @@ def wholly_known(vehicle: Vehicle, name: str) -> bool:
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known ones, and repeated ones."""
+    """Effects of the file that are fitted anew first: all but inertia, known, repeated and random ones."""
     names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
     several = repeated_effects(vehicle)
     return tuple(
         name
         for name in names
-        if CATALOGUE[name].kind != "inertia" and name not in several and not wholly_known(vehicle, name)
+        if CATALOGUE[name].kind != "inertia"
+        and not CATALOGUE[name].is_random
+        and name not in several
+        and not wholly_known(vehicle, name)
     )
 
 

@@ -54,8 +54,10 @@ def current_shear(p: Array, flow: Array) -> None:
 
 
 @kernel
-def quickened(north: float, east: float, c: Array, s: Array, tau: Array) -> tuple[float, float, float]:
-    """Add the wrench M_A [R^T v_c_dot; 0] of water that quickens by (north, east, 0) [m/s^2], NED.
+def quickened(
+    north: float, east: float, down: float, c: Array, s: Array, tau: Array
+) -> tuple[float, float, float]:
+    """Add the wrench M_A [R^T v_c_dot; 0] of water that quickens by (north, east, down) [m/s^2], NED.
 
     Of nu_r_dot = nu_dot + [omega x R^T v_c; 0] - [R^T v_c_dot; 0] it is the last term.  It acts through the
     added mass alone: a dry body obeys Newton's law over ground, and M_RB nu_dot + C_RB(nu) nu = M_RB (nu_dot
@@ -64,9 +66,9 @@ def quickened(north: float, east: float, c: Array, s: Array, tau: Array) -> tupl
     Returns:
         R^T v_c_dot.
     """
-    x = s[ROTATION] * north + s[ROTATION + 3] * east
-    y = s[ROTATION + 1] * north + s[ROTATION + 4] * east
-    z = s[ROTATION + 2] * north + s[ROTATION + 5] * east
+    x = s[ROTATION] * north + s[ROTATION + 3] * east + s[ROTATION + 6] * down
+    y = s[ROTATION + 1] * north + s[ROTATION + 4] * east + s[ROTATION + 7] * down
+    z = s[ROTATION + 2] * north + s[ROTATION + 5] * east + s[ROTATION + 8] * down
     for i in range(6):
         row = ADDED_MASS + 6 * i
         tau[i] += c[row] * x + c[row + 1] * y + c[row + 2] * z
@@ -82,7 +84,7 @@ def dive_through_shear(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: A
     """
     down = ROTATION + 6
     sinking = s[down] * s[VELOCITY] + s[down + 1] * s[VELOCITY + 1] + s[down + 2] * s[VELOCITY + 2]
-    quickened(p[0] * sinking, p[1] * sinking, c, s, tau)
+    quickened(p[0] * sinking, p[1] * sinking, 0.0, c, s, tau)
 
 
 def current_trend(p: Array, flow: Array) -> None:
@@ -105,7 +107,7 @@ def carried_along(p: Array, c: Array, s: Array, x: Array, dx: Array, tau: Array)
     rest in it.
     """
     mass, at = c[BUOYANCY] / c[GRAVITY], CENTER_OF_BUOYANCY
-    fx, fy, fz = quickened(p[0], p[1], c, s, tau)
+    fx, fy, fz = quickened(p[0], p[1], 0.0, c, s, tau)
     push_at(mass * fx, mass * fy, mass * fz, c[at], c[at + 1], c[at + 2], tau)
 
 

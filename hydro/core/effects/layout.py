@@ -32,12 +32,14 @@ INVERSE_MASS_MATRIX = 135  # 36
 CONSTANTS = 171  # length of c
 
 # State of motion.
-RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z, t); 0], 6
+RELATIVE_VELOCITY = 0  # nu_r = nu - [R^T v_c(z, t); 0], 6, waves among v_c
 VELOCITY = 6  # nu over ground, 6
 ROTATION = 12  # R, body FRD -> NED, 9, row by row
 POSITION = 21  # x y z of CO, NED, 3
 TIME = 24  # t of the session [s]
-COMMANDS = 25  # as given in this row, before any delay, of the first MOST_COMMANDS thrusters
+WATER_RATE = 25  # of waves: rate of the water's velocity at a place, 3 [m/s^2], NED; 0 without
+WATER_GROWTH = 28  # and its growth with depth, 3 [1/s]
+COMMANDS = 31  # as given in this row, before any delay, of the first MOST_COMMANDS thrusters
 MOST_COMMANDS = 16
 COMMAND_NAMES = tuple(f"c{i + 1}" for i in range(MOST_COMMANDS))  # as a vehicle file writes them
 MOTION = COMMANDS + MOST_COMMANDS  # length of s

@@ -1,14 +1,16 @@
 """A vehicle compiled into one flat vector of numbers, and the dispatchers that run its effects from it.
 
 The vector holds, in order: a header, the constants `c`, one row per wrench effect (its place in the
-catalogue, where its parameters and states begin and end), all parameters, and the thruster table.  Being
+catalogue, where its parameters and states begin and end), all parameters, the thruster table, and the waves
+of a sea where one was drawn.  Being
 plain numbers, it can lie in any memory: a numpy array here, a numeric field of a MuJoCo model there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,7 @@ from hydro.core.effects.catalogue import (
     inertia_matrix,
     thruster_table,
 )
+from hydro.core.effects.waves import COMPONENT, drawn, orbits
 from hydro.core.errors import DataError
 from hydro.core.vehicle import rigid_body
 from hydro.core.vehicle.description import Vehicle
@@ -36,7 +39,9 @@ EFFECT_TABLE = 1  # where it begins
 STATE_COUNT = 2
 THRUSTER_COUNT = 3
 THRUSTER_TABLE = 4  # where it begins
-HEADER = 5
+SEA = 5  # where the waves begin
+SEA_SIZE = 6  # numbers of them, 0 of a calm sea
+HEADER = 7
 EFFECT_ROW = 5  # place in DISPATCHED, first and last parameter, first and last state
 
 DISPATCHED = tuple(effect for effect in CATALOGUE.values() if effect.kernel is not None)
@@ -60,12 +65,15 @@ class Program:
     effects: tuple[str, ...]
 
 
-def assemble(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Program:
+def assemble(
+    vehicle: Vehicle, listed: Sequence[Entry] | None = None, *, sea: Sequence[int] | None = None
+) -> Program:
     """Compile a vehicle.
 
     Args:
         vehicle: The vehicle; effects of kind `sensor` play no part.
         listed: Its `entries`, where they are at hand.
+        sea: Seeds that its waves are drawn from; by default the sea is calm, as in every prediction.
 
     Raises:
         DataError: An effect the catalogue does not admit, or a mass matrix that cannot be inverted.
@@ -80,10 +88,34 @@ def assemble(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Program
         row[:] = DISPATCHED.index(effect), begin, begin + parameters.size, states, states + own
         begin += parameters.size
         states += own
-    header = [len(running), HEADER + layout.CONSTANTS, states, len(thrusters), begin]
+    header = [len(running), HEADER + layout.CONSTANTS, states, len(thrusters), begin, 0, 0]
     packed = [entry.parameters for entry in running]
     flat = np.concatenate([header, constants(vehicle, listed), table.ravel(), *packed, thrusters.ravel()])
-    return Program(flat, states, len(thrusters), tuple(entry.effect.name for entry in running))
+    program = Program(flat, states, len(thrusters), tuple(entry.effect.name for entry in running))
+    return program if sea is None else in_sea(program, waves(vehicle, listed, sea))
+
+
+def in_sea(program: Program, harmonics: Array) -> Program:
+    """A program of a calm sea with these waves, rows of `core.effects.waves`, (H, COMPONENT)."""
+    flat = np.concatenate([program.flat, harmonics.ravel()])
+    flat[[SEA, SEA_SIZE]] = program.flat.size, harmonics.size
+    return replace(program, flat=flat)
+
+
+def seas(vehicle: Vehicle, listed: Sequence[Entry]) -> list[Callable[[Array], Array]]:
+    """What gives the harmonics of each of a vehicle's waves, by their places (`core.effects.waves`)."""
+    gravity = vehicle.environment.gravity
+    return [
+        partial(effect.harmonics, parameters, gravity)
+        for effect, parameters, _ in listed
+        if effect.harmonics is not None
+    ]
+
+
+def waves(vehicle: Vehicle, listed: Sequence[Entry], seeds: Sequence[int]) -> Array:
+    """The waves of a sea that is drawn, (H, COMPONENT)."""
+    rng = np.random.default_rng(seeds)
+    return np.concatenate([np.zeros((0, COMPONENT)), *(drawn(sea, rng) for sea in seas(vehicle, listed))])
 
 
 def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
@@ -159,7 +191,7 @@ def _program(flat: Array, effects: list[tuple[Array, Array]]) -> Array:
     for row, (source, p) in zip(table, effects, strict=True):
         row[:3] = source[0], begin, begin + p.size
         begin += p.size
-    header = [len(effects), HEADER + layout.CONSTANTS, 0, 0, begin]
+    header = [len(effects), HEADER + layout.CONSTANTS, 0, 0, begin, begin, 0]
     return np.concatenate([header, constants_of(flat), table.ravel(), *packed])
 
 
@@ -178,7 +210,10 @@ def thrusters_of(flat: Array) -> Array:
 
 @kernel
 def relative_to_water(flat: Array, s: Array) -> None:
-    """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`."""
+    """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`.
+
+    In a sea that was drawn the water's growths go there too.
+    """
     at, growth, trend = (
         HEADER + layout.CURRENT,
         HEADER + layout.CURRENT_GRADIENT,
@@ -188,6 +223,11 @@ def relative_to_water(flat: Array, s: Array) -> None:
     north = flat[at] + flat[growth] * z + flat[trend] * t
     east = flat[at + 1] + flat[growth + 1] * z + flat[trend + 1] * t
     down = flat[at + 2]
+    swell = int(flat[SEA_SIZE])
+    if swell:
+        begin = int(flat[SEA])
+        to_north, to_east, deeper = orbits(flat[begin : begin + swell], s)
+        north, east, down = north + to_north, east + to_east, down + deeper
     for i in range(3):
         water = (
             s[layout.ROTATION + i] * north

@@ -20,6 +20,7 @@ from hydro.core.vehicle.plausible import Plausible
 Kind = Literal["wrench", "inertia", "flow", "actuator", "sensor"]
 Kernel = Callable[[Array, Array, Array, Array, Array, Array], None]
 Fill = Callable[[Array, Array], None]
+Harmonics = Callable[[Array, float, Array], Array]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
@@ -253,6 +254,8 @@ class Effect:
         inertia: `inertia(p, M)` adds to a 6x6 matrix.
         flow: `flow(p, flow)` adds to the current, (7,) of `catalogue.current`.
         actuator: `actuator(p, table)` changes the thruster table of `vehicle.thrusters` in place.
+        harmonics: `harmonics(p, gravity, places)` gives the rows of `core.effects.waves` that what acts by
+            chance is drawn from: in every prediction it is absent, and no fit of predictions finds it.
         sensor: `sensor(p, log)` changes the row `core.effects.sensor` describes, in place.
         states: Number of internal states for a packed parameter vector.
         start: `start(p, c, s, x)` sets them for a motion that has been steady until now.
@@ -279,6 +282,7 @@ class Effect:
     flow: Fill | None = None
     actuator: Fill | None = None
     sensor: Fill | None = None
+    harmonics: Harmonics | None = None
     states: Callable[[Array], int] | None = None
     start: Callable[[Array, Array, Array, Array], None] | None = None
     identification: Identification = Identification()
@@ -297,6 +301,11 @@ class Effect:
     def is_written(self) -> bool:
         """Whether only who writes the file can say what it is: no search can try it."""
         return any(not words.optional for words in self.words)
+
+    @property
+    def is_random(self) -> bool:
+        """Whether it acts by chance: it predicts nothing, and no fit of predictions can move it."""
+        return self.harmonics is not None
 
     def known(self, table: Mapping[str, Any]) -> frozenset[str]:
         """Names of the parameters that a table holds as known: `known = true`, or a list of some."""

@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array, Mask, Rows
+from hydro.core.effects.waves import drawn
 from hydro.core.errors import DataError
 from hydro.core.evaluation.misfit import Misfit, counted
 from hydro.core.evaluation.regimes import Pieces
@@ -138,7 +139,7 @@ class _Predictions(NamedTuple):
     Attributes:
         compared: 1 where a prediction was compared with the row, (N,).
         squares: Its squared errors, pose and then velocity, (N, 12).
-        noise: The same of what noise alone does.
+        noise: The same of what noise alone does, and the waves of the file.
         end: Root mean square errors in the last row of the predictions, or of their last samples, (12,); NaN
             of a channel without samples.
         counted: Which rows are samples of each channel, (N, 12); None where all are.
@@ -190,6 +191,9 @@ def _predictions(
         there, shots, rows = shots_of(part)
         rng = np.random.default_rng([seed, draws.start, part[0]])
         for draw in draws:
+            if model.seas:
+                waves = np.concatenate([drawn(sea, rng) for sea in model.seas])
+                there = replace(there, model=model.in_sea(waves))
             change = (_bounded(residuals(there, _begun_elsewhere(shots, motion, rng))) - errors[rows]) ** 2
             floor[rows] += change
             sums[part, draw] = change.sum(axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -48,6 +49,23 @@ def _predicted(flight: Flight) -> str:
         f"{words}, for {minutes:.0f} min or more ({expected})"
         if minutes < 120.0
         else f"{words} ({expected}, too little)"
+    )
+
+
+def in_waves(sea: Mapping[str, Any], speed: float, alone: bool) -> str:
+    """What waves mean for a model and for what else is said.
+
+    Args:
+        sea: Parameters of the effect.
+        speed: Root mean square of the water's velocity that they bring to the vehicle [m/s].
+        alone: Whether nothing else is found.
+    """
+    toward = math.degrees(float(sea["direction"])) % 360.0
+    beside = "nothing else is missing" if alone else "what else is said"
+    return (
+        f"waves of {float(sea['period']):.1f} s toward {toward:.0f} degrees move the water at the vehicle by "
+        f"{speed:.2g} m/s (root mean square); no file predicts them, and {beside} beside what they hide; "
+        f"{ADD}: fits then weigh and comparisons allow for them, and `hydro simulate --sea` draws them"
     )
 
 

@@ -6,7 +6,8 @@ a recording before any of it is predicted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.catalogue import entries, with_role
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
-from hydro.core.effects.program import heed, relative_to_water, start, thrusters_of, wrench
+from hydro.core.effects.program import heed, in_sea, relative_to_water, seas, start, thrusters_of, wrench
 from hydro.core.effects.record import Role
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
@@ -34,16 +35,22 @@ class Candidate:
     Attributes:
         program: Its forces and thrusters.
         log: Its velocity log, (13,) of `core.effects.sensor`.
+        seas: What the waves of its file are drawn from (`program.seas`), which its program is without.
     """
 
     program: Program
     log: Array
+    seas: tuple[Callable[[Array], Array], ...] = ()
 
     @property
     def thrusters(self) -> Array:
         """The thruster table, (n, COLUMNS)."""
         table: Array = thrusters_of(self.program.flat)
         return table
+
+    def in_sea(self, harmonics: Array) -> Candidate:
+        """The same in waves, rows of `core.effects.waves`, (H, COMPONENT)."""
+        return replace(self, program=in_sea(self.program, harmonics))
 
 
 def candidate(vehicle: Vehicle) -> Candidate:
@@ -53,7 +60,7 @@ def candidate(vehicle: Vehicle) -> Candidate:
         DataError: An effect that the catalogue does not admit.
     """
     listed = entries(vehicle)
-    return Candidate(assemble(vehicle, listed), velocity_log(vehicle, listed))
+    return Candidate(assemble(vehicle, listed), velocity_log(vehicle, listed), tuple(seas(vehicle, listed)))
 
 
 def rotor_states(model: Candidate, record: Recording) -> Array:

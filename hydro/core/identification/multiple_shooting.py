@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,7 @@ WILD = 20.0
 """Error of a velocity [m/s] or rate [rad/s] beyond which a prediction is lost, not wrong."""
 ENDLESS = 1e9
 """Residual or derivative [standard deviations] of a prediction that diverges: sums still hold it."""
+LEAST_SWELL = 1e-12  # square of what a sea makes of a shot, in that of the noise: less is nothing
 SHOTS_TOGETHER = 8  # shots of one piece of work: their derivatives stay within some tens of MB
 
 
@@ -112,6 +114,8 @@ class Shots:
         nu: velocity of the whole recording, (N, 6) each.
         share: Of all shots that the recording has room for.
         seen: Which of the measured values are samples, (S, length, 12); None where all are.
+        swell: What one standard deviation of each harmonic of a sea makes of what is compared,
+            (S, length - lead, 12, Q); None of a calm one (`output_error.in_waves`).
     """
 
     record: Recording
@@ -126,6 +130,7 @@ class Shots:
     nu: Array
     share: float = 1.0
     seen: NDArray[np.bool_] | None = None
+    swell: Array | None = None
 
     @property
     def session(self) -> Rows:
@@ -153,6 +158,27 @@ class Shots:
     def weights(self, part: slice) -> NDArray[np.bool_] | None:
         """Which numbers of some shots count, (s, length - lead, 12); None where all do."""
         return None if self.seen is None else self.seen[part, self.lead :]
+
+    @cached_property
+    def hidden(self) -> Array | None:
+        """B of 1 - B B^T = (1 + X X^T)^(-1/2), X the `swell` in units of the noise, (S, residuals, Q)."""
+        if self.swell is None:
+            return None
+        x = self.swell / self.sigma[:, None]
+        if self.seen is not None:
+            x = x * self.seen[:, self.lead :, :, None]
+        x = x.reshape(len(x), self.residuals, -1)
+        size, ways = np.linalg.eigh(x.transpose(0, 2, 1) @ x)
+        size = np.maximum(size, LEAST_SWELL)
+        kept: Array = x @ (ways * np.sqrt((1.0 - (1.0 + size) ** -0.5) / size)[:, None, :])
+        return kept
+
+    def calmed(self, columns: Array, part: slice) -> Array:
+        """Columns (s, residuals, C) of some shots, weighed by what a sea hides of them."""
+        if self.hidden is None:
+            return columns
+        basis = self.hidden[part]
+        return np.asarray(columns - basis @ (basis.transpose(0, 2, 1) @ columns))
 
     def places(self, part: slice) -> Places:
         """Where some of the shots lie."""
@@ -249,7 +275,8 @@ def bounded(prepared: Prepared, shots: Shots) -> NDArray[np.bool_]:
 
 def select(shots: Shots, kept: NDArray[np.bool_]) -> Shots:
     """The shots that a mask (S,) keeps."""
-    parts = ("starts", "segment", "first", "measured", *(() if shots.seen is None else ("seen",)))
+    there = tuple(name for name in ("seen", "swell") if getattr(shots, name) is not None)
+    parts = ("starts", "segment", "first", "measured", *there)
     return replace(shots, **{name: getattr(shots, name)[kept] for name in parts})
 
 
@@ -330,18 +357,23 @@ def residuals(
     shots: Shots,
     first: Array | None = None,
     part: slice = slice(None),
+    *,
+    calmed: bool = True,
 ) -> Array:
     """Measured less predicted in standard deviations of the noise, (s, length - lead, 12).
 
     The attitude's is the small rotation from the predicted to the measured one, about the predicted axes.
-    Where nothing was measured it is 0.
+    Where nothing was measured it is 0.  Of shots in a sea it is weighed by what that hides, unless `calmed`
+    is False.
     """
     predicted = predict(prepared, shots, first, part)
     out = np.empty((predicted.shape[0], shots.length - shots.lead, CHANNELS))
     deviate(predicted[:, shots.lead :], shots.measured[part][:, shots.lead :], 1.0 / shots.sigma, out)
     if (counted := shots.weights(part)) is not None:
         out[~counted] = 0.0
-    return out
+    if not calmed or shots.swell is None:
+        return out
+    return shots.calmed(out.reshape(len(out), -1, 1), part).reshape(out.shape)
 
 
 def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Array:

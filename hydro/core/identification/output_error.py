@@ -6,6 +6,8 @@ parameters, so that noise in it biases nothing (Jategaonkar 2015, ch. 4; Bock 19
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,9 +15,10 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
+from hydro.core.effects.waves import COSINE, SINE
 from hydro.core.errors import DataError
 from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
+from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free
 from hydro.core.vehicle.description import Vehicle
@@ -23,6 +26,8 @@ from hydro.core.vehicle.description import Vehicle
 OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
 LEAST_SIGMA = 1e-6
 OFF, SHORTER = 1.5, (0.3, 0.1, 0.0)  # what is far from expected, and parts of the way that are tried then
+WAVE_BANDS = 6
+"""Of a sea's frequencies, with one harmonic each: over a shot they are hardly more than a slope each."""
 FARTHEST = 3.0  # times what a beginning is known to at sight that one step may move it
 
 
@@ -34,8 +39,8 @@ class OutputError:
 
     @classmethod
     def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
-        """Begin the shots as this vehicle's velocity log says."""
-        return cls(shots).at_measured_states(vehicle)
+        """Begin the shots as this vehicle's velocity log says, and as the waves of its file let it be."""
+        return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
     def at_measured_states(self, vehicle: Vehicle) -> OutputError:
         """The problem with its shots begun as this vehicle's velocity log says."""
@@ -88,6 +93,32 @@ class OutputError:
     def weighed(self, sigma: Array) -> OutputError:
         """The problem with other deviations of its channels, (12,)."""
         return OutputError(replace(self.shots, sigma=sigma))
+
+
+def in_waves(shots: multiple_shooting.Shots, model: Candidate) -> multiple_shooting.Shots:
+    """The shots as the waves of a vehicle's file let them be known; themselves where it has none.
+
+    In a prediction the sea is calm, in the recording it is not.  Over the seconds of a shot it is a few
+    harmonics of unknown amplitude whose variances the file states, so that the residual of a shot has the
+    covariance 1 + X X^T in units of the sensors' noise, X its answers to one standard deviation of each,
+    either way (the unscented transform, Julier and Uhlmann 1997: that they bend counts too).  Residuals and
+    derivatives times (1 + X X^T)^(-1/2) are white again: a fit weighs what the waves hide as little as they
+    leave of it, and its standard errors say so.  What one shot tells of the waves in the next
+    is not used.
+    """
+    if not model.seas:
+        return shots
+    prepared = multiple_shooting.prepare(model, shots)
+    still = multiple_shooting.residuals(prepared, shots, calmed=False)
+    answers = list[Array]()
+    for harmonic in (row for sea in model.seas for row in sea(np.full(WAVE_BANDS, 0.5))):
+        for amplitude, sign in itertools.product((COSINE, SINE), (1.0, -1.0)):
+            alone = harmonic.copy()
+            alone[[COSINE, SINE]] = 0.0
+            alone[amplitude] = sign * harmonic[amplitude]
+            moved = replace(prepared, model=model.in_sea(alone))
+            answers.append((still - multiple_shooting.residuals(moved, shots, calmed=False)) * shots.sigma)
+    return replace(shots, swell=np.stack(answers, axis=-1) / math.sqrt(2.0))
 
 
 def aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:

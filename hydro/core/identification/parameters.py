@@ -112,7 +112,8 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         reach: Positions and times of the recording, (N, 4), in which an unknown anchor is looked for.
 
     Raises:
-        DataError: An unknown name, a name given twice, or one that the vehicle file has several of.
+        DataError: An unknown name, a name given twice, one that the vehicle file has several of, or one
+            that acts by chance.
     """
     if not effects:
         raise DataError(f"name at least one effect to fit; there are {', '.join(CATALOGUE)}")
@@ -122,6 +123,10 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         record, alternative, given = _wanted(wanted)
         if any(grid[0]["name"] == record.name for grid in grids):
             raise DataError(f"effect {record.name} is named twice; name it once")
+        if record.is_random:
+            raise DataError(
+                f"effect {record.name} acts by chance: no prediction shows it, `hydro diagnose` estimates it"
+            )
         present = vehicle.effects(record.name)
         if len(present) > 1:
             raise DataError(f"effect: {len(present)} are named {record.name}: merge them first")

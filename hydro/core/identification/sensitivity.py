@@ -122,6 +122,7 @@ def linearise(
         lost = ~tame[..., -1].all(axis=1)
         flat[~tame.all(axis=(1, 2)), :, :-1] = 0.0  # at the brink: no derivative to be had
         flat[lost] = 0.0
+        flat = shots.calmed(flat, part)
         whole = np.stack([one.T @ one for one in flat])[:, order[:, None], order]
         gram[part], follow[part] = eliminate(whole, CHANNELS, known[part])
         if counted is not None:
@@ -255,7 +256,7 @@ def _again(near: Moved, rest: Sequence[int], shots: Shots, part: slice, columns:
     """Columns of all other parameters, (s, K, 12, R), before that of the residual: differences from it."""
     still = columns[..., -1]
     for i, which in enumerate(rest):
-        moved = multiple_shooting.residuals(near.others[which], shots, None, part)
+        moved = multiple_shooting.residuals(near.others[which], shots, None, part, calmed=False)
         columns[..., i] = (still - moved) / near.shares[which]
 
 

@@ -57,7 +57,7 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
     for name in CATALOGUE:
         if name in without or wholly_known(vehicle, name):
             continue
-        if CATALOGUE[name].is_written and not vehicle.effects(name):
+        if CATALOGUE[name].is_random or (CATALOGUE[name].is_written and not vehicle.effects(name)):
             continue
         if name in CURVED and not vehicle.effects(name):
             found += _shaped(vehicle, name, CATALOGUE[name].identification.coarse, reach)

@@ -29,7 +29,7 @@ INTEGRATION_RATE = 500.0
 """Integration steps per second, at least [Hz]."""
 
 
-def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
+def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None) -> pl.DataFrame:
     """Move a vehicle by recorded or designed commands.
 
     Args:
@@ -39,6 +39,8 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
             Where all columns of pose and velocity are there too (a raw table), the first row of every
             session, and the first after a gap, gives the initial state; else every session starts at rest
             at the origin.
+        sea: Seed of the waves of the file, drawn for every session anew; by default there are none, as in
+            every prediction.
 
     Returns:
         The raw table of what would have been logged, without noise, row for row.
@@ -70,8 +72,11 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame) -> pl.DataFrame:
     demand = recorded_commands(vehicle, commands)
     given = commands.select(known).to_numpy().astype(np.float64) if known else np.zeros((len(t), 12))
     motion = np.empty((len(t), 12))
-    for (begin, end), resumed in zip(bounds, after_gap, strict=True):
+    number = np.cumsum(~after_gap)  # of the session that a segment lies in
+    for (begin, end), resumed, session in zip(bounds, after_gap, number, strict=True):
         rows = slice(begin, end)
+        if sea is not None:
+            program = assemble(vehicle, sea=(sea, int(session)))
         velocity = given[begin : begin + 1, 6:]
         if known:
             velocity = sensor.corrected(log, t[begin : begin + 1], velocity)

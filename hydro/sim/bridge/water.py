@@ -28,7 +28,7 @@ PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
 MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
-VERSION = 6.0
+VERSION = 7.0
 AT_MAGIC, AT_VERSION = 0, 1
 AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
 AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
@@ -103,10 +103,10 @@ class Water:
         return np.concatenate(blocks)
 
 
-def wet(vehicle: Vehicle) -> Water:
-    """Everything the vehicle file says."""
+def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:
+    """Everything the vehicle file says, in a sea of its waves drawn from seeds, or in a calm one."""
     inertia = _some(inertia_matrix(vehicle))
-    return Water(assemble(vehicle), inertia=inertia, coriolis=inertia)
+    return Water(assemble(vehicle, sea=sea), inertia=inertia, coriolis=inertia)
 
 
 def dry(vehicle: Vehicle, *, added_mass: bool = False, ellipsoid: bool = False) -> Water:

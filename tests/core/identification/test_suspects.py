@@ -14,8 +14,8 @@ from hydro.core.identification.suspects import CURVED, suspects
 from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
 
-SEARCHED = {name for name, effect in CATALOGUE.items() if not effect.is_written}
-"""All but those whose terms the file has to write out."""
+SEARCHED = {name for name, effect in CATALOGUE.items() if not (effect.is_written or effect.is_random)}
+"""All but those whose terms the file has to write out, and what acts by chance."""
 REACH = np.array([[0.0, 0.0, 5.0, 0.0], [8.0, 3.0, 7.0, 20.0], [2.0, -4.0, 6.0, 40.0]])
 
 

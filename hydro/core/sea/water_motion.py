@@ -1,0 +1,108 @@
+"""How the water would have to move for a vehicle file to explain all of a recorded motion.
+
+What a file leaves out of the force, in the three axes of a velocity, is taken for water that moves,
+
+    (M_A + rho V) R^T v_w_dot = what is left at nu_r = nu - R^T (v_c + v_w),
+
+and integrated along the recording from still water.  Drag brings v_w to where it balances a steady force;
+of a true file and calm water nothing but noise is left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array, Rows
+from hydro.core.compiled import jit
+from hydro.core.effects.layout import (
+    ADDED_MASS,
+    BUOYANCY,
+    CENTER_OF_BUOYANCY,
+    GRAVITY,
+    MASS_MATRIX,
+    MOTION,
+    RELATIVE_VELOCITY,
+    ROTATION,
+)
+from hydro.core.effects.program import constants_of, heed
+from hydro.core.evaluation.force_error import missing_wrench
+from hydro.core.evaluation.smoothed_motion import Motion
+from hydro.core.identification.candidate import (
+    Candidate,
+    memories,
+    move,
+    rotor_states_around,
+    true_velocity,
+)
+from hydro.core.recording.arrays import Recording
+from hydro.core.simulation.dynamics import accelerate, propel
+
+FASTEST = 20.0
+"""Velocity [m/s] that water has at most: a file with forces far too large for it says nothing."""
+
+
+def water_motion(model: Candidate, record: Recording, motion: Motion) -> Array:
+    """Velocity of the water beyond the current that the file has, NED, row by row, (N, 3) [m/s].
+
+    Args:
+        model: The vehicle, without waves.
+        record: The recording.
+        motion: Its smoothed motion.
+    """
+    nu = np.ascontiguousarray(true_velocity(model, record, motion.nu))
+    left = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
+    out = np.zeros((record.rows, 3))
+    _follow(
+        model.program.flat,
+        (motion.eta, nu, record.t, record.commands),
+        rotor_states_around(model, record),
+        memories(model, record, motion.eta, nu),
+        left,
+        np.asarray(np.linalg.inv(carried(model)[:3]), np.float64),
+        record.segments,
+        out,
+    )
+    return out
+
+
+def carried(model: Candidate) -> Array:
+    """Wrench about CO for a unit acceleration of the water along each body axis, (6, 3)."""
+    c = constants_of(model.program.flat)
+    x, y, z = c[CENTER_OF_BUOYANCY : CENTER_OF_BUOYANCY + 3]
+    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    pressed: Array = c[BUOYANCY] / c[GRAVITY] * np.vstack([np.eye(3), lever])
+    return c[ADDED_MASS : ADDED_MASS + 36].reshape(6, 6)[:, :3] + pressed
+
+
+@jit
+def _follow(
+    flat: Array,
+    along: tuple[Array, Array, Array, Array],
+    rotors: Array,
+    memory: Array,
+    left: Array,
+    inverse: Array,
+    segments: Rows,
+    out: Array,
+) -> None:
+    """Euler's method from row to row; `along` are pose, velocity, times and commands."""
+    eta, nu, t, commands = along
+    mass = constants_of(flat)[MASS_MATRIX : MASS_MATRIX + 36].reshape(6, 6)
+    s, tau, rates = np.zeros(MOTION), np.zeros(6), np.zeros(memory.shape[1])
+    calm, moved = np.zeros(6), np.zeros(6)
+    for begin, end in segments:
+        for k in range(begin, end - 1):
+            move(flat, eta[k], nu[k], t[k], s)
+            heed(commands[k], s)
+            body = s[ROTATION : ROTATION + 9].copy().reshape(3, 3)
+            tau[:] = 0.0
+            propel(flat, s, rotors[k], tau)
+            accelerate(flat, s, memory[k], rates, tau, calm)
+            s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 3] -= body.T @ out[k]
+            tau[:] = 0.0
+            propel(flat, s, rotors[k], tau)
+            accelerate(flat, s, memory[k], rates, tau, moved)
+            force = left[k] - mass @ (moved - calm)
+            rate = body @ (inverse @ force[:3])
+            for i in range(3):
+                out[k + 1, i] = min(max(out[k, i] + (t[k + 1] - t[k]) * rate[i], -FASTEST), FASTEST)
