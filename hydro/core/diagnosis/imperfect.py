@@ -38,6 +38,8 @@ OWN = 0.9
 """Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
 FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
+LITTLE = 1e-3
+"""Of what is plain to see of a value: less is not there."""
 STEPS = 12
 """Of the last fit."""
 
@@ -124,11 +126,20 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         except Diverges:
             continue
         fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+        if not _there(fit, rival.effect):
+            continue
         model, refitted, without = (_in_noise(one, fine) for one in (model, refitted, without))
         finding = _finding(rival, surveyed, model, without, fit, baseline.log.record.dt)
         return Named((finding,), model, fit, refitted)
     refitted = _in_noise(refitted, fine)
     return Named((), refitted, None, refitted)
+
+
+def _there(fit: Fit, effect: str) -> bool:
+    """Whether anything of an effect is left once its values are those of a passive hull."""
+    own = [i for i, entry in enumerate(fit.free.entries) if entry.effect == effect]
+    sizes = np.abs(fit.values[own]) / fit.free.scales[own]
+    return bool((sizes > LITTLE).any())
 
 
 def _in_noise(model: Model, fine: OutputError) -> Model:

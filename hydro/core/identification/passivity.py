@@ -31,7 +31,8 @@ HALVINGS = 20
 def possible(unknown: Free, values: Array, information: Array) -> Array:
     """Values that `validate` accepts: the fitted ones (P,), or the best of those that it does.
 
-    Where no cuts lead there, couplings, or all, are drawn back toward where the fit began.
+    Where no cuts lead there, couplings, or all, are drawn back toward where the fit began, or toward nothing
+    where that is not accepted either.
 
     Args:
         unknown: The entries.
@@ -108,10 +109,12 @@ def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
 
 
 def _drawn_back(unknown: Free, values: Array) -> Array:
-    """Couplings, or all values, as far toward the start as they must."""
+    """Couplings, or all values, as far toward the start, or toward nothing, as they must."""
+    start = unknown.starts[0]
+    home = start if accepted(unknown, start) else unknown.within(np.zeros(len(values)))
     couplings = np.array([_couples(entry) for entry in unknown.entries])
     for moving in (couplings, np.ones(len(values), bool)):
-        way = np.where(moving, values - unknown.starts[0], 0.0)
+        way = np.where(moving, values - home, 0.0)
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)

@@ -74,3 +74,16 @@ def test_where_no_coupling_can_be_it_is_drawn_back_to_none(craft):
     unknown = free(still, ["coupled_damping", "net_buoyancy"])
     found = possible(unknown, np.array([3.0, 0, 0, 0, 0, 0, 7.0]), np.eye(7))
     np.testing.assert_allclose(found, [0, 0, 0, 0, 0, 0, 7.0], atol=1e-5)
+
+
+def test_a_fit_that_begins_where_no_passive_hull_is_ends_where_one_is(craft):
+    """As from the values of a diagnosis: without damping no coupling is left, and the rest stays."""
+    bare = craft.without("linear_damping")
+    begun = {"name": "coupled_damping", "D15": 9.6, "D51": 3.9, "D13": 8.8, "D31": 6.0}
+    unknown = free(bare, [begun, "quadratic_damping"])
+    values = 1.1 * unknown.starts[0]
+    found = possible(unknown, values, np.eye(len(values)))
+    validate(unknown.at(found))
+    other = np.array([entry.effect == "quadratic_damping" for entry in unknown.entries])
+    np.testing.assert_allclose(found[~other], 0.0, atol=1e-4)
+    np.testing.assert_allclose(found[other], values[other], rtol=1e-6)
