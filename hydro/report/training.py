@@ -128,7 +128,7 @@ def draw_flight(path: Array, way: Array, tank: Tank, title: str) -> Figure:
         above.set(ylabel="east [m]")
         beside.set(xlabel="north [m]", ylabel="depth [m]")
         drawn.suptitle(title, x=0.02, ha="left")
-        drawn.legend(*above.get_legend_handles_labels(), loc="outside upper right", frameon=False, ncols=3)
+        drawn.legend(*above.get_legend_handles_labels(), loc="outside lower right", frameon=False, ncols=3)
         return drawn
 
 

@@ -20,7 +20,6 @@ class Docking(Task):
     """
 
     name = "docking"
-    patience = 2.0
 
     def scene(self, settings: Settings, level: int, rng: np.random.Generator) -> Scene:
         """Draw the dock, and a start south of it, heading anywhere."""
