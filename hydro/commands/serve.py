@@ -10,7 +10,7 @@ import typer
 from hydro.commands.shell import about, message
 from hydro.core.errors import UsageError
 
-LOOPBACK = ("127.", "localhost", "::1")
+LOOPBACK = ("127.", "localhost")
 
 
 def serve(
