@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hidden_effects import vehicles
-from benchmarks.hidden_effects.cases import ATTEMPTS, NEWEST, Case, times
+from benchmarks.hidden_effects.cases import ATTEMPTS, BY_LAW, NEWEST, Case, times
 from benchmarks.imperfect_base.base import DEPTH
 from benchmarks.recovery import TRUTHS, Draw
 from hydro.core.effects import CATALOGUE, validate
@@ -35,7 +35,7 @@ def payload_at_bow(rng: np.random.Generator, vehicle: Vehicle) -> dict[str, Any]
 
 
 CHANGES: dict[str, tuple[str, Draw]] = {
-    **{name: (name, draw) for name, draw in TRUTHS.items() if name not in NEWEST},
+    **{name: (name, TRUTHS[name]) for name in BY_LAW if name not in NEWEST},
     "one weak thruster": ("thruster_gain", one_thruster),
     "payload at the bow": ("payload", payload_at_bow),
 }
