@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hydro.core.columns import Array
-from hydro.core.effects.parting import CHIRP, COASTING
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -22,8 +21,8 @@ from hydro.core.effects.record import (
     Parameter,
     Rest,
 )
-from hydro.core.effects.sayings import a_sample_late
 from hydro.core.effects.shapes import Room, of_sizes
+from hydro.core.effects.words import CHIRP, COASTING, a_sample_late
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
 from hydro.core.vehicle.thrusters import (

@@ -12,9 +12,9 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import ADDED_MASS, BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, ROTATION, VELOCITY
-from hydro.core.effects.parting import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Role, Table
 from hydro.core.effects.restoring import push_at
+from hydro.core.effects.words import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between
 

@@ -16,7 +16,6 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.parting import COASTING, DRIFT
 from hydro.core.effects.record import (
     ABSORBED,
     Advice,
@@ -33,6 +32,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.words import COASTING, DRIFT
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import (
     BOOMS,

@@ -21,9 +21,9 @@ import numpy as np
 from hydro.core.columns import VELOCITY, WRENCH, Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import COMMAND_NAMES, COMMANDS, POSITION, RELATIVE_VELOCITY, ROTATION
-from hydro.core.effects.parting import COASTING
 from hydro.core.effects.record import LAST_COMMAND, Advice, Effect, Identification, Parameter, Role, Words
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.words import COASTING
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Index, Plausible, between, most_drag

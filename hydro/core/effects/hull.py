@@ -21,7 +21,6 @@ from hydro.core.effects.layout import (
     MOST_COMMANDS,
     RELATIVE_VELOCITY,
 )
-from hydro.core.effects.parting import DRIFT
 from hydro.core.effects.record import (
     ABSORBED,
     LAST_COMMAND,
@@ -41,6 +40,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import moved_at, near_the_hull, push_at
 from hydro.core.effects.shapes import LEVER
 from hydro.core.effects.units import of_mass, of_mixed
+from hydro.core.effects.words import DRIFT
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import (

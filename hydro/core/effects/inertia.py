@@ -16,7 +16,6 @@ from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import ADDED_MASS as M_A
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.parting import CHIRP, DRIFT
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -28,6 +27,7 @@ from hydro.core.effects.record import (
     Role,
 )
 from hydro.core.effects.units import of_mixed
+from hydro.core.effects.words import CHIRP, DRIFT
 from hydro.core.vehicle.plausible import ADDED_INERTIA, between, of_entry
 
 UNITS = ("kg", "kg m", "kg m^2")

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import RELATIVE_VELOCITY
-from hydro.core.effects.parting import CHIRP
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -22,6 +21,7 @@ from hydro.core.effects.record import (
 )
 from hydro.core.effects.shapes import along
 from hydro.core.effects.units import of_mass, of_moment
+from hydro.core.effects.words import CHIRP
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import ADDED_SOURCE, Plausible, between, most_added
 

@@ -14,7 +14,6 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, RELATIVE_VELOCITY, ROTATION
-from hydro.core.effects.parting import TILTS
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
     Advice,
@@ -30,6 +29,7 @@ from hydro.core.effects.record import (
 )
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_mass, of_weight
+from hydro.core.effects.words import TILTS
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between, within_box
 from hydro.core.vehicle.plausible import of_weight as up_to_weight

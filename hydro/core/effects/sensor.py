@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.effects.parting import CHIRP, DISTANCES, DRIFT, HEADINGS
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
-from hydro.core.effects.sayings import a_sample_late
 from hydro.core.effects.shapes import of_sizes
+from hydro.core.effects.words import CHIRP, DISTANCES, DRIFT, HEADINGS, a_sample_late
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.plausible import between, within_box

@@ -10,7 +10,6 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import CENTER_OF_BUOYANCY, POSITION, ROTATION
-from hydro.core.effects.parting import HEADINGS, TILTS
 from hydro.core.effects.record import (
     Advice,
     Effect,
@@ -24,6 +23,7 @@ from hydro.core.effects.record import (
 from hydro.core.effects.restoring import push_at, push_down
 from hydro.core.effects.shapes import LEVER, along
 from hydro.core.effects.units import of_weight
+from hydro.core.effects.words import HEADINGS, TILTS
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.plausible import Plausible, between, within_box
 from hydro.core.vehicle.plausible import of_weight as up_to_weight

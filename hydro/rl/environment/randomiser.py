@@ -10,11 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.effects import validate
+from hydro.core.effects import changes, validate
 from hydro.core.effects.catalogue import repeated_effects, wholly_known
 from hydro.core.errors import DataError, UsageError
 from hydro.core.identification.parameters import Free, free
-from hydro.core.simulation import changes
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.world.config import Randomisation, Settings

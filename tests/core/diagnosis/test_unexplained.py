@@ -63,7 +63,7 @@ def fitted_to_noise(believed: Vehicle, trusted: float):
 def as_searched(log, model):
     """Baseline and outcome of a search that found nothing significant."""
     last = SimpleNamespace(significant=False, p_value=1.0)
-    baseline = SimpleNamespace(refitted=model, log=log, problem=model.problem)
+    baseline = SimpleNamespace(refitted=model, log=log, problem=model.problem, calmed=0.0)
     return baseline, SimpleNamespace(model=model, last=last, found=())
 
 

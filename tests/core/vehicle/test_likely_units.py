@@ -100,7 +100,7 @@ def test_an_effect_stands_in_a_file_once_unless_there_can_be_several() -> None:
 
     vehicle.parse(twice('name = "payload"\nw = 2.0'))
     with pytest.raises(
-        DataError, match=r"ocean_current is effect\[.\] too: keep one.*only .*payload and tether"
+        DataError, match=r"ocean_current is effect\[.\] too: keep one.*only .*payload.* and tether"
     ):
         vehicle.parse(twice('name = "ocean_current"\nv_N = 0.1'))
 

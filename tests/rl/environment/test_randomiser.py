@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from fleets import QUIET, fleet, neutral, teachers, vehicle
 
-from hydro.core.effects import inertia_matrix, thruster_table
+from hydro.core.effects import changes, inertia_matrix, thruster_table
 from hydro.core.errors import UsageError
-from hydro.core.simulation import changes
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.thrusters import GAIN
 from hydro.rl.environment import conditions

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fleets import vehicle
 
-from hydro.core.simulation import changes
+from hydro.core.effects import changes
 from hydro.rl.environment import conditions
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance

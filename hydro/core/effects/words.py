@@ -1,6 +1,9 @@
-"""Motions that part effects which are taken for one another; a record names those that part its effect."""
+"""Words that records of effects share: what parts effects that look alike, and what is none of the vehicle's."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 HEADINGS = (
     "hold one thrust and turn slowly through all headings: a current stays in the north and east, a "
@@ -16,3 +19,15 @@ DEPTHS = "hold one thrust and heading at several depths, as far apart as the veh
 PASSES = "fly the same legs at the beginning and at the end of a long session, in the same headings"
 DISTANCES = "straight runs ahead and sideways, there and back, over distances known from the pose"
 COASTING = "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust"
+
+ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
+
+
+def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
+    """A delay `d` [s] of up to one sample `dt` [s] is none of the vehicle's."""
+    if abs(float(parameters["d"])) > ONE_SAMPLE * dt:
+        return None
+    return (
+        "no more than one sample: most likely a convention of the log (whether a command is logged "
+        "before or after it acts), not the vehicle; settle it in the log before believing lag or delay"
+    )
