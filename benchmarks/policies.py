@@ -52,7 +52,8 @@ def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
     rows: dict[tuple[str, str, str], Row] = {}
     for row in found.iter_rows(named=True):
         key = named(row, counted), row["flown_by"], row["plant"]
-        made = rows.setdefault(key, dict(zip(("task", "flown by", "in the"), key, strict=True)))
+        columns = dict(zip(("task", "flown by", "in the"), key, strict=True))
+        made = rows.setdefault(key, columns | {"tasks": str(row["episodes"])})
         made[row["setting"].replace("_", " ")] = f"{100.0 * row['success']:.3g}%"
     return list(rows.values())
 
