@@ -1,4 +1,4 @@
-"""Words that records of effects share: what parts effects that look alike, and what is none of the vehicle's."""
+"""Words that records of effects share: what parts effects that look alike, and what is only the log's."""
 
 from __future__ import annotations
 
