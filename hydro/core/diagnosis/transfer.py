@@ -26,6 +26,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
+from hydro.core.diagnosis.contenders import FINE
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
@@ -48,8 +49,6 @@ SURVEY_SHOTS = 48
 """Shots on which all effects are fitted."""
 STEPS = 4
 """Of a fit in the survey."""
-FINE = 0.004
-"""Score that each entry must be worth: an effect of many bends to more."""
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
@@ -287,7 +286,8 @@ def _rival(
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
     """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
     file, own = baseline.vehicle, baseline.effects
-    tried = suspects(file, without=[*own, *repeated_effects(file)], reach=baseline.log.track)
+    apart = {*own, *repeated_effects(file)}
+    tried = suspects(file, without=[*apart], reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
     matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
     weight = CORRELATED * known.temper
@@ -301,6 +301,6 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
         tables[name] = {**suspect.begin(step[new:]), "name": name}
     for table in file.effect:  # effects of the file of which no grid tells begin from its values
         name = str(table["name"])
-        if not (name in own or name in repeated_effects(file) or wholly_known(file, name)):
+        if name not in apart and not wholly_known(file, name):
             tables.setdefault(name, dict(table))
     return tables
