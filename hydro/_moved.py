@@ -19,9 +19,10 @@ from types import ModuleType
 from typing import Any
 
 _PACKAGES = {  # new package: old name of a module, and its new one where that is another
-    "hydro.core.diagnosis": "diagnose explain search naming:confidence "
+    "hydro.core.diagnosis": "diagnose search naming:confidence "
     "left_out:confidence undetermined:identifiability unexplained slow:unexplained "
     "log_faults findings extend:findings",
+    "hydro.core.explanation": "explain",
     "hydro.core.experiment": "advice manoeuvres",
     "hydro.core.preprocessing": "sensor_tests coloured",
     "hydro.core.evaluation": "evidence:score_test wiring:thruster_order compare misfit metrics "

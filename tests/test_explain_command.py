@@ -13,11 +13,11 @@ from terminal import fits, on_terminal
 import hydro
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
+from hydro.core.explanation import explain as module
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

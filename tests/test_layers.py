@@ -31,7 +31,7 @@ MAY_IMPORT = {
 }
 LEVELS = {
     "hydro.core": (
-        ("discovery",),
+        ("discovery", "explanation"),
         ("diagnosis",),
         ("difference",),
         ("experiment",),

@@ -31,7 +31,7 @@ COMMANDS = {
 COMPUTED = {
     "compare": "hydro.core.evaluation.compare.compare",
     "diagnose": "hydro.core.diagnosis.diagnose.diagnose_log",
-    "explain": "hydro.core.diagnosis.explain.explain",
+    "explain": "hydro.core.explanation.explain.explain",
     "fit": "hydro.core.identification.fit.fit",
     "hull": "hydro.core.diagnosis.diagnose.hull_of",
 }

@@ -10,7 +10,7 @@ from hydro.api.order import Progress, vehicle_first
 if TYPE_CHECKING:
     import polars as pl
 
-    from hydro.core.diagnosis.explain import Step
+    from hydro.core.explanation.ladder import Step
     from hydro.core.identification.fit import Fit
     from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
@@ -216,7 +216,7 @@ def explain(
         progress: called with a few words and the share of the present step that is done.
 
     Yields:
-        Each step as it is done, the vehicle as given first: a `hydro.core.diagnosis.explain.Step` with the
+        Each step as it is done, the vehicle as given first: a `hydro.core.explanation.ladder.Step` with the
         vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
 
     Raises:
@@ -224,8 +224,8 @@ def explain(
     """
     from dataclasses import replace
 
-    from hydro.core.diagnosis.explain import explain as steps
     from hydro.core.discovery.discover import discovered
+    from hydro.core.explanation.explain import explain as steps
     from hydro.io.table import conform
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None

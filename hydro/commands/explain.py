@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from hydro.core.diagnosis.explain import Step
+    from hydro.core.explanation.ladder import Step
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
@@ -89,9 +89,10 @@ def explain(
 
         hydro explain vehicle.toml raw.parquet --discover -o study
     """
-    from hydro.core.diagnosis.explain import best, ending
-    from hydro.core.diagnosis.explain import explain as compute
     from hydro.core.discovery.discover import discovered
+    from hydro.core.explanation.explain import ending
+    from hydro.core.explanation.explain import explain as compute
+    from hydro.core.explanation.ladder import best
     from hydro.io.study import Study
 
     logs, name = Logs(map_, msg, vehicle), called(measured)
@@ -141,11 +142,11 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
     """Write what these steps make of the recordings, and which sessions those have."""
     import polars as pl
 
-    from hydro.core.diagnosis.explain import DATASETS
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.growth import growth
     from hydro.core.evaluation.leftover import leftover
     from hydro.core.evaluation.rolling_prediction import restarted
+    from hydro.core.explanation.ladder import DATASETS
     from hydro.core.recording.segments import sessions
     from hydro.io.study import NO_FORCES
 
@@ -188,7 +189,7 @@ def _held_out(holdout: list[str], logs: Logs, source: Artefact, known: Vehicle, 
     Raises:
         DataError: It is the measured one, is too short, or is another vehicle's.
     """
-    from hydro.core.diagnosis.explain import long_enough
+    from hydro.core.explanation.explain import long_enough
 
     other, name = logs.read(holdout), called(holdout)
     if other.provenance.content == source.provenance.content:
@@ -210,7 +211,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     """The ladder, what was added, what the last diagnosis says, and where the files are."""
     import polars as pl
 
-    from hydro.core.diagnosis.explain import DATASETS
+    from hydro.core.explanation.ladder import DATASETS
     from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.explain import Step
 from hydro.core.errors import DataError
+from hydro.core.explanation.ladder import Step
 from hydro.io import covariance, table
 from hydro.io import vehicle as vehicles
 from hydro.io.table import Artefact

@@ -10,9 +10,9 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.before import FLOOR
-from hydro.core.diagnosis.explain import HORIZON, LEFT_OUT
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
+from hydro.core.explanation.ladder import HORIZON, LEFT_OUT
 from hydro.report import words
 
 TITLES = {
@@ -99,7 +99,7 @@ def headline(rows: pl.DataFrame) -> str:
     ]
     beside = f"; with the hull, times its floor: {', '.join(times)}" if times else ""
     left_out = rows.filter(axis=LEFT_OUT)["rmse"].to_list()
-    beside += "".join(f"; stretches left out of the fit, times the noise: {rmse:.3g}" for rmse in left_out)
+    beside += "".join(f"; stretches left out of the fit {rmse:#.3g} m/s" for rmse in left_out)
     return f"step {number}, {effect or AS_GIVEN}: error {HORIZON:g} s ahead: {told}{beside}"
 
 

@@ -14,9 +14,9 @@ from typing import Any
 import polars as pl
 
 from hydro.core.columns import COMMAND, VELOCITY
-from hydro.core.diagnosis.explain import HORIZON, best_step
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.evaluation.rolling_prediction import RESTART_INTERVAL
+from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.io import provenance as lineage
 from hydro.io import vehicle as vehicles
 from hydro.report import cards, change, errors, growth, leftover, plots, recorded, standing, words, yardsticks

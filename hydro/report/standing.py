@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.explain import HORIZON, best_step
+from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.change import of_change
 from hydro.report.sources import Named, Sources

@@ -34,6 +34,8 @@ MOVED = 2.0
 """Standard deviations of what is known of a value by which a fit must move it to be a finding."""
 NEARLY = 0.7
 """Part of the score of what is named from which others are told beside it."""
+NEIGHBOURS = 3
+"""Of these at most."""
 OWN = 0.9
 """Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
 FANCIFUL = 0.5
@@ -49,7 +51,7 @@ class Named:
     """What transfers best.
 
     Attributes:
-        findings: One naming, or none.
+        findings: One naming and what is nearly as good, or none.
         model: The vehicle with it and the file's own effects, fitted within what is known of them.
         fit: Values and standard errors; None where nothing was fitted.
         refitted: The file's own effects alone, likewise; the file as it is where they are held.
@@ -107,7 +109,11 @@ def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Name the change that removes most of the error of data that it was not fitted to."""
+    """Name the change that removes most of the error of data that it was not fitted to.
+
+    Where its values are none that physics leaves to it, it stands for something else: the next best within
+    NEARLY of it is named that has such values.
+    """
     fine = baseline.problem
     baseline = replace(one_change(baseline), problem=resolved(fine))
     try:
@@ -115,8 +121,10 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         refitted, known = tempered(baseline, baseline.problem)
     except Diverges:  # the file's own predictions: there is nothing to begin from
         return Named((), baseline.refitted, None, baseline.refitted)
+    alone = _in_noise(refitted, fine)
+    fanciful, least = Named((), alone, None, alone), NAMED
     for rival in surveyed.rivals:
-        if rival.score < NAMED:
+        if rival.score < least:
             break
         if rival.own and not _moved(rival, baseline):
             continue
@@ -128,11 +136,15 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
         if not _there(fit, rival.effect):
             continue
-        model, refitted, without = (_in_noise(one, fine) for one in (model, refitted, without))
+        model, without = _in_noise(model, fine), _in_noise(without, fine)
         finding = _finding(rival, surveyed, model, without, fit, baseline.log.record.dt)
-        return Named((finding,), model, fit, refitted)
-    refitted = _in_noise(refitted, fine)
-    return Named((), refitted, None, refitted)
+        rest = _nearly_as_good(rival, surveyed, finding, baseline.log.record.dt)
+        named = Named((finding, *rest), model, fit, alone)
+        if not implausible(fit.vehicle, [rival.effect]):
+            return named
+        if not fanciful.findings:
+            fanciful, least = named, max(NEARLY * rival.score, NAMED)
+    return fanciful
 
 
 def _there(fit: Fit, effect: str) -> bool:
@@ -202,6 +214,39 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
         advice=words if stated else advice.suspecting(rival.effect, words),
         support=rival.score,
     )
+
+
+def _nearly_as_good(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterator[Finding]:
+    """What transfers nearly as well as what is named, with the values that the survey fitted.
+
+    What the name leaves of all probability they share by their scores, with one part for something else.
+    """
+    near = [one for one in surveyed.rivals if one.score >= max(NEARLY * rival.score, NAMED)]
+    near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
+    whole = 1.0 + sum(one.score for one in near)
+    for one in near:
+        model = one.model
+        fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+        if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
+            continue
+        values, errors = fit.table(one.effect)
+        words = f"{advice.adding(one.effect, values, dt)}; nearly as good as {rival.effect} on data left out"
+        pieces = max(block_length(model.normal.score), 1)
+        gain = surveyed.refitted.costs - model.costs
+        share, low, high = explained_share(gain, surveyed.refitted.excesses, pieces)
+        yield Finding(
+            "suspect",
+            one.effect,
+            (one.effect,),
+            share,
+            low,
+            high,
+            (1.0 - finding.confidence) * one.score / whole,
+            parameters=values,
+            standard_errors=errors,
+            advice=advice.suspecting(one.effect, words),
+            support=one.score,
+        )
 
 
 def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:

@@ -22,18 +22,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
-from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
+from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs, left_out_steps
 from hydro.core.diagnosis.contenders import FINE
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import repeated_effects, wholly_known, with_role
 from hydro.core.effects.record import Role
+from hydro.core.evaluation.replay_error import BEYOND
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.multiple_shooting import ENDLESS, Shots
+from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.prior import deviations, in_file, stated
@@ -244,28 +248,52 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
 
 
-def left_out_error(vehicle: Vehicle, effects: Sequence[str], problem: OutputError) -> float:
-    """Root mean square residual of stretches, predicted by the fit of effects to all others, in their noise.
+def left_out_error(
+    vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots, weights: Array
+) -> float:
+    """Error of the velocities of stretches, predicted by the fit of effects to all others [m/s].
 
     Args:
         vehicle: The vehicle with the fitted values.
         effects: Names of what was fitted; the vehicle as it is without any.
-        problem: The shots.
+        problem: The shots that are fitted to.
+        ahead: Predictions over the same recording, as far ahead as the error is to tell of.
+        weights: Of the axes, (6,).
 
     Returns:
-        ENDLESS where a prediction leaves all bounds.
+        The root mean square; that of velocities BEYOND all bounds where the fit diverges.
     """
-    begun = OutputError.of(problem.shots, vehicle)
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     try:
-        model = fit_model(vehicle, fitted, begun, np.zeros((1, 3)), BEGINNINGS)
+        model = fit_model(vehicle, fitted, problem.at_measured_states(vehicle), np.zeros((1, 3)), BEGINNINGS)
     except Diverges:
-        return ENDLESS
-    costs = model.costs
-    if model.unknown.entries:
-        fold = sessions_of(begun.shots)
-        costs = left_out_costs(Fitted(model.normal, np.zeros(len(model.values))), fold)
-    return min(float(np.sqrt(costs.sum() / model.normal.residuals)), ENDLESS)
+        return float(np.sqrt(weights @ BEYOND[6:] ** 2))
+    if not fitted:
+        return _error_ahead(vehicle, ahead, weights, np.ones(len(ahead.starts), bool))[0]
+    fold, scales = sessions_of(problem.shots), model.unknown.scales
+    within = np.searchsorted(problem.shots.starts, ahead.starts, side="right") - 1
+    total, count = 0.0, 0
+    for out, step in left_out_steps(Fitted(model.normal, np.zeros(len(model.values))), fold):
+        there = model.unknown.at(model.unknown.within(model.values + step * scales))
+        error, rows = _error_ahead(there, ahead, weights, out[np.maximum(within, 0)])
+        total, count = total + error**2 * rows, count + rows
+    return float(np.sqrt(total / max(count, 1)))
+
+
+def _error_ahead(
+    vehicle: Vehicle, ahead: Shots, weights: Array, chosen: NDArray[np.bool_]
+) -> tuple[float, int]:
+    """Root mean square error of all velocities over some predictions [m/s], and their rows."""
+    if not chosen.any():
+        return 0.0, 0
+    model = candidate(vehicle)
+    shots = multiple_shooting.corrected_first(multiple_shooting.select(ahead, chosen), model)
+    there = multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:]
+    error = np.nan_to_num(there - shots.measured[..., 7:], nan=np.inf)
+    squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
+    seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
+    mean = (squares * seen).sum(axis=(0, 1)) / np.maximum(seen.sum(axis=(0, 1)), 1)
+    return float(np.sqrt(weights @ mean)), len(shots.starts) * shots.length
 
 
 def _rival(

@@ -11,8 +11,9 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.diagnose import diagnose
-from hydro.core.diagnosis.explain import best, explain
 from hydro.core.evaluation.compare import compare
+from hydro.core.explanation.explain import explain
+from hydro.core.explanation.ladder import best
 from hydro.core.identification.fit import fit
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

@@ -9,13 +9,13 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.diagnose import diagnose_log
-from hydro.core.diagnosis.explain import explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.discovery.discover import discovered
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.formula import joined, one_term
 from hydro.core.errors import DataError
+from hydro.core.explanation.explain import explain
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle as files

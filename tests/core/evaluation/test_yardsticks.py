@@ -10,10 +10,10 @@ import synthetic
 from scipy.integrate import solve_ivp
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.explain import HORIZON
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.yardsticks import CONSTANT, LEAST_SQUARES, ZERO, Damped, Yardstick, lost, march
+from hydro.core.explanation.ladder import HORIZON
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.thrusters import configuration_matrix

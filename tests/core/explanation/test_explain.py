@@ -11,13 +11,15 @@ import pytest
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis import explain as module
 from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots
 from hydro.core.diagnosis.diagnose import refine
-from hydro.core.diagnosis.explain import LEFT_OUT, Step, best, best_step, ending, explain
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
+from hydro.core.explanation import explain as module
+from hydro.core.explanation import trials
+from hydro.core.explanation.explain import ending, explain
+from hydro.core.explanation.ladder import LEFT_OUT, Step, best, best_step
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -110,7 +112,7 @@ def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
     baseline = refit(known, log, stable_shots(known, log), known)
     assert not np.array_equal(baseline.problem.shots.sigma, log.noise)
     told = refine(baseline, Outcome(baseline.refitted, (), None)).fit
-    tables = module._fit_together(known, log, baseline.effects, known).tables()
+    tables = trials._fit_together(known, log, baseline.effects, known).tables()
     for table, other in zip(tables, told.tables(), strict=True):
         np.testing.assert_allclose(
             table["standard_error"]["diagonal"], other["standard_error"]["diagonal"], rtol=0.05
@@ -144,8 +146,8 @@ def staged(monkeypatch, known):
             row |= {"axis": "all", "horizon": 5.0, "rmse": errors.pop(0), "unit": "m/s"}
             return pl.DataFrame([row])
 
-        monkeypatch.setattr(module, "_fit_together", together)
-        monkeypatch.setattr(module, "compare", compare)
+        monkeypatch.setattr(trials, "_fit_together", together)
+        monkeypatch.setattr(trials, "compare", compare)
 
         def diagnose(vehicle, log, progress, hull, further, file):
             return Diagnosis(tuple(left.pop(0)), vehicle, (1.0, 1.0, 1.0))
@@ -194,21 +196,47 @@ def test_what_no_effect_explains_is_told(staged):
     assert ending(steps) == "what is left no effect of the catalogue explains"
 
 
-def rungs(*errors: float) -> pl.DataFrame:
+def left_out(*errors: float) -> pl.DataFrame:
     """A ladder whose steps leave these errors of stretches left out of the fit."""
-    rows = {"step": range(len(errors)), "dataset": "fit", "axis": LEFT_OUT, "horizon": 2.0, "rmse": errors}
+    rows = {"step": range(len(errors)), "dataset": "fit", "axis": LEFT_OUT, "horizon": 5.0, "rmse": errors}
     return pl.DataFrame(rows)
 
 
 @pytest.mark.parametrize(("errors", "chosen"), [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1)])
 def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
-    assert best_step(rungs(*errors)) == chosen
+    assert best_step(left_out(*errors)) == chosen
 
 
 def test_a_suspect_that_is_not_unlikely_makes_a_step(staged):
     likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5, p_value=0.001)
     steps, _ = staged([[likely], [finding("far_from_noise")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("ocean_current",)]
+
+
+@pytest.mark.parametrize("better", ["ocean_current", "payload"])
+def test_of_several_suspects_the_one_joins_that_predicts_what_is_left_out(staged, monkeypatch, better):
+    def error(vehicle, names, *_):
+        return 0.1 if better in names else 0.2
+
+    monkeypatch.setattr(trials, "left_out_error", error)
+    monkeypatch.setattr(trials.Recordings, "problem", None)
+    likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
+    beside = replace(finding("suspect", "payload", w=1.0), confidence=0.1)
+    steps, _ = staged([[likely, beside], [finding("far_from_noise")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), (better,)]
+
+
+def test_values_beyond_belief_join_where_nothing_else_would(staged, monkeypatch):
+    monkeypatch.setattr(
+        trials, "left_out_error", lambda vehicle, names, *_: 0.1 if "payload" in names else 0.2
+    )
+    monkeypatch.setattr(trials.Recordings, "problem", None)
+    likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
+    fanciful = replace(finding("suspect", "payload", w=1.0, x=40.0), confidence=0.1)
+    steps, _ = staged([[likely, fanciful], [finding("far_from_noise")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("ocean_current",)]
+    steps, _ = staged([[replace(fanciful, confidence=0.5)], [finding("far_from_noise")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("payload",)]
 
 
 def test_suspects_are_told_and_not_added(staged):
@@ -231,7 +259,7 @@ def test_it_goes_on_from_steps_that_are_done(staged):
 
 def test_the_recordings_are_preprocessed_once_for_all_steps(staged, monkeypatch):
     logs = []
-    monkeypatch.setattr(module, "preprocess", lambda *given: logs.append(preprocess(*given)) or logs[-1])
+    monkeypatch.setattr(trials, "preprocess", lambda *given: logs.append(preprocess(*given)) or logs[-1])
     steps, _ = staged([[finding("missing", "payload", w=1.0)], []], [2.0, 1.0])
     assert len(steps) == 2
     assert len(logs) == 1

@@ -1,0 +1,139 @@
+"""What is missing, step by step: add the best finding, fit everything anew together, and look again.
+
+Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, refits it
+with all effects that the file has or was given, and is held against the recording and against another one
+that no fit has seen.  The errors of all steps make the ladder (`explanation.ladder`).  A step that raises the
+held-out error is the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import polars as pl
+
+from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.diagnose import diagnose_log
+from hydro.core.diagnosis.findings import Diagnosis, extended, suspects
+from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.errors import DataError
+from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
+from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial, of_change, options
+from hydro.core.identification.tracking import tracked
+from hydro.core.progress import Progress, part, silent
+from hydro.core.recording.arrays import recording
+from hydro.core.residual.hull import Hull
+from hydro.core.vehicle.description import Vehicle
+
+MOST_STEPS = 6
+"""The file as given not counted."""
+UNEXPLAINED = ("none_of_the_known", "far_from_noise")
+"""Verdicts that something is left which no effect explains."""
+Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
+"""A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""
+
+
+def explain(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    *,
+    holdout: pl.DataFrame | None = None,
+    hull: Hull | None = None,
+    done: Sequence[Step] = (),
+    beyond: Beyond | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Step]:
+    """Add what is missing until nothing more is found.
+
+    Args:
+        vehicle: The model.
+        raw: Raw table of the measured motion and commands.
+        holdout: Another one, which nothing is fitted to.
+        hull: What a recording before a change has taught (`diagnosis.diagnose.hull_of`): then what has
+            changed since is added, and the hull's law and the file's own values are held.
+        done: First steps of the same study that are known already.
+        beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
+        progress: Called with a few words and the share of the present step that is done.
+
+    Yields:
+        Each step that was not done, once it is; `ending` says why the last is the last.
+
+    Raises:
+        DataError: A recording or the vehicle is at fault, or a recording is too short.
+    """
+    for recorded in (raw, holdout):
+        if recorded is not None:
+            long_enough(vehicle, recorded, beside=hull is not None)
+    steps = list(done)
+    if steps and ending(steps):
+        return
+    recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or silent
+    while not (steps and ending(steps)):
+        steps.append(_next(steps, vehicle, recordings, progress, beyond))
+        yield steps[-1]
+
+
+def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
+    """Hold a recording to what the ladder needs of it, with the model of a hull beside the file or without.
+
+    Raises:
+        DataError: It does not fit the vehicle, or no session lasts HORIZON; or, with the model of a hull,
+            there are too few shots.
+    """
+    record = recording(vehicle, raw)
+    rows = round(HORIZON / record.dt) + 1
+    if (record.segments[:, 1] - record.segments[:, 0]).max() < rows:
+        raise DataError(f"no session lasts {HORIZON:g} s without a gap; record longer sessions")
+    if beside:
+        stable_shots(vehicle, Preprocessed(raw, tracked(vehicle, record), ()))
+
+
+def ending(steps: Sequence[Step]) -> str:
+    """Why no step follows the last of these, in words; empty where one does."""
+    last = steps[-1]
+    if best(steps) is not last:
+        held_out = not last.ladder.filter(dataset="holdout").is_empty()
+        data = "the held-out data" if held_out else "stretches that it was not fitted to"
+        return (
+            f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
+        )
+    if not options(last):
+        known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
+        words = "nothing more has changed" if of_change(last) else "nothing more is found"
+        words = words if known else "what is left no effect of the catalogue explains"
+        suspected = ", ".join(suspects(last.diagnosis))
+        return f"{words}; only suspected, and not added: {suspected}" if suspected else words
+    return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
+
+
+def _next(
+    steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress, beyond: Beyond | None
+) -> Step:
+    """The step after these."""
+    number, log, hull, tried = len(steps), recordings.log, recordings.hull, Trial((), (), file)
+    if steps:
+        progress("all together", 0.0)
+        tried = best_trial(steps[-1], file, recordings)
+    compared = [recordings.compared(tried.vehicle, log, part(progress, 0.3, 0.5))]
+    if recordings.holdout is not None:
+        compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, 0.5, 0.6)))
+    # Standard errors from this recording are no second opinion on it.
+    plain = extended(file, [bare(table) for table in tried.tables])
+    ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
+    if recordings.holdout is None and hull is None:
+        ladder.append(left_out_rung(ladder[0], recordings.left_out(tried.vehicle, tried.tables)))
+    rest = part(progress, 0.6, 0.9 if beyond else 1.0)
+    diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
+    if beyond is not None:
+        diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
+    return Step(
+        number,
+        tried.added,
+        tried.tables,
+        tried.vehicle,
+        compared[0],
+        diagnosis.frame(),
+        diagnosis.chi2,
+        pl.concat(ladder, how="diagonal_relaxed"),
+        tried.estimates,
+    )

@@ -1,0 +1,230 @@
+"""What a step may add, and which of it predicts best the stretches that it was not fitted to.
+
+What a diagnosis states makes one step.  Of what it only suspects each is tried: fitted together with all that
+is there already, and held against stretches of the recording that the fit leaves out, as far ahead as the
+ladder looks.  With the hull that a recording before has taught, a step adds what changed most, and fits with
+it nothing but the changes of earlier steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import polars as pl
+
+from hydro.core.diagnosis.baseline import stable_start, weighed_fit
+from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
+from hydro.core.diagnosis.diagnose import settled
+from hydro.core.diagnosis.findings import extended, tables
+from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
+from hydro.core.diagnosis.model import Wanted
+from hydro.core.diagnosis.transfer import left_out_error
+from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
+from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.errors import DataError
+from hydro.core.evaluation.compare import compare
+from hydro.core.evaluation.yardsticks import Yardstick
+from hydro.core.explanation.ladder import HORIZON, Step
+from hydro.core.identification.fit import Fit
+from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.parameters import free
+from hydro.core.identification.tracking import tracked
+from hydro.core.progress import Progress
+from hydro.core.recording.arrays import recording
+from hydro.core.residual.hull import Hull
+from hydro.core.simulation.estimates import Estimates
+from hydro.core.vehicle.description import Vehicle
+
+Table = Mapping[str, Any]
+
+STEP_VERDICTS = ("missing", "cannot_tell_apart")
+"""Verdicts that make a step; new values of what is there already come along with it."""
+LIKELY = 0.2
+"""Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """What all steps are held against, preprocessed once.
+
+    Attributes:
+        log: The recording that everything is fitted to.
+        holdout: The held-out one; None without one.
+        yardstick: What the file as given, and all steps, are measured by.
+        hull: What a recording before a change has taught; None without one.
+    """
+
+    log: Preprocessed
+    holdout: Preprocessed | None
+    yardstick: Yardstick
+    hull: Hull | None
+
+    @classmethod
+    def of(
+        cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
+    ) -> Recordings:
+        """Preprocess both, the held-out one with the same order of its commands."""
+        log, other = preprocess(vehicle, raw), None
+        if holdout is not None:
+            found = sound(vehicle, holdout)
+            ordered = in_order(found.raw, log.wiring)
+            record = replace(recording(vehicle, ordered), sigma=found.record.sigma)
+            other = Preprocessed(ordered, tracked(vehicle, record), ())
+        return cls(log, other, Yardstick.of(vehicle, log.raw), hull)
+
+    @cached_property
+    def problem(self) -> OutputError:
+        """Shots of the recording, of which some are left out to tell what a fit is worth."""
+        return stable_start(self.yardstick.vehicle, self.log)[1]
+
+    def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
+        """A vehicle against one of them, with the hull's rows where there is a hull."""
+        found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
+        return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
+
+    def left_out(self, vehicle: Vehicle, fitted: Sequence[Table]) -> float:
+        """Error HORIZON ahead of stretches of the recording that fits leave out [m/s]."""
+        names = [str(table["name"]) for table in fitted]
+        ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
+        return left_out_error(vehicle, names, self.problem, ahead, weights)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a step may add, fitted together with all that is there.
+
+    Attributes:
+        added: Effects that it adds, or gives new values to where it adds none.
+        tables: All effects that were fitted together, with their standard errors.
+        vehicle: The file of step 0 with them.
+        estimates: The values of `tables` with their covariance.
+    """
+
+    added: tuple[str, ...]
+    tables: tuple[dict[str, Any], ...]
+    vehicle: Vehicle
+    estimates: Estimates | None = None
+
+
+def options(step: Step) -> list[dict[str, Table]]:
+    """What the next step may fit anew, by effect: the best that is missing first, then new values.
+
+    What is stated makes one step; of what is only suspected each may make it.  New values alone make a step
+    only where the effects have not been fitted in this one.
+    """
+    with_values = step.diagnosis.filter(pl.col("parameters") != "")
+    if of_change(step):
+        return _change(step, with_values)
+    missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()[:1]
+    fitted = {table["name"] for table in step.tables}
+    if not missing:
+        missing = _likely(with_values, fitted) or _discovered(with_values)
+    retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
+    if not missing and fitted.issuperset(retuned):
+        return []
+    wanted = [[name, *retuned] for name in missing] or [retuned]
+    return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
+
+
+def of_change(step: Step) -> bool:
+    """Whether the step tells of what has changed since a recording before."""
+    return not step.ladder.filter(axis=FLOOR).is_empty()
+
+
+def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
+    """The best change that is stated, or else likely, and has not been fitted in the step."""
+    fitted = {table["name"] for table in step.tables}
+    stated = findings.filter(pl.col("verdict").is_in((*STEP_VERDICTS, "retune"))).sort("rank")["effect"]
+    names = [name for name in stated if name not in fitted] or _likely(findings, fitted)
+    return [{table["name"]: table for table in tables(step.diagnosis, names[:1])}] if names else []
+
+
+def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
+    """Suspects that have not been fitted in the step, where one of them is not unlikely; the best first."""
+    suspected = findings.filter(~pl.col("effect").is_in(list(fitted)), verdict="suspect").sort("rank")
+    likely = suspected.filter(pl.col("confidence") >= LIKELY)
+    return [] if likely.is_empty() else suspected["effect"].to_list()
+
+
+def _discovered(findings: pl.DataFrame) -> list[str]:
+    """The formula that was discovered beyond the catalogue."""
+    formulas = [name for name, effect in CATALOGUE.items() if effect.words]
+    return findings.filter(pl.col("effect").is_in(formulas), verdict="suspect")["effect"].to_list()
+
+
+def best_trial(last: Step, file: Vehicle, recordings: Recordings) -> Trial:
+    """Of what the next step may add, what predicts best the stretches that it was not fitted to.
+
+    Values that physics does not leave to an effect stand for something else: others come first.
+    """
+    every, trials = options(last), list[Trial]()
+    for found in every:
+        try:
+            trials.append(_trial(last, found, file, recordings))
+        except DataError:
+            if len(every) == 1:
+                raise
+    if len(trials) == 1:
+        return trials[0]
+
+    def worth(trial: Trial) -> tuple[bool, float]:
+        beyond_belief = bool(implausible(trial.vehicle, [table["name"] for table in trial.tables]))
+        return beyond_belief, recordings.left_out(trial.vehicle, trial.tables)
+
+    return min(trials, key=worth)
+
+
+def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Recordings) -> Trial:
+    """All that the last step has and what was found, fitted together.
+
+    Raises:
+        DataError: The fit diverges.
+    """
+    is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
+    added = (next(iter(found)),) if is_new else tuple(found)
+    every = (*last.tables, *found.values())
+    chance = [dict(one) for one in every if CATALOGUE[one["name"]].is_random]
+    fit: Fit | None
+    if recordings.hull is None:
+        there = extended(last.vehicle, [bare(one) for one in chance])
+        fit = _fit_together(there, recordings.log, _wanted(last, found), file)
+    else:
+        fit = fit_changes(file, recordings.log, recordings.hull, [bare(one) for one in every])
+    fitted = (*(fit.tables() if fit else ()), *chance)
+    return Trial(added, fitted, extended(file, fitted), fit.estimates() if fit else None)
+
+
+def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle) -> Fit | None:
+    """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
+
+    What the recording does not show stays as it stands in the file of step 0.
+    """
+    if not wanted:
+        return None
+    unknown = free(vehicle, wanted, reach=log.track)
+    begun = unknown.at(unknown.starts[0])
+    start, problem = stable_start(begun, log)
+    if start is not begun:
+        names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
+        vehicle, wanted = start, [name for name in names if start.effects(name)]
+    model, _, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
+    return settled(model, file)[1]
+
+
+def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
+    """What is fitted together: the file's own effects and all added, from their values, and what is new.
+
+    What acts by chance is estimated by the diagnosis, not by a fit.
+    """
+    known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
+    new = [bare(table) for name, table in found.items() if not CATALOGUE[name].is_random]
+    return [*(name for name in known if name not in found and not CATALOGUE[name].is_random), *new]
+
+
+def bare(table: Table) -> dict[str, Any]:
+    """An effect's values alone."""
+    return {key: value for key, value in table.items() if key not in BOOKKEEPING or key == "name"}
