@@ -13,6 +13,7 @@ applies them.  A segment starts at its first measurement with an acceleration th
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -87,6 +88,7 @@ def gains(design: Design) -> Gains:
     return Gains(forward * [1.0, 1.0 / dt], backward * [1.0, dt, 1.0 / dt, 1.0])
 
 
+@functools.lru_cache(maxsize=len(RATIOS))  # a design is made anew wherever it is used, its ratios are few
 def _unit_gains(ratio: float) -> tuple[Array, Array]:
     """Forward (n, 2) and backward (n, 4) gains for R = 1 and dt = 1."""
     from filterpy.common import Q_continuous_white_noise
