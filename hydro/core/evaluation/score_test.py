@@ -48,7 +48,9 @@ class Evidence:
         matrix, score = normal.matrix[kept], normal.score[kept]
         size = np.sqrt(np.einsum("sii->i", matrix))
         size[size == 0.0] = 1.0
-        return cls(matrix / size[:, None] / size, score / size, normal.gram[kept, -1, -1], size)
+        matrix /= size[:, None]
+        matrix /= size
+        return cls(matrix, score / size, normal.gram[kept, -1, -1], size)
 
     @cached_property
     def total(self) -> Array:
@@ -160,7 +162,9 @@ def _forms(
     left = (scores - across @ np.linalg.solve(inner, scores[:, :own].sum(axis=0))) @ turn.T
     flipped, mixed = signs @ left, np.tensordot(signs, turn @ across, axes=1)
     spread = turn @ total @ turn.T
-    each = spread - mixed @ np.linalg.solve(inner, mixed.transpose(0, 2, 1))
+    # all flips at once: each on its own would factorise the same matrix anew
+    held = np.linalg.solve(inner, mixed.reshape(len(signs) * len(group), own).T).T.reshape(mixed.shape)
+    each = spread - mixed @ held.transpose(0, 2, 1)
     each += FLOOR * np.trace(spread) / len(group) * np.eye(len(group))
     form = np.einsum("fi,fi->f", flipped, np.linalg.solve(each, flipped[..., None])[..., 0])
     return np.asarray(np.maximum(form, 0.0))
