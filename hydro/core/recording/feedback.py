@@ -171,9 +171,10 @@ def _robust(X: Array, y: Array) -> tuple[Array, float]:
     """Huber's estimate of a linear law, and the size of an error from which it is an outlier."""
     weight, least = np.ones(len(y)), 1e-3 * float(np.sqrt((y**2).mean())) + 1e-300
     size = np.sqrt((X**2).mean(axis=0)) + 1e-300
+    unit, ridge = X / size, RIDGE * len(y) * np.eye(X.shape[1])
     for _ in range(ROUNDS):
-        scaled = X / size * weight[:, None]
-        gram = scaled.T @ (X / size) + RIDGE * len(y) * np.eye(X.shape[1])
+        scaled = unit * weight[:, None]
+        gram = scaled.T @ unit + ridge
         law = np.linalg.solve(gram, scaled.T @ y) / size
         error = np.abs(y - X @ law)
         limit = HUBER * max(1.4826 * float(np.median(error)), least)
