@@ -164,6 +164,15 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
     return _program(flat, new), _program(flat, gone)
 
 
+def same_memories(flat: Array, other: Array) -> bool:
+    """Whether the same motion leads two programs to the same internal states, whatever their thrusters."""
+    mine, its = (
+        [(row[0], row[3], row[4], p.tobytes()) for row, p in _effects(one) if row[3] != row[4]]
+        for one in (flat, other)
+    )
+    return mine == its and np.array_equal(constants_of(flat), constants_of(other))
+
+
 def _effects(flat: Array) -> list[tuple[Array, Array]]:
     """Rows and parameters of a program's effects."""
     begin = int(flat[EFFECT_TABLE])

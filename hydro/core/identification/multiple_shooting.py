@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit, kernel
 from hydro.core.effects import sensor
+from hydro.core.effects.program import same_memories
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.recording.arrays import Recording, noise, smoothed
@@ -312,16 +313,25 @@ class Prepared:
 
 
 def prepare(model: Candidate, shots: Shots, like: Prepared | None = None) -> Prepared:
-    """Work out a candidate's states at the beginning of every shot; `like` has perhaps the same thrusters."""
+    """Work out a candidate's states at the beginning of every shot.
+
+    `like` is another one's: its thrusters, or the effects that have states, are perhaps the same.
+    """
     if like is not None and same_states(like.model.thrusters, model.thrusters):
         rotors = like.rotors
     else:
         rotors = rotor_states(model, shots.record)[shots.starts]
-    memory = np.zeros((len(shots.starts), 0))
-    if model.program.states:
+    if like is not None and _same_memories(like.model, model):
+        memory = like.memory
+    else:
         nu = true_velocity(model, shots.record, shots.nu)
         memory = memories(model, shots.record, shots.eta, nu)[shots.starts]
     return Prepared(model, rotors, memory)
+
+
+def _same_memories(one: Candidate, other: Candidate) -> bool:
+    """Whether two candidates see the same internal states behind a log."""
+    return np.array_equal(one.log, other.log) and same_memories(one.program.flat, other.program.flat)
 
 
 def predict(
