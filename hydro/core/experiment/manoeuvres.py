@@ -9,7 +9,9 @@ count.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,27 +113,29 @@ def plain(vehicle: Vehicle, effect: str, entries: Sequence[int] | None = None) -
 
 def _grams(
     reference: Vehicle, others: Sequence[Vehicle], noise: ArrayLike, start: ArrayLike | None
-) -> Iterator[tuple[Manoeuvre, Array]]:
+) -> list[tuple[Manoeuvre, Array]]:
     """Each manoeuvre, with the products (R, R) of how the others would differ from the reference in it."""
     sigma = np.asarray(noise, float)
     pose = np.array([0.0, 0.0, DEPTH, 0.0, 0.0, 0.0]) if start is None else np.asarray(start, float)
     models = [candidate(vehicle) for vehicle in (reference, *others)]
     lead = LONGEST_SENSOR_DELAY if any(model.log[DELAY] for model in models) else 0.0
-    flown = 0
-    for manoeuvre in library(reference):
+
+    def flown(manoeuvre: Manoeuvre) -> tuple[Manoeuvre, Array] | None:
+        """A manoeuvre with its products; None of one that diverges, which is none to propose."""
         try:
             motion = trajectory(models[0].program, manoeuvre.commands, manoeuvre.t, eta=pose, steps=1)
-        except DataError:  # a motion that diverges is none to propose
-            continue
+        except DataError:
+            return None
         shots = predicted_shots(models[0], manoeuvre, motion, sigma, lead)
         own, *rest = (multiple_shooting.prepare(model, shots) for model in models)
-        normal = linearise(own, rest, [1.0] * len(rest), shots)
-        if normal.lost.any():
-            continue
-        flown += 1
-        yield manoeuvre, normal.matrix.sum(axis=0)
-    if not flown:
+        normal = linearise(own, rest, [1.0] * len(rest), shots, threads=1)
+        return None if normal.lost.any() else (manoeuvre, normal.matrix.sum(axis=0))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        every = [one for one in pool.map(flown, library(reference)) if one is not None]
+    if not every:
         raise DataError(f"every manoeuvre of vehicle {reference.name} diverges; check its damping")
+    return every
 
 
 def predicted_shots(
