@@ -189,7 +189,8 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
 
     Fitted without what is missing the file's own effects may run away to where no step leads back from.
     """
-    first, again = Search(baseline), Search(baseline, from_file=True)
+    first = Search(baseline)
+    again = replace(first, from_file=True)
     found = first.grow(part(progress, 0.0, 0.85))
     if found.model.normal.chi2 <= RIGHT:
         return first, found

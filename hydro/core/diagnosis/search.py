@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import msgspec
@@ -72,10 +72,13 @@ class Search:
         from_file: Whether it, and every fit that leaves far more than the noise, begins at the file's values
             too: fitted without what is missing, these may run away to where no step leads back from.  It
             goes on where what it finds first explains ALMOST_ALL: no hull's own error is met with more.
+        made: Fits by what they begin from.  Searches that share them make none twice: where the file has
+            hardly an effect of its own, one from its values goes the same way.
     """
 
     baseline: Baseline
     from_file: bool = False
+    made: dict[tuple[object, ...], Model] = field(default_factory=dict, repr=False)
 
     def wrong(self, outcome: Outcome) -> bool:
         """Whether no model that was found is right, though there is something to find.
@@ -389,8 +392,11 @@ class Search:
 
     def _fit(self, vehicle: Vehicle, chosen: Wanted, problem: Problem, iterations: int) -> Model:
         """A vehicle's own effects and those chosen, fitted together."""
-        wanted = [*self.baseline.effects, *chosen]
-        return fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
+        wanted, shots = [*self.baseline.effects, *chosen], cast(OutputError, problem).shots
+        begun = (repr((vehicle.effect, wanted, iterations)), shots.starts.tobytes(), shots.first.tobytes())
+        if begun not in self.made:
+            self.made[begun] = fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
+        return self.made[begun]
 
 
 def over_few(model: Model) -> Model:
