@@ -197,7 +197,7 @@ class _Problem:
     def of(cls, vehicle: Vehicle, windows: Windows) -> _Problem:
         """Work out what every column would do to every thruster."""
         left, answers = windows.residuals(vehicle)[:, :WRENCH], _answers(vehicle, windows)
-        free_ = _free(vehicle, windows, left)
+        free_ = _free(vehicle, windows)
         size = _unanswered(left, answers, free_)
         basis, _ = np.linalg.qr((free_ / size).reshape(len(free_), -1).T)
 
@@ -254,18 +254,16 @@ def _answers(vehicle: Vehicle, windows: Windows) -> Array:
     return out
 
 
-def _free(vehicle: Vehicle, windows: Windows, left: Array) -> Array:
+def _free(vehicle: Vehicle, windows: Windows) -> Array:
     """What explains accelerations anyway, (P, W, 6): a constant wrench, and effects that may be there."""
-    columns = [np.tile(one, (len(left), 1)) for one in np.eye(WRENCH)]
     own = own_effects(vehicle)
     unknown = free(vehicle, [*own, *(name for name in BESIDE if not vehicle.effects(name))])
-    start = unknown.starts[0]
-    for entry, unit in zip(unknown.entries, np.eye(len(start)), strict=True):
-        moved = unknown.at(start + entry.step * unit)
-        column = (left - windows.residuals(moved)[:, :WRENCH]) / entry.step
-        if (size := np.linalg.norm(column)) > 0.0:
-            columns.append(column / size)
-    return np.stack(columns)
+    steps = np.array([entry.step for entry in unknown.entries])
+    moved = [unknown.at(values) for values in unknown.starts[0] + np.diag(steps)]
+    answers = np.moveaxis(windows.columns(vehicle, moved, steps.tolist())[:, :WRENCH, :-1], -1, 0)
+    size = np.linalg.norm(answers, axis=(1, 2))
+    constant = np.repeat(np.eye(WRENCH)[:, None], len(windows.starts), axis=1)
+    return np.concatenate([constant, answers[size > 0.0] / size[size > 0.0, None, None]])
 
 
 def _unanswered(left: Array, answers: Array, free_: Array) -> Array:

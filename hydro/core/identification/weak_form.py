@@ -149,6 +149,19 @@ class Windows:
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """The least-squares problem about a vehicle; the residual counts as measured less predicted."""
+        columns = self.columns(base, moved, steps)
+        gram = columns.transpose(0, 2, 1) @ columns
+        error = columns[..., -1]
+        return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
+
+    def columns(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Array:
+        """What a unit of each parameter takes off the whitened residuals, and these last, (W, 9, P + 1).
+
+        Args:
+            base: The vehicle.
+            moved: The same with one parameter changed, one each.
+            steps: By how much.
+        """
         here = candidate(base)
         rotors = self._rotors(here)
 
@@ -163,8 +176,7 @@ class Windows:
         columns[..., -1] = error
         for i, (other, step) in enumerate(zip(others, steps, strict=True)):
             columns[..., i] = (error - other) / step
-        gram = columns.transpose(0, 2, 1) @ columns
-        return Normal(gram, self.freedom, error**2, np.zeros((len(error), 0, len(moved) + 1)))
+        return columns
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, Windows]:
         """Sum of squares."""
