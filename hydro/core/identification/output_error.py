@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,7 +57,12 @@ class OutputError:
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `sensitivity.linearise`."""
         prepared = multiple_shooting.prepare(candidate(base), self.shots)
-        others = [multiple_shooting.prepare(candidate(other), self.shots, prepared) for other in moved]
+
+        def beside(other: Vehicle) -> multiple_shooting.Prepared:
+            return multiple_shooting.prepare(candidate(other), self.shots, prepared)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            others = list(pool.map(beside, moved))
         return sensitivity.linearise(prepared, others, steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
