@@ -153,8 +153,8 @@ def _forms(
     g_b P (s_b - A_bX T_X^-1 s_X) has the covariance P T P^T - C T_X^-1 C^T, C the sum of g_b P A_bX; for
     g_b^2 = 1, and C is 0 where all signs are as observed.
     """
-    both, own = [*given, *group], len(given)
-    blocks = np.add.reduceat(evidence.matrix[:, both][:, :, both], starts, axis=0)
+    both, own = np.array([*given, *group]), len(given)
+    blocks = np.add.reduceat(evidence.matrix[:, both[:, None], both], starts, axis=0)
     scores = np.add.reduceat(evidence.score[:, both], starts, axis=0)
     total = blocks.sum(axis=0) + RIDGE * np.eye(len(both))
     inner, across = total[:own, :own], blocks[:, :, :own]
