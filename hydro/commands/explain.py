@@ -63,10 +63,11 @@ def explain(
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
-    and the held-out one. What is only suspected is told and not added, unless nothing is stated and its
-    confidence is 30 % or more. It ends when nothing is significant and material, when a step makes the
-    predictions of the held-out recording worse, or after six steps. Without --holdout, stretches of the
-    recording take its place, each predicted by the fit to all others.
+    and the held-out one. What is only suspected is told and not added, unless nothing is stated and one
+    suspect has a confidence of 20 % or more: then each is tried, and the one joins that predicts best, five
+    seconds ahead, stretches of the recording that its fit leaves out. It ends when nothing is significant and
+    material, when a step makes the predictions of the held-out recording worse, or after six steps. Without
+    --holdout, stretches that are left out take its place.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
     vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
@@ -77,7 +78,7 @@ def explain(
 
     With --before it adds, step by step, what has changed since another recording, until nothing more has.
     What the hull does beside the file is learnt from that one and held fixed, and so are the file's own
-    values: a step adds the change that is stated, or suspected with a confidence of 30 % or more, and refits
+    values: a step adds the change that is stated, or suspected with a confidence of 20 % or more, and refits
     it together with earlier changes alone. What is left is told in units of what the model of the hull leaves
     of stretches of that recording that it was not fitted to. So is what is left of --holdout, a recording of
     the changed vehicle: it ends the study where a step makes that worse.

@@ -11,11 +11,11 @@ than three sessions is cut into stretches that are left out instead.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import expit
 
 from hydro.core.columns import Array, Rows
@@ -103,11 +103,6 @@ class Fitted:
     amounts: Array
     information: Array | None = None
 
-    @property
-    def held(self) -> Array:
-        """The information, (P,)."""
-        return np.full(len(self.amounts), PRIOR**-2) if self.information is None else self.information
-
 
 @dataclass(frozen=True)
 class Score:
@@ -146,29 +141,10 @@ def folds(session: ArrayLike) -> Rows:
     return np.asarray(np.arange(len(numbers)) * stretches // len(numbers), np.int64)
 
 
-def left_out_steps(fitted: Fitted, fold: Rows) -> Iterator[tuple[NDArray[np.bool_], Array]]:
-    """One Gauss-Newton step to the fit to all other folds, for each in turn.
+def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
+    """Squared residual of each shot, predicted by one Gauss-Newton step to the fit to all other folds, (S,).
 
     Entries that only the fold left out tells of go back to where they are without data.
-
-    Args:
-        fitted: The model.
-        fold: What is left out with each shot, (S,).
-
-    Yields:
-        The shots of the fold, (S,), and the step, in scales (P,).
-    """
-    matrix, score = fitted.normal.matrix, fitted.normal.score
-    seen = np.isfinite(fitted.normal.gram[:, -1, -1])
-    total, sums = matrix[seen].sum(axis=0) + np.diag(fitted.held), score[seen].sum(axis=0)
-    for number in np.unique(fold):
-        out = (fold == number) & seen
-        rest, pull = total - matrix[out].sum(axis=0), sums - score[out].sum(axis=0)
-        yield out, np.linalg.solve(rest, pull - fitted.held * fitted.amounts)
-
-
-def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: float = 0.0) -> Array:
-    """Squared residual of each shot, predicted by the linear problem with the fit to all other folds, (S,).
 
     Args:
         fitted: The model.
@@ -177,12 +153,18 @@ def left_out_costs(fitted: Fitted, fold: Rows, new: Sequence[int] = (), kept: fl
         kept: and the part of all information on them that they must have; else the shots' costs are NaN.
     """
     matrix, score, costs = fitted.normal.matrix, fitted.normal.score, fitted.normal.gram[:, -1, -1].copy()
+    prior = fitted.information
+    prior = np.full(len(fitted.amounts), PRIOR**-2) if prior is None else prior
     seen = np.isfinite(costs)
     shown = np.einsum("sii->si", matrix)[:, list(new)].sum(axis=1)
-    for out, step in left_out_steps(fitted, fold):
+    total, sums = matrix[seen].sum(axis=0) + np.diag(prior), score[seen].sum(axis=0)
+    for number in np.unique(fold):
+        out = (fold == number) & seen
         if shown[seen & ~out].sum() < kept * shown[seen].sum():
             costs[out] = np.nan
             continue
+        rest, pull = total - matrix[out].sum(axis=0), sums - score[out].sum(axis=0)
+        step = np.linalg.solve(rest, pull - prior * fitted.amounts)
         costs[out] += np.einsum("i,sij,j->s", step, matrix[out], step) - 2.0 * score[out] @ step
     return costs
 

@@ -34,8 +34,8 @@ MOVED = 2.0
 """Standard deviations of what is known of a value by which a fit must move it to be a finding."""
 NEARLY = 0.7
 """Part of the score of what is named from which others are told beside it."""
-NEIGHBOURS = 3
-"""Of these at most."""
+ALSO, NEIGHBOURS = 0.5, 3
+"""Part from which they are suspects with values, and how many at most."""
 OWN = 0.9
 """Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
 FANCIFUL = 0.5
@@ -138,7 +138,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
         finding = _finding(rival, surveyed, model, without, fit, baseline.log.record.dt)
-        rest = _nearly_as_good(rival, surveyed, finding, baseline.log.record.dt)
+        rest = _also(rival, surveyed, finding, baseline.log.record.dt)
         named = Named((finding, *rest), model, fit, alone)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
@@ -216,12 +216,12 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     )
 
 
-def _nearly_as_good(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterator[Finding]:
-    """What transfers nearly as well as what is named, with the values that the survey fitted.
+def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterator[Finding]:
+    """What else transfers at least half as well as what is named, with the values that the survey fitted.
 
     What the name leaves of all probability they share by their scores, with one part for something else.
     """
-    near = [one for one in surveyed.rivals if one.score >= max(NEARLY * rival.score, NAMED)]
+    near = [one for one in surveyed.rivals if one.score >= max(ALSO * rival.score, NAMED)]
     near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(one.score for one in near)
     for one in near:
@@ -230,7 +230,8 @@ def _nearly_as_good(rival: Rival, surveyed: Survey, finding: Finding, dt: float)
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         values, errors = fit.table(one.effect)
-        words = f"{advice.adding(one.effect, values, dt)}; nearly as good as {rival.effect} on data left out"
+        words = f"{one.score / rival.score:.0%} as good as {rival.effect} on data left out"
+        words = f"{advice.adding(one.effect, values, dt)}; {words}"
         pieces = max(block_length(model.normal.score), 1)
         gain = surveyed.refitted.costs - model.costs
         share, low, high = explained_share(gain, surveyed.refitted.excesses, pieces)

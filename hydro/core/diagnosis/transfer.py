@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
-from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs, left_out_steps
+from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.contenders import FINE
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search
@@ -56,8 +56,8 @@ STEPS = 4
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
-BEGINNINGS = 2
-"""Steps by which the shots' beginnings come to where a fitted vehicle has them."""
+AGAIN = 3
+"""Steps from a fit to all shots to one where some are left out."""
 DRAG = frozenset(with_role(Role.DRAG))
 BEFORE_OTHERS = 0.7
 """Part of the best score from which drag is named first where the file has none."""
@@ -256,7 +256,7 @@ def left_out_error(
     Args:
         vehicle: The vehicle with the fitted values.
         effects: Names of what was fitted; the vehicle as it is without any.
-        problem: The shots that are fitted to.
+        problem: The shots that are fitted to, begun where the vehicle's log has it.
         ahead: Predictions over the same recording, as far ahead as the error is to tell of.
         weights: Of the axes, (6,).
 
@@ -264,18 +264,18 @@ def left_out_error(
         The root mean square; that of velocities BEYOND all bounds where the fit diverges.
     """
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
-    try:
-        model = fit_model(vehicle, fitted, problem.at_measured_states(vehicle), np.zeros((1, 3)), BEGINNINGS)
-    except Diverges:
-        return float(np.sqrt(weights @ BEYOND[6:] ** 2))
     if not fitted:
         return _error_ahead(vehicle, ahead, weights, np.ones(len(ahead.starts), bool))[0]
-    fold, scales = sessions_of(problem.shots), model.unknown.scales
-    within = np.searchsorted(problem.shots.starts, ahead.starts, side="right") - 1
+    fold, shots = sessions_of(problem.shots), problem.shots
+    within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     total, count = 0.0, 0
-    for out, step in left_out_steps(Fitted(model.normal, np.zeros(len(model.values))), fold):
-        there = model.unknown.at(model.unknown.within(model.values + step * scales))
-        error, rows = _error_ahead(there, ahead, weights, out[np.maximum(within, 0)])
+    for number in np.unique(fold):
+        rest = OutputError(multiple_shooting.select(shots, fold != number))
+        try:
+            there = fit_model(vehicle, fitted, rest, np.zeros((1, 3)), AGAIN).vehicle
+        except Diverges:
+            return float(np.sqrt(weights @ BEYOND[6:] ** 2))
+        error, rows = _error_ahead(there, ahead, weights, within == number)
         total, count = total + error**2 * rows, count + rows
     return float(np.sqrt(total / max(count, 1)))
 

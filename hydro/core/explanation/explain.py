@@ -121,7 +121,11 @@ def _next(
     plain = extended(file, [bare(table) for table in tried.tables])
     ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     if recordings.holdout is None and hull is None:
-        ladder.append(left_out_rung(ladder[0], recordings.left_out(tried.vehicle, tried.tables)))
+        ladder.append(
+            left_out_rung(
+                ladder[0], recordings.left_out(tried.vehicle, [table["name"] for table in tried.tables])
+            )
+        )
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
     if beyond is not None:

@@ -8,6 +8,7 @@ it nothing but the changes of earlier steps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -21,8 +22,8 @@ from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
-from hydro.core.diagnosis.model import Wanted
-from hydro.core.diagnosis.transfer import left_out_error
+from hydro.core.diagnosis.model import Wanted, fit_model
+from hydro.core.diagnosis.transfer import left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
@@ -43,6 +44,8 @@ Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
+PART, QUICK = 120, 8
+"""Shots, and steps, of the fits that tell suspects apart."""
 LIKELY = 0.2
 """Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
 
@@ -79,18 +82,28 @@ class Recordings:
     @cached_property
     def problem(self) -> OutputError:
         """Shots of the recording, of which some are left out to tell what a fit is worth."""
-        return stable_start(self.yardstick.vehicle, self.log)[1]
+        return resolved(stable_start(self.yardstick.vehicle, self.log)[1])
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
         found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
 
-    def left_out(self, vehicle: Vehicle, fitted: Sequence[Table]) -> float:
-        """Error HORIZON ahead of stretches of the recording that fits leave out [m/s]."""
-        names = [str(table["name"]) for table in fitted]
+    def left_out(self, vehicle: Vehicle, fitted: Sequence[str]) -> float:
+        """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s]."""
+        problem = self.problem.at_measured_states(vehicle).some(PART)
         ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
-        return left_out_error(vehicle, names, self.problem, ahead, weights)
+        return left_out_error(vehicle, fitted, problem, ahead, weights)
+
+    def tried(self, vehicle: Vehicle, wanted: Wanted) -> Vehicle:
+        """The vehicle with effects fitted to a part of the shots.
+
+        Raises:
+            Diverges: The predicted motion does.
+        """
+        begun = free(vehicle, wanted, reach=self.log.track)
+        problem = self.problem.at_measured_states(begun.at(begun.starts[0])).some(PART)
+        return fit_model(vehicle, wanted, problem, self.log.track, QUICK).vehicle
 
 
 @dataclass(frozen=True)
@@ -157,25 +170,25 @@ def _discovered(findings: pl.DataFrame) -> list[str]:
 
 
 def best_trial(last: Step, file: Vehicle, recordings: Recordings) -> Trial:
-    """Of what the next step may add, what predicts best the stretches that it was not fitted to.
+    """Of what the next step may add, what predicts best the stretches that it was not fitted to."""
+    every = options(last)
+    if len(every) > 1:
+        every.sort(key=lambda found: _worth(last, found, recordings))
+    return _trial(last, every[0], file, recordings)
+
+
+def _worth(last: Step, found: Mapping[str, Table], recordings: Recordings) -> tuple[bool, float]:
+    """How good an addition is, the least best: its error on stretches left out, by a quick fit.
 
     Values that physics does not leave to an effect stand for something else: others come first.
     """
-    every, trials = options(last), list[Trial]()
-    for found in every:
-        try:
-            trials.append(_trial(last, found, file, recordings))
-        except DataError:
-            if len(every) == 1:
-                raise
-    if len(trials) == 1:
-        return trials[0]
-
-    def worth(trial: Trial) -> tuple[bool, float]:
-        beyond_belief = bool(implausible(trial.vehicle, [table["name"] for table in trial.tables]))
-        return beyond_belief, recordings.left_out(trial.vehicle, trial.tables)
-
-    return min(trials, key=worth)
+    wanted = _wanted(last, found)
+    try:
+        vehicle = recordings.tried(last.vehicle, wanted)
+    except DataError:
+        return True, math.inf
+    names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
+    return bool(implausible(vehicle, list(found))), recordings.left_out(vehicle, names)
 
 
 def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Recordings) -> Trial:

@@ -213,27 +213,35 @@ def test_a_suspect_that_is_not_unlikely_makes_a_step(staged):
     assert [step.added for step in steps] == [(), ("ocean_current",)]
 
 
-@pytest.mark.parametrize("better", ["ocean_current", "payload"])
-def test_of_several_suspects_the_one_joins_that_predicts_what_is_left_out(staged, monkeypatch, better):
-    def error(vehicle, names, *_):
-        return 0.1 if better in names else 0.2
+@pytest.fixture
+def better(monkeypatch):
+    """Says which effect predicts best what a fit leaves out."""
 
-    monkeypatch.setattr(trials, "left_out_error", error)
-    monkeypatch.setattr(trials.Recordings, "problem", None)
-    likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
+    def let(best: str) -> None:
+        def tried(_, vehicle, wanted):
+            return extended(vehicle, [one for one in wanted if not isinstance(one, str)])
+
+        monkeypatch.setattr(trials.Recordings, "tried", tried)
+        monkeypatch.setattr(trials.Recordings, "left_out", lambda _, __, names: 0.2 - 0.1 * (best in names))
+
+    return let
+
+
+LIKELY = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
+
+
+@pytest.mark.parametrize("best", ["ocean_current", "payload"])
+def test_of_several_suspects_the_one_joins_that_predicts_what_is_left_out(staged, better, best):
+    better(best)
     beside = replace(finding("suspect", "payload", w=1.0), confidence=0.1)
-    steps, _ = staged([[likely, beside], [finding("far_from_noise")]], [2.0, 1.0])
-    assert [step.added for step in steps] == [(), (better,)]
+    steps, _ = staged([[LIKELY, beside], [finding("far_from_noise")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), (best,)]
 
 
-def test_values_beyond_belief_join_where_nothing_else_would(staged, monkeypatch):
-    monkeypatch.setattr(
-        trials, "left_out_error", lambda vehicle, names, *_: 0.1 if "payload" in names else 0.2
-    )
-    monkeypatch.setattr(trials.Recordings, "problem", None)
-    likely = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
+def test_values_beyond_belief_join_where_nothing_else_would(staged, better):
+    better("payload")
     fanciful = replace(finding("suspect", "payload", w=1.0, x=40.0), confidence=0.1)
-    steps, _ = staged([[likely, fanciful], [finding("far_from_noise")]], [2.0, 1.0])
+    steps, _ = staged([[LIKELY, fanciful], [finding("far_from_noise")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("ocean_current",)]
     steps, _ = staged([[replace(fanciful, confidence=0.5)], [finding("far_from_noise")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("payload",)]
