@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,9 +21,9 @@ import polars as pl
 from hydro.core.diagnosis.baseline import stable_start, weighed_fit
 from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
-from hydro.core.diagnosis.findings import extended, tables
+from hydro.core.diagnosis.findings import FIT, extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
-from hydro.core.diagnosis.model import Wanted, fit_model
+from hydro.core.diagnosis.model import Diverges, Wanted, fit_model
 from hydro.core.diagnosis.transfer import left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
 from hydro.core.effects.record import BOOKKEEPING
@@ -31,6 +32,7 @@ from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.identification.fit import Fit
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
 from hydro.core.identification.tracking import tracked
@@ -204,27 +206,34 @@ def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Re
     fit: Fit | None
     if recordings.hull is None:
         there = extended(last.vehicle, [bare(one) for one in chance])
-        fit = _fit_together(there, recordings.log, _wanted(last, found), file)
+        fit = _fit_together(there, recordings, _wanted(last, found), file)
     else:
         fit = fit_changes(file, recordings.log, recordings.hull, [bare(one) for one in every])
     fitted = (*(fit.tables() if fit else ()), *chance)
     return Trial(added, fitted, extended(file, fitted), fit.estimates() if fit else None)
 
 
-def _fit_together(vehicle: Vehicle, log: Preprocessed, wanted: Wanted, file: Vehicle) -> Fit | None:
+def _fit_together(vehicle: Vehicle, recordings: Recordings, wanted: Wanted, file: Vehicle) -> Fit | None:
     """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
 
-    What the recording does not show stays as it stands in the file of step 0.
+    What the recording does not show stays as it stands in the file of step 0.  Far from the noise it is no
+    measure of what counts: the channel that is measured best would decide all.  Then shots weighed by what
+    matters of each are fitted too, and of both vehicles the one is taken that predicts better.
     """
     if not wanted:
         return None
+    log = recordings.log
     unknown = free(vehicle, wanted, reach=log.track)
     begun = unknown.at(unknown.starts[0])
     start, problem = stable_start(begun, log)
     if start is not begun:
         names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
         vehicle, wanted = start, [name for name in names if start.effects(name)]
-    model, _, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
+    model, problem, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
+    if model.normal.chi2 > FIT:
+        with suppress(Diverges):
+            other = fit_model(vehicle, wanted, resolved(problem), log.track, ITERATIONS)
+            model = min(model, other, key=lambda one: recordings.left_out(one.vehicle, []))
     return settled(model, file)[1]
 
 

@@ -11,9 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots
+from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
 from hydro.core.diagnosis.diagnose import refine
-from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
@@ -27,6 +27,7 @@ from hydro.io import schema
 from hydro.io import vehicle as files
 
 CURRENT = {"name": "ocean_current", "v_N": 0.2, "v_E": -0.15}
+DAMPING = ["linear_damping", "quadratic_damping"]
 WEAK = {"name": "thruster_gain", "g": [0.0, 0.0, 0.0, 0.0, -0.3, 0.0, 0.0, 0.0]}
 
 
@@ -112,11 +113,21 @@ def test_a_step_prints_the_standard_errors_of_the_diagnosis(known):
     baseline = refit(known, log, stable_shots(known, log), known)
     assert not np.array_equal(baseline.problem.shots.sigma, log.noise)
     told = refine(baseline, Outcome(baseline.refitted, (), None)).fit
-    tables = trials._fit_together(known, log, baseline.effects, known).tables()
+    tables = trials._fit_together(known, SimpleNamespace(log=log), baseline.effects, known).tables()
     for table, other in zip(tables, told.tables(), strict=True):
         np.testing.assert_allclose(
             table["standard_error"]["diagonal"], other["standard_error"]["diagonal"], rtol=0.05
         )
+
+
+def test_far_from_the_noise_the_fit_is_taken_that_predicts_better(known):
+    """Damping alone cannot be what a current and weak thrusters do; weighed by noise attitude decides it."""
+    raw = flown(extended(known, [CURRENT, WEAK]), 8, 60.0)
+    recordings = trials.Recordings.of(known, raw, None, None)
+    model, _, _ = weighed_fit(known, DAMPING, stable_shots(known, recordings.log), recordings.log, share=0.0)
+    taken = trials._fit_together(known, recordings, DAMPING, known).vehicle
+    assert model.normal.chi2 > FIT
+    assert recordings.left_out(taken, []) <= 1.001 * recordings.left_out(model.vehicle, [])
 
 
 # What follows replaces the three computations by tables, to see the loop alone.
@@ -134,7 +145,7 @@ def staged(monkeypatch, known):
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
-        def together(vehicle, log, wanted, file):
+        def together(vehicle, recordings, wanted, file):
             asked.append(list(wanted))
             names = [one if isinstance(one, str) else one["name"] for one in wanted]
             given = {one["name"]: one for one in wanted if not isinstance(one, str)}
