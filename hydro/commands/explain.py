@@ -64,8 +64,9 @@ def explain(
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
     and the held-out one. What is only suspected is told and not added, unless nothing is stated and one
-    suspect has a confidence of 20 % or more: then each is tried, and the one joins that predicts best, five
-    seconds ahead, stretches of the recording that its fit leaves out. It ends when nothing is significant and
+    suspect has a confidence of 20 % or more: then each is tried, and everyday faults of weight, trim, current
+    and thrusters beside them, and the one joins that predicts best, five seconds ahead, stretches of the
+    recording that its fit leaves out. It ends when nothing is significant and
     material, when a step makes the predictions of the held-out recording worse, or after six steps. Without
     --holdout, stretches that are left out take its place.
 

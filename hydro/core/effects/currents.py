@@ -156,7 +156,7 @@ EFFECTS = (
                 for north, east in ((1, 0), (-1, 0), (0, 1), (0, -1))
             )
         ),
-        roles=frozenset({Role.OFTEN_LACKING}),
+        roles=frozenset({Role.OFTEN_LACKING, Role.EVERYDAY}),
     ),
     Effect(
         name="current_shear",

@@ -8,7 +8,6 @@ it nothing but the changes of earlier steps.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
@@ -25,8 +24,8 @@ from hydro.core.diagnosis.findings import FIT, extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model
 from hydro.core.diagnosis.transfer import left_out_error, resolved
-from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
-from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
+from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
@@ -46,8 +45,9 @@ Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
-PART, QUICK = 120, 8
-"""Shots, and steps, of the fits that tell suspects apart."""
+PART, QUICK, SHORTLIST = 96, 6, 4
+"""Shots and steps of the fits that tell suspects apart, and how many of these are fitted with stretches left
+out."""
 LIKELY = 0.2
 """Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
 
@@ -128,21 +128,28 @@ class Trial:
 def options(step: Step) -> list[dict[str, Table]]:
     """What the next step may fit anew, by effect: the best that is missing first, then new values.
 
-    What is stated makes one step; of what is only suspected each may make it.  New values alone make a step
-    only where the effects have not been fitted in this one.
+    What is stated makes one step; of what is only suspected each may make it, and so may everyday faults,
+    from no values.  New values alone make a step only where the effects have not been fitted in this one.
     """
     with_values = step.diagnosis.filter(pl.col("parameters") != "")
     if of_change(step):
         return _change(step, with_values)
     missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()[:1]
     fitted = {table["name"] for table in step.tables}
-    if not missing:
-        missing = _likely(with_values, fitted) or _discovered(with_values)
+    everyday = list[str]()
+    if not missing and (missing := _likely(with_values, fitted)):
+        there = {*missing, *(table["name"] for table in step.vehicle.effect)}
+        everyday = [name for name in with_role(Role.EVERYDAY) if name not in there]
+    missing = missing or _discovered(with_values)
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
     if not missing and fitted.issuperset(retuned):
         return []
     wanted = [[name, *retuned] for name in missing] or [retuned]
-    return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
+    found: list[dict[str, Table]] = [
+        {table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted
+    ]
+    found += [{name: {"name": name}} for name in everyday]
+    return found
 
 
 def of_change(step: Step) -> bool:
@@ -172,25 +179,31 @@ def _discovered(findings: pl.DataFrame) -> list[str]:
 
 
 def best_trial(last: Step, file: Vehicle, recordings: Recordings) -> Trial:
-    """Of what the next step may add, what predicts best the stretches that it was not fitted to."""
-    every = options(last)
-    if len(every) > 1:
-        every.sort(key=lambda found: _worth(last, found, recordings))
-    return _trial(last, every[0], file, recordings)
+    """Of what the next step may add, what predicts best the stretches that it was not fitted to.
 
-
-def _worth(last: Step, found: Mapping[str, Table], recordings: Recordings) -> tuple[bool, float]:
-    """How good an addition is, the least best: its error on stretches left out, by a quick fit.
-
-    Values that physics does not leave to an effect stand for something else: others come first.
+    Those are asked of the few that predict best what a quick fit saw.  Values that physics does not leave to
+    an effect stand for something else: others come first.
     """
-    wanted = _wanted(last, found)
-    try:
-        vehicle = recordings.tried(last.vehicle, wanted)
-    except DataError:
-        return True, math.inf
-    names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
-    return bool(implausible(vehicle, list(found))), recordings.left_out(vehicle, names)
+    every = options(last)
+    if len(every) == 1:
+        return _trial(last, every[0], file, recordings)
+    tried = list[tuple[bool, float, int, Vehicle]]()
+    for number, found in enumerate(every):
+        with suppress(DataError):
+            vehicle = recordings.tried(last.vehicle, _wanted(last, found))
+            beyond_belief = bool(implausible(vehicle, list(found)))
+            tried.append((beyond_belief, recordings.left_out(vehicle, []), number, vehicle))
+    if not tried:
+        return _trial(last, every[0], file, recordings)
+
+    def worth(trial: tuple[bool, float, int, Vehicle]) -> tuple[bool, float]:
+        beyond_belief, _, number, vehicle = trial
+        wanted = _wanted(last, every[number])
+        names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
+        return beyond_belief, recordings.left_out(vehicle, names)
+
+    best = min(sorted(tried, key=lambda trial: trial[:2])[:SHORTLIST], key=worth)
+    return _trial(last, every[best[2]], file, recordings)
 
 
 def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Recordings) -> Trial:
@@ -243,7 +256,11 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
     What acts by chance is estimated by the diagnosis, not by a fit.
     """
     known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
-    new = [bare(table) for name, table in found.items() if not CATALOGUE[name].is_random]
+    new = [
+        bare(table) if len(table) > 1 else name
+        for name, table in found.items()
+        if not CATALOGUE[name].is_random
+    ]
     return [*(name for name in known if name not in found and not CATALOGUE[name].is_random), *new]
 
 
