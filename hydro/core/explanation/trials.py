@@ -30,7 +30,7 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
-from hydro.core.identification.fit import Fit
+from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
@@ -203,11 +203,17 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings) -> Trial:
         return beyond_belief, recordings.left_out(vehicle, names)
 
     best = min(sorted(tried, key=lambda trial: trial[:2])[:SHORTLIST], key=worth)
-    return _trial(last, every[best[2]], file, recordings)
+    return _trial(last, every[best[2]], file, recordings, best[3])
 
 
-def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Recordings) -> Trial:
-    """All that the last step has and what was found, fitted together.
+def _trial(
+    last: Step,
+    found: Mapping[str, Table],
+    file: Vehicle,
+    recordings: Recordings,
+    tried: Vehicle | None = None,
+) -> Trial:
+    """All that the last step has and what was found, fitted together; perhaps from a quick fit, too.
 
     Raises:
         DataError: The fit diverges.
@@ -219,19 +225,22 @@ def _trial(last: Step, found: Mapping[str, Table], file: Vehicle, recordings: Re
     fit: Fit | None
     if recordings.hull is None:
         there = extended(last.vehicle, [bare(one) for one in chance])
-        fit = _fit_together(there, recordings, _wanted(last, found), file)
+        fit = _fit_together(there, recordings, _wanted(last, found), file, tried)
     else:
         fit = fit_changes(file, recordings.log, recordings.hull, [bare(one) for one in every])
     fitted = (*(fit.tables() if fit else ()), *chance)
     return Trial(added, fitted, extended(file, fitted), fit.estimates() if fit else None)
 
 
-def _fit_together(vehicle: Vehicle, recordings: Recordings, wanted: Wanted, file: Vehicle) -> Fit | None:
+def _fit_together(
+    vehicle: Vehicle, recordings: Recordings, wanted: Wanted, file: Vehicle, tried: Vehicle | None = None
+) -> Fit | None:
     """Effects fitted together, from the values that the last diagnosis found, with their standard errors.
 
     What the recording does not show stays as it stands in the file of step 0.  Far from the noise it is no
     measure of what counts: the channel that is measured best would decide all.  Then shots weighed by what
-    matters of each are fitted too, and of both vehicles the one is taken that predicts better.
+    matters of each are fitted too, from where a quick fit has been; these values are not drawn back to the
+    file: no straight line leads so far.  Of both vehicles the one is taken that predicts better.
     """
     if not wanted:
         return None
@@ -243,11 +252,17 @@ def _fit_together(vehicle: Vehicle, recordings: Recordings, wanted: Wanted, file
         names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
         vehicle, wanted = start, [name for name in names if start.effects(name)]
     model, problem, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
-    if model.normal.chi2 > FIT:
-        with suppress(Diverges):
-            other = fit_model(vehicle, wanted, resolved(problem), log.track, ITERATIONS)
-            model = min(model, other, key=lambda one: recordings.left_out(one.vehicle, []))
-    return settled(model, file)[1]
+    fit = settled(model, file)[1]
+    if fit is None or model.normal.chi2 <= FIT:
+        return fit
+    there = start if tried is None else tried
+    names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
+    try:
+        other = fit_model(there, names, resolved(problem).at_measured_states(there), log.track, ITERATIONS)
+    except Diverges:
+        return fit
+    also = with_uncertainty(other.unknown, other.values, other.normal, other.normal.chi2, "output")
+    return min(fit, also, key=lambda one: recordings.left_out(one.vehicle, []))
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

@@ -145,7 +145,7 @@ def staged(monkeypatch, known):
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
-        def together(vehicle, recordings, wanted, file):
+        def together(vehicle, recordings, wanted, file, tried=None):
             asked.append(list(wanted))
             names = [one if isinstance(one, str) else one["name"] for one in wanted]
             given = {one["name"]: one for one in wanted if not isinstance(one, str)}
