@@ -112,8 +112,7 @@ def _next(
     """The step after these."""
     number, log, hull, tried = len(steps), recordings.log, recordings.hull, Trial((), (), file)
     if steps:
-        progress("all together", 0.0)
-        tried = best_trial(steps[-1], file, recordings)
+        tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, 0.3))
     compared = [recordings.compared(tried.vehicle, log, part(progress, 0.3, 0.5))]
     if recordings.holdout is not None:
         compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, 0.5, 0.6)))

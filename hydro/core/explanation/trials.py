@@ -8,7 +8,7 @@ it nothing but the changes of earlier steps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -178,32 +178,58 @@ def _discovered(findings: pl.DataFrame) -> list[str]:
     return findings.filter(pl.col("effect").is_in(formulas), verdict="suspect")["effect"].to_list()
 
 
-def best_trial(last: Step, file: Vehicle, recordings: Recordings) -> Trial:
+def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial:
     """Of what the next step may add, what predicts best the stretches that it was not fitted to.
 
     Those are asked of the few that predict best what a quick fit saw.  Values that physics does not leave to
     an effect stand for something else: others come first.
     """
     every = options(last)
-    if len(every) == 1:
+    quick = sorted(quick_fits(last, every, recordings, progress), key=lambda one: (one.fanciful, one.error))
+
+    def elsewhere(one: Quick) -> tuple[bool, float]:
+        names = [wanted if isinstance(wanted, str) else str(wanted["name"]) for wanted in one.wanted]
+        return one.fanciful, recordings.left_out(one.vehicle, names)
+
+    if not quick:
+        progress("all together", 0.0)
         return _trial(last, every[0], file, recordings)
-    tried = list[tuple[bool, float, int, Vehicle]]()
-    for number, found in enumerate(every):
+    progress("the best of them, stretches left out", 0.5)
+    best = min(quick[:SHORTLIST], key=elsewhere)
+    progress("all together", 0.8)
+    return _trial(last, best.found, file, recordings, best.vehicle)
+
+
+@dataclass(frozen=True)
+class Quick:
+    """A quick fit of what a step may add.
+
+    Attributes:
+        found: It, by effect.
+        wanted: All that was fitted together.
+        vehicle: The vehicle with it.
+        fanciful: Whether its values are none that physics leaves to it.
+        error: Of the predictions HORIZON ahead of what was fitted to [m/s].
+    """
+
+    found: Mapping[str, Table]
+    wanted: Wanted
+    vehicle: Vehicle
+    fanciful: bool
+    error: float
+
+
+def quick_fits(
+    last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings, progress: Progress
+) -> Iterator[Quick]:
+    """Quick fits of what may be added, where there is a choice; of what diverges none."""
+    for number, found in enumerate(every if len(every) > 1 else ()):
+        progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
+        wanted = _wanted(last, found)
         with suppress(DataError):
-            vehicle = recordings.tried(last.vehicle, _wanted(last, found))
-            beyond_belief = bool(implausible(vehicle, list(found)))
-            tried.append((beyond_belief, recordings.left_out(vehicle, []), number, vehicle))
-    if not tried:
-        return _trial(last, every[0], file, recordings)
-
-    def worth(trial: tuple[bool, float, int, Vehicle]) -> tuple[bool, float]:
-        beyond_belief, _, number, vehicle = trial
-        wanted = _wanted(last, every[number])
-        names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
-        return beyond_belief, recordings.left_out(vehicle, names)
-
-    best = min(sorted(tried, key=lambda trial: trial[:2])[:SHORTLIST], key=worth)
-    return _trial(last, every[best[2]], file, recordings, best[3])
+            vehicle = recordings.tried(last.vehicle, wanted)
+            fanciful = bool(implausible(vehicle, list(found)))
+            yield Quick(found, wanted, vehicle, fanciful, recordings.left_out(vehicle, []))
 
 
 def _trial(
