@@ -17,7 +17,8 @@ from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
-from hydro.core.explanation import explain as module
+from hydro.core.explanation import explain as loop
+from hydro.core.explanation import trials
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
@@ -59,7 +60,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
     for name, seed in (("measured", 1), ("held", 2)):
         table.write(table.make("raw", recording(seed), stage="import"), f"{name}.parquet")
     calls: list[str] = []
-    true = module.compare
+    true = trials.compare
 
     def compare(vehicle, raw, yardstick, progress):
         calls.append("compare")
@@ -76,16 +77,17 @@ def counted(tmp_path, monkeypatch) -> list[str]:
         )
         return Diagnosis((Finding("nothing_missing") if there else one,), vehicle, (9.0, 5.0, 1.0))
 
-    def together(vehicle, log, wanted, file):
+    def together(vehicle, recordings, wanted, file, tried):
         calls.append("fit")
         fitted = ({"name": "ocean_current", **CURRENT, "standard_error": SPREAD},)
         entries = tuple(Estimate("ocean_current", name, (), "m/s", value) for name, value in CURRENT.items())
         estimates = Estimates(entries, np.diag([SPREAD[one.parameter] ** 2 for one in entries]))
         return SimpleNamespace(tables=lambda: fitted, estimates=lambda: estimates)
 
-    for name, stand_in in (("compare", compare), ("diagnose_log", diagnose), ("_fit_together", together)):
-        monkeypatch.setattr(module, name, stand_in)
-    monkeypatch.setattr(module, "stable_start", lambda vehicle, log: (vehicle, None))  # the log is short
+    monkeypatch.setattr(trials, "compare", compare)
+    monkeypatch.setattr(trials, "_fit_together", together)
+    monkeypatch.setattr(loop, "diagnose_log", diagnose)
+    monkeypatch.setattr(trials.Recordings, "left_out", lambda *_: 0.1)  # the log is short
     return calls
 
 
