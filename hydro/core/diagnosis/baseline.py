@@ -23,6 +23,7 @@ from hydro.core.diagnosis.model import (
     as_it_is,
     fitted_or_kept,
     from_elsewhere,
+    names_of,
 )
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
@@ -285,6 +286,5 @@ def weighed_fit(
     sigma = coloured(log.noise, model.normal, log.record, log.sensors)
     if not np.array_equal(sigma, log.noise):
         problem, along = problem.weighed(sigma), cast(OutputError, model.problem).weighed(sigma)
-        names = [one if isinstance(one, str) else str(one["name"]) for one in effects]
-        model, reached = fitted_or_kept(model.vehicle, names, along, log.track, share)
+        model, reached = fitted_or_kept(model.vehicle, names_of(effects), along, log.track, share)
     return model, problem, reached

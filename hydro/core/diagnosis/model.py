@@ -44,6 +44,11 @@ WORSE = 4.0
 LEFT = 0.05  # of the noise: where a fit leaves less beyond it, no other valley is looked for
 
 
+def names_of(wanted: Wanted) -> list[str]:
+    """Names of effects to fit."""
+    return [one if isinstance(one, str) else str(one["name"]) for one in wanted]
+
+
 class Diverges(DataError):
     """The motion that a vehicle's file predicts leaves all bounds."""
 

@@ -16,6 +16,7 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import Diagnosis, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.model import names_of
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial, of_change, options
@@ -120,11 +121,8 @@ def _next(
     plain = extended(file, [bare(table) for table in tried.tables])
     ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     if recordings.holdout is None and hull is None:
-        ladder.append(
-            left_out_rung(
-                ladder[0], recordings.left_out(tried.vehicle, [table["name"] for table in tried.tables])
-            )
-        )
+        error = recordings.left_out(tried.vehicle, names_of(tried.tables))
+        ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
     if beyond is not None:

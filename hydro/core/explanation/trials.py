@@ -22,7 +22,7 @@ from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
-from hydro.core.diagnosis.model import Diverges, Wanted, fit_model
+from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of
 from hydro.core.diagnosis.transfer import left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
@@ -83,8 +83,8 @@ class Recordings:
 
     @cached_property
     def problem(self) -> OutputError:
-        """Shots of the recording, of which some are left out to tell what a fit is worth."""
-        return resolved(stable_start(self.yardstick.vehicle, self.log)[1])
+        """A part of the shots: by fits to it suspects are told apart, and with some left out."""
+        return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
@@ -93,7 +93,7 @@ class Recordings:
 
     def left_out(self, vehicle: Vehicle, fitted: Sequence[str]) -> float:
         """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s]."""
-        problem = self.problem.at_measured_states(vehicle).some(PART)
+        problem = self.problem.at_measured_states(vehicle)
         ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
         return left_out_error(vehicle, fitted, problem, ahead, weights)
 
@@ -104,7 +104,7 @@ class Recordings:
             Diverges: The predicted motion does.
         """
         begun = free(vehicle, wanted, reach=self.log.track)
-        problem = self.problem.at_measured_states(begun.at(begun.starts[0])).some(PART)
+        problem = self.problem.at_measured_states(begun.at(begun.starts[0]))
         return fit_model(vehicle, wanted, problem, self.log.track, QUICK).vehicle
 
 
@@ -188,8 +188,7 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     quick = sorted(quick_fits(last, every, recordings, progress), key=lambda one: (one.fanciful, one.error))
 
     def elsewhere(one: Quick) -> tuple[bool, float]:
-        names = [wanted if isinstance(wanted, str) else str(wanted["name"]) for wanted in one.wanted]
-        return one.fanciful, recordings.left_out(one.vehicle, names)
+        return one.fanciful, recordings.left_out(one.vehicle, names_of(one.wanted))
 
     if not quick:
         progress("all together", 0.0)
@@ -275,8 +274,7 @@ def _fit_together(
     begun = unknown.at(unknown.starts[0])
     start, problem = stable_start(begun, log)
     if start is not begun:
-        names = [one if isinstance(one, str) else str(one["name"]) for one in wanted]
-        vehicle, wanted = start, [name for name in names if start.effects(name)]
+        vehicle, wanted = start, [name for name in names_of(wanted) if start.effects(name)]
     model, problem, _ = weighed_fit(vehicle, wanted, problem, log, share=0.0)
     fit = settled(model, file)[1]
     if fit is None or model.normal.chi2 <= FIT:
