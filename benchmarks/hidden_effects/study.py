@@ -20,11 +20,11 @@ from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import Ahead
-from hydro.core.identification import multiple_shooting
 from hydro.core.identification.fit import OutputError
 from hydro.core.identification.levenberg_marquardt import descend
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle
 
 SESSIONS = 4
@@ -167,7 +167,7 @@ def oracle(case: Case, flown: Flown) -> Vehicle:
     wanted = [*dict.fromkeys([*own, *(str(table["name"]) for table in case.hidden)])]
     unknown = free(vehicle, wanted, reach=record.track)
     late = "sensor_delay" in wanted
-    shots = multiple_shooting.make_shots(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
+    shots = make_shots(record, lead=LONGEST_SENSOR_DELAY if late else 0.0)
     start = unknown.starts[0]
     values, _, _ = descend(unknown, start, OutputError.of(shots, unknown.at(start)), ITERATIONS)
     return unknown.at(values)

@@ -37,6 +37,7 @@ from hydro.core.identification.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread
+from hydro.core.recording.shots import SHOT_SECONDS
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -50,7 +51,7 @@ VISIBLE = 0.005
 """Share of the whole error, noise included, below which nobody would see it in a replay."""
 SEA_TWICE = 2
 """Times that waves are looked for: once more with the file's own effects fitted beside them."""
-SHOT_LENGTHS = tuple(part * multiple_shooting.SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
+SHOT_LENGTHS = tuple(part * SHOT_SECONDS for part in (1.0, 0.5, 0.25, 0.125))
 """Lengths of a shot that are tried, for vehicles that the model makes unstable [s]."""
 DIVERGED_FILE = (
     "the motion that the file predicts diverges within a quarter of a second: all began from linear damping "
@@ -225,7 +226,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
             multiple_shooting.prepare(candidate(vehicle), problem.shots), problem.shots
         )
         if stable.mean() >= STABLE:
-            return OutputError(multiple_shooting.select(problem.shots, stable))
+            return OutputError(problem.shots.of(stable))
     raise Diverges(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
         f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"

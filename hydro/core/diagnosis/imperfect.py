@@ -133,7 +133,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
-        fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+        fit = _uncertain(model)
         if not _there(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
@@ -190,9 +190,7 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
 
 def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: Fit, dt: float) -> Finding:
     """The naming, with its share of the error beyond the noise that the model without it leaves."""
-    pieces = max(block_length(model.normal.score), 1)
-    share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
-    values, errors = fit.table(rival.effect)
+    values = fit.table(rival.effect)[0]
     others = [one for one in surveyed.rivals if one is not rival]
     sure = by_transfer_confidence(rival.score, [one.score for one in others]) * (OWN if rival.own else 1.0)
     if implausible(fit.vehicle, [rival.effect]):
@@ -200,20 +198,10 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]
     words += _standing(rival, model, near)
-    stated = sure >= SURE
-    return Finding(
-        ("retune" if rival.own else "missing") if stated else "suspect",
-        rival.effect,
-        (rival.effect,),
-        share,
-        low,
-        high,
-        sure,
-        parameters=values,
-        standard_errors=errors,
-        advice=words if stated else advice.suspecting(rival.effect, words),
-        support=rival.score,
-    )
+    named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
+    if sure < SURE:
+        return named
+    return replace(named, verdict="retune" if rival.own else "missing", advice=words)
 
 
 def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterator[Finding]:
@@ -225,29 +213,37 @@ def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterat
     near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(one.score for one in near)
     for one in near:
-        model = one.model
-        fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+        fit = _uncertain(one.model)
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
-        values, errors = fit.table(one.effect)
-        words = f"{one.score / rival.score:.0%} as good as {rival.effect} on data left out"
-        words = f"{advice.adding(one.effect, values, dt)}; {words}"
-        pieces = max(block_length(model.normal.score), 1)
-        gain = surveyed.refitted.costs - model.costs
-        share, low, high = explained_share(gain, surveyed.refitted.excesses, pieces)
-        yield Finding(
-            "suspect",
-            one.effect,
-            (one.effect,),
-            share,
-            low,
-            high,
-            (1.0 - finding.confidence) * one.score / whole,
-            parameters=values,
-            standard_errors=errors,
-            advice=advice.suspecting(one.effect, words),
-            support=one.score,
-        )
+        adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
+        words = f"{adding}; {one.score / rival.score:.0%} as good as {rival.effect} on data left out"
+        confidence = (1.0 - finding.confidence) * one.score / whole
+        yield replace(_suspect(one, one.model, surveyed.refitted, fit, words), confidence=confidence)
+
+
+def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -> Finding:
+    """An effect suspected: its values, and its share of the error that the model without it leaves."""
+    pieces = max(block_length(model.normal.score), 1)
+    share, low, high = explained_share(without.costs - model.costs, without.excesses, pieces)
+    values, errors = fit.table(rival.effect)
+    return Finding(
+        "suspect",
+        rival.effect,
+        (rival.effect,),
+        share,
+        low,
+        high,
+        parameters=values,
+        standard_errors=errors,
+        advice=advice.suspecting(rival.effect, words),
+        support=rival.score,
+    )
+
+
+def _uncertain(model: Model) -> Fit:
+    """The values of a model with their standard errors."""
+    return with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
 
 
 def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:

@@ -11,8 +11,6 @@ import polars as pl
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.tracking import tracked
 from hydro.core.logs.axis_faults import axis_faults
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
@@ -24,6 +22,7 @@ from hydro.core.recording.sensor_faults import (
     without_faults,
     without_outliers,
 )
+from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 600
@@ -79,9 +78,7 @@ class Preprocessed:
             DataError: No segment is as long as one shot.
         """
         if seconds not in self._shots:
-            self._shots[seconds] = multiple_shooting.make_shots(
-                self.record, seconds=seconds, sigma=self.noise, most=MOST_SHOTS
-            )
+            self._shots[seconds] = make_shots(self.record, seconds=seconds, sigma=self.noise, most=MOST_SHOTS)
         return self._shots[seconds]
 
 

@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
@@ -37,12 +36,12 @@ from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
+from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0
@@ -255,7 +254,7 @@ def left_out_error(
 
     Args:
         vehicle: The vehicle with the fitted values.
-        effects: Names of what was fitted; the vehicle as it is without any.
+        effects: Names of what was fitted.
         problem: The shots that are fitted to, begun where the vehicle's log has it.
         ahead: Predictions over the same recording, as far ahead as the error is to tell of.
         weights: Of the axes, (6,).
@@ -265,35 +264,40 @@ def left_out_error(
     """
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:
-        return _error_ahead(vehicle, ahead, weights, np.ones(len(ahead.starts), bool))[0]
+        return error_ahead(vehicle, ahead, weights)
     fold, shots = sessions_of(problem.shots), problem.shots
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     total, count = 0.0, 0
     for number in np.unique(fold):
-        rest = OutputError(multiple_shooting.select(shots, fold != number))
+        rest = OutputError(shots.of(fold != number))
         try:
             there = fit_model(vehicle, fitted, rest, np.zeros((1, 3)), AGAIN).vehicle
         except Diverges:
             return float(np.sqrt(weights @ BEYOND[6:] ** 2))
-        error, rows = _error_ahead(there, ahead, weights, within == number)
-        total, count = total + error**2 * rows, count + rows
+        here = ahead.of(within == number)
+        rows = len(here.starts)
+        total, count = total + error_ahead(there, here, weights) ** 2 * rows, count + rows
     return float(np.sqrt(total / max(count, 1)))
 
 
-def _error_ahead(
-    vehicle: Vehicle, ahead: Shots, weights: Array, chosen: NDArray[np.bool_]
-) -> tuple[float, int]:
-    """Root mean square error of all velocities over some predictions [m/s], and their rows."""
-    if not chosen.any():
-        return 0.0, 0
+def error_ahead(vehicle: Vehicle, ahead: Shots, weights: Array) -> float:
+    """Root mean square error of the velocities that a vehicle as it is predicts [m/s].
+
+    Args:
+        vehicle: The vehicle.
+        ahead: What it predicts; 0 where nothing is.
+        weights: Of the axes, (6,).
+    """
+    if not len(ahead.starts):
+        return 0.0
     model = candidate(vehicle)
-    shots = multiple_shooting.corrected_first(multiple_shooting.select(ahead, chosen), model)
+    shots = multiple_shooting.corrected_first(ahead, model)
     there = multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:]
     error = np.nan_to_num(there - shots.measured[..., 7:], nan=np.inf)
     squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
     seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
     mean = (squares * seen).sum(axis=(0, 1)) / np.maximum(seen.sum(axis=(0, 1)), 1)
-    return float(np.sqrt(weights @ mean)), len(shots.starts) * shots.length
+    return float(np.sqrt(weights @ mean))
 
 
 def _rival(

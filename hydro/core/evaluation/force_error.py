@@ -23,9 +23,9 @@ from hydro.core.evaluation.regimes import Family, Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
 from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
-from hydro.core.identification.multiple_shooting import CHANNELS
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import Recording
+from hydro.core.recording.shots import CHANNELS
 
 FASTEST = 2.0
 """Frequency of the fastest change of force that counts [Hz]."""

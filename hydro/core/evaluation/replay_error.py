@@ -24,15 +24,14 @@ from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
 from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.multiple_shooting import (
-    CHANNELS,
     Prepared,
-    Shots,
     corrected_first,
     displaced,
     prepare,
     residuals,
 )
 from hydro.core.recording.arrays import Recording, recording
+from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler

@@ -13,8 +13,9 @@ import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Rows, command_column
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import CHANNELS, Shots, corrected_first, predict, prepare
+from hydro.core.identification.multiple_shooting import corrected_first, predict, prepare
 from hydro.core.recording.arrays import Recording, recording, smoothed
+from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.bands import spread, table
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.estimates import Estimates

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification.multiple_shooting import CHANNELS
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
 from hydro.core.recording.filling import slope_noise, unshown
+from hydro.core.recording.shots import CHANNELS
 
 IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
 

@@ -20,10 +20,10 @@ from hydro.core.columns import Array
 from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
-from hydro.core.identification.multiple_shooting import Shots
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import CURVED, choice, suspects
+from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
 Parted = Mapping[tuple[str, str], float]

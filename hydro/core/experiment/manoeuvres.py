@@ -26,6 +26,7 @@ from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.identification.sensitivity import linearise
 from hydro.core.recording.arrays import Recording
+from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.description import Vehicle
@@ -140,9 +141,9 @@ def _grams(
 
 def predicted_shots(
     model: Candidate, manoeuvre: Manoeuvre, motion: Array, sigma: Array, lead: float
-) -> multiple_shooting.Shots:
+) -> Shots:
     """Shots of a predicted motion (N, 12), begun where it is, with what a vehicle would log as measured."""
-    shots = multiple_shooting.make_shots(_record(manoeuvre, motion), lead=lead, sigma=sigma)
+    shots = make_shots(_record(manoeuvre, motion), lead=lead, sigma=sigma)
     state = np.hstack([motion[:, :3], quaternion_from_euler(*motion[:, 3:6].T), motion[:, 6:]])
     shots = replace(shots, first=state[shots.starts])
     return replace(shots, measured=multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots))

@@ -23,7 +23,7 @@ from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of
-from hydro.core.diagnosis.transfer import left_out_error, resolved
+from hydro.core.diagnosis.transfer import error_ahead, left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
@@ -90,6 +90,10 @@ class Recordings:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
         found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
+
+    def error_ahead(self, vehicle: Vehicle) -> float:
+        """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
+        return error_ahead(vehicle, self.log.shots(HORIZON), self.yardstick.weights.velocity)
 
     def left_out(self, vehicle: Vehicle, fitted: Sequence[str]) -> float:
         """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s]."""
@@ -228,7 +232,7 @@ def quick_fits(
         with suppress(DataError):
             vehicle = recordings.tried(last.vehicle, wanted)
             fanciful = bool(implausible(vehicle, list(found)))
-            yield Quick(found, wanted, vehicle, fanciful, recordings.left_out(vehicle, []))
+            yield Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))
 
 
 def _trial(
@@ -286,7 +290,7 @@ def _fit_together(
     except Diverges:
         return fit
     also = with_uncertainty(other.unknown, other.values, other.normal, other.normal.chi2, "output")
-    return min(fit, also, key=lambda one: recordings.left_out(one.vehicle, []))
+    return min(fit, also, key=lambda one: recordings.error_ahead(one.vehicle))
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

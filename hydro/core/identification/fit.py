@@ -50,6 +50,7 @@ from hydro.core.recording.sensor_faults import (
     without_bias,
     without_outliers,
 )
+from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.description import Vehicle
 
@@ -267,17 +268,13 @@ def _heavy(tails: Sequence[Tail]) -> tuple[str, ...]:
     return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
 
 
-def _shots(
-    unknown: Free, record: Recording, noise: Array | None, most: int | None
-) -> multiple_shooting.Shots:
+def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | None) -> Shots:
     """Shots of a length that the samples allow, with what a late velocity log saw before them."""
     late = velocity_log(unknown.vehicle)[sensor.DELAY] > 0.0 or any(
         entry.effect == sensor.SENSOR_DELAY.name for entry in unknown.entries
     )
     lead = LONGEST_SENSOR_DELAY if late else 0.0
-    return multiple_shooting.make_shots(
-        record, seconds=shot_seconds(record), lead=lead, sigma=noise, most=most
-    )
+    return make_shots(record, seconds=shot_seconds(record), lead=lead, sigma=noise, most=most)
 
 
 def _begin(unknown: Free, windows: weak_form.Windows, reach: Array) -> tuple[Array, Problem, float]:
@@ -317,7 +314,7 @@ def _begun_anew(
     for _ in range(BEGUN_ANEW):
         assert isinstance(problem, OutputError)
         vehicle, old = unknown.at(values), problem.shots
-        fresh = multiple_shooting.begun_at(old, tracked(vehicle, record))
+        fresh = old.begun_at(tracked(vehicle, record))
         alone = Free(vehicle, (), (np.zeros(0),), frozenset())
         _, _, found = descend(alone, np.zeros(0), OutputError.of(fresh, vehicle), ITERATIONS)
         assert isinstance(found, OutputError)

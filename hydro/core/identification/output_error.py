@@ -23,6 +23,7 @@ from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free
+from hydro.core.recording.shots import Shots, evenly
 from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
@@ -37,10 +38,10 @@ FARTHEST = 3.0  # times what a beginning is known to at sight that one step may 
 class OutputError:
     """Output error over shots, whose beginnings go along with the parameters."""
 
-    shots: multiple_shooting.Shots
+    shots: Shots
 
     @classmethod
-    def of(cls, shots: multiple_shooting.Shots, vehicle: Vehicle) -> OutputError:
+    def of(cls, shots: Shots, vehicle: Vehicle) -> OutputError:
         """Begin the shots as this vehicle's velocity log says, and as the waves of its file let it be."""
         return cls(in_waves(shots, candidate(vehicle))).at_measured_states(vehicle)
 
@@ -51,8 +52,8 @@ class OutputError:
     def some(self, most: int) -> OutputError:
         """The problem with at most so many of its shots, spread evenly; itself where it has no more."""
         kept = np.zeros(len(self.shots.starts), bool)
-        kept[multiple_shooting.evenly(len(kept), most)] = True
-        return self if kept.all() else OutputError(multiple_shooting.select(self.shots, kept))
+        kept[evenly(len(kept), most)] = True
+        return self if kept.all() else OutputError(self.shots.of(kept))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `sensitivity.linearise`."""
@@ -84,7 +85,7 @@ class OutputError:
             if not poor.any():
                 break
             less = multiple_shooting.displaced(self.shots.first[poor], part * shift[poor])
-            tried = replace(multiple_shooting.select(self.shots, poor), first=less)
+            tried = replace(self.shots.of(poor), first=less)
             again = multiple_shooting.costs(prepared.of(poor), tried)
             better = np.flatnonzero(poor)[again < costs[poor]]
             first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
@@ -102,7 +103,7 @@ class OutputError:
         return OutputError(replace(self.shots, sigma=sigma))
 
 
-def in_waves(shots: multiple_shooting.Shots, model: Candidate) -> multiple_shooting.Shots:
+def in_waves(shots: Shots, model: Candidate) -> Shots:
     """The shots as the waves of a vehicle's file let them be known; themselves where it has none.
 
     In a prediction the sea is calm, in the recording it is not.  Over the seconds of a shot it is a few
@@ -128,7 +129,7 @@ def in_waves(shots: multiple_shooting.Shots, model: Candidate) -> multiple_shoot
     return replace(shots, swell=np.stack(answers, axis=-1) / math.sqrt(2.0))
 
 
-def aimed(unknown: Free, values: Array, shots: multiple_shooting.Shots) -> tuple[Array, OutputError]:
+def aimed(unknown: Free, values: Array, shots: Shots) -> tuple[Array, OutputError]:
     """Where output error begins: as equation error says, unless its motion diverges.
 
     Where samples do not show all of the motion, equation error balances what was filled in: then it begins

@@ -21,14 +21,14 @@ from hydro.core.effects import sensor
 from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import (
-    CHANNELS,
     ENDLESS,
     SHOTS_TOGETHER,
     Answers,
     Prepared,
-    Shots,
+    places_of,
 )
 from hydro.core.identification.normal_equations import Normal, eliminate, taken
+from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
 from hydro.core.vehicle.thrusters import same_states
@@ -219,7 +219,7 @@ def _thrust_alone(flat: Array, other: Array) -> bool:
 
 def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count: int) -> tuple[Array, Array]:
     """Predicted states (s, length, 13), and columns (s, length, 12, 12 + P + 1), the first of them filled."""
-    places, known = shots.places(part), CHANNELS + len(varied.of)
+    places, known = places_of(shots, part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
     columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
     ahead = np.ascontiguousarray(varied.ahead[part])

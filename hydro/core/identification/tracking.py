@@ -18,9 +18,7 @@ import numpy as np
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.identification.candidate import Candidate, candidate, memories, rotor_states
 from hydro.core.identification.multiple_shooting import (
-    CHANNELS,
     LONGEST_STEP,
-    SHOT_SECONDS,
     Answers,
     InitialStates,
     Places,
@@ -30,6 +28,7 @@ from hydro.core.identification.multiple_shooting import (
 )
 from hydro.core.recording.arrays import Recording, noise
 from hydro.core.recording.filling import unshown
+from hydro.core.recording.shots import CHANNELS, SHOT_SECONDS
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes

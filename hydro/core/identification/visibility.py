@@ -15,6 +15,7 @@ from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.tracking import shot_seconds, tracked
 from hydro.core.recording.arrays import Recording, recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 60
@@ -74,6 +75,6 @@ def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str
 def _known(vehicle: Vehicle, record: Recording) -> Array:
     """Standard deviation to which the samples of a shot place its beginning, the median of all, (12,)."""
     filled = tracked(vehicle, record)
-    shots = multiple_shooting.make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)
+    shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)
     prepared = multiple_shooting.prepare(candidate(vehicle), shots)
     return sensitivity.beginnings(prepared, shots)

@@ -27,10 +27,10 @@ from hydro.core.identification.candidate import (
     rotor_states_around,
     true_velocity,
 )
-from hydro.core.identification.multiple_shooting import evenly
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.recording.filling import unshown
+from hydro.core.recording.shots import evenly
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 

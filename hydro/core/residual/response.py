@@ -24,16 +24,15 @@ from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.identification.multiple_shooting import (
-    CHANNELS,
     LONGEST_STEP,
     SHOTS_TOGETHER,
     Answers,
     InitialStates,
     Places,
-    Shots,
     displaced,
     shoot,
 )
+from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes

@@ -13,9 +13,9 @@ from hydro.core.diagnosis import closed_loop
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.effects.surroundings import steady_pull
-from hydro.core.identification import multiple_shooting
 from hydro.core.identification.output_error import OutputError
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 
 
 def told(push: float, doubled: float) -> float:
@@ -27,7 +27,7 @@ def told(push: float, doubled: float) -> float:
         true, effect=tuple(more if one["name"] == "linear_damping" else one for one in true.effect)
     )
     raw = noisy(moved(true), 1)
-    shots = multiple_shooting.make_shots(recording(file, raw))
+    shots = make_shots(recording(file, raw))
     model = fit_model(file, ["linear_damping"], OutputError.of(shots, file), shots.record.track, 6)
     (found,) = closed_loop.own_shares(SimpleNamespace(vehicle=file), model).values()
     return found

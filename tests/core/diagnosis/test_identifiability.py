@@ -15,6 +15,7 @@ from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 
 
 def entries(effect: str):
@@ -68,7 +69,7 @@ def test_what_is_known_of_their_sum_alone():
 def gains(raw):
     """Covariance of the gains of all thrusters beside nothing else, from shots over a recording."""
     vehicle = damped()
-    shots = multiple_shooting.make_shots(recording(vehicle, raw))
+    shots = make_shots(recording(vehicle, raw))
     (suspect,) = (one for one in suspects(vehicle) if one.effect == "thruster_gain")
     own = multiple_shooting.prepare(candidate(vehicle), shots)
     changed = [multiple_shooting.prepare(candidate(one), shots) for one in suspect.changed]

@@ -16,8 +16,8 @@ from hydro.core.diagnosis.model import fit_model
 from hydro.core.effects import inertia_matrix
 from hydro.core.identification.candidate import accelerations, candidate
 from hydro.core.identification.fit import OutputError
-from hydro.core.identification.multiple_shooting import make_shots
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation

@@ -13,9 +13,9 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment.library import FLIGHT_LENGTH, library
 from hydro.core.experiment.manoeuvres import best, plain, showing
-from hydro.core.identification import multiple_shooting
 from hydro.core.identification.fit import OutputError
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle
@@ -161,7 +161,7 @@ def test_what_is_predicted_is_what_a_flight_shows():
     record = recording(true, flown.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])))
     costs = []
     for rival in (true, other):
-        shots = multiple_shooting.make_shots(record, sigma=NOISE)
+        shots = make_shots(record, sigma=NOISE)
         problem = OutputError.of(shots, rival)
         for _ in range(3):
             normal = problem.linearise(rival, [], [])

@@ -28,11 +28,12 @@ from hydro.core.identification.levenberg_marquardt import (
     over_standard_errors,
     searched,
 )
-from hydro.core.identification.multiple_shooting import TRUST, costs, displaced, make_shots, prepare
+from hydro.core.identification.multiple_shooting import costs, displaced, prepare
 from hydro.core.identification.normal_equations import Normal, covariance
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import TRUST, make_shots
 from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle as files
 

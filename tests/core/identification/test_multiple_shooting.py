@@ -24,6 +24,7 @@ from hydro.core.identification.normal_equations import (
 )
 from hydro.core.recording.arrays import noise, recording, smoothed
 from hydro.core.recording.segments import segments
+from hydro.core.recording.shots import evenly, make_shots
 from hydro.core.vehicle.frames import quaternion_from_euler
 
 
@@ -47,7 +48,7 @@ def test_a_shot_from_within_a_session_follows_the_session(effect, tolerance):
     """Rotors, late commands and memories go on over the beginning of a shot; 500 Hz against 50 Hz steps."""
     vehicle = damped(effect)
     record = recording(vehicle, moved(vehicle, rows=600))
-    shots = exact(multiple_shooting.make_shots(record), record)
+    shots = exact(make_shots(record), record)
     predicted = multiple_shooting.predict(multiple_shooting.prepare(candidate(vehicle), shots), shots)
     np.testing.assert_allclose(predicted[..., :3], shots.measured[..., :3], atol=tolerance)
     np.testing.assert_allclose(predicted[..., 7:], shots.measured[..., 7:], atol=tolerance)
@@ -58,7 +59,7 @@ def test_a_late_log_looks_back_on_what_was_before_the_comparison():
     raw = moved(vehicle, rows=600)
     record = recording(damped(), raw)
     truth = recording(damped(), moved(damped(), rows=600))
-    shots = exact(multiple_shooting.make_shots(record, lead=0.5), truth)
+    shots = exact(make_shots(record, lead=0.5), truth)
     left = (
         multiple_shooting.residuals(multiple_shooting.prepare(candidate(vehicle), shots), shots) * shots.sigma
     )
@@ -104,18 +105,18 @@ def test_shots_never_reach_over_a_gap():
     raw = moved(damped(), rows=500)
     broken = raw[np.r_[0:230, 260:500]]
     record = recording(damped(), broken)
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     assert len(segments(broken)) == 2
     for start in shots.starts:
         inside = (record.segments[:, 0] <= start) & (start + shots.length <= record.segments[:, 1])
         assert inside.sum() == 1
     with pytest.raises(DataError, match="record longer sessions"):
-        multiple_shooting.make_shots(record, seconds=8.0)
+        make_shots(record, seconds=8.0)
 
 
 @pytest.mark.parametrize(("count", "most"), [(10, 10), (10, 3), (15, 10), (8575, 1000), (7, 1)])
 def test_shots_kept_are_spread_evenly_and_in_no_rhythm(count, most):
-    kept = multiple_shooting.evenly(count, most)
+    kept = evenly(count, most)
     assert len(kept) == most == len(set(kept))
     stretch = count / most
     assert (np.abs(kept - (np.arange(most) + 0.5) * stretch) <= stretch / 2 + 1).all()
@@ -128,14 +129,14 @@ def test_a_thinned_recording_keeps_some_of_the_shots_of_all_its_sessions():
     part = moved(damped(), rows=500)
     raw = pl.concat([part.with_columns(session=pl.lit(name)) for name in "abcde"])
     record = recording(damped(), raw)
-    every, some = multiple_shooting.make_shots(record), multiple_shooting.make_shots(record, most=10)
+    every, some = make_shots(record), make_shots(record, most=10)
     assert set(some.starts) < set(every.starts)
     assert set(some.segment) == set(range(5))
     at = np.searchsorted(every.starts, some.starts)
     np.testing.assert_array_equal(some.measured, every.measured[at])
     np.testing.assert_array_equal(some.first, every.first[at])
     np.testing.assert_array_equal(some.segment, every.segment[at])
-    assert len(multiple_shooting.make_shots(record, most=1000).starts) == len(every.starts)
+    assert len(make_shots(record, most=1000).starts) == len(every.starts)
 
 
 def test_beginnings_are_taken_out_as_least_squares_would():
@@ -180,7 +181,7 @@ def test_a_shot_that_leaves_all_bounds_is_lost_and_no_other():
     """Drag too stiff for the steps: the faster shots grow without end, and take no others with them."""
     stiff = {"name": "quadratic_damping", "diagonal": [1e5, *synthetic.QUADRATIC[1:]]}
     record = recording(damped(), moved(damped(), rows=2000))
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     known = damped()
     changed = msgspec.structs.replace(known, effect=(*known.effect[:-1], stiff))
     tame, wild = (multiple_shooting.prepare(candidate(vehicle), shots) for vehicle in (known, changed))

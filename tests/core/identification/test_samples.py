@@ -19,6 +19,7 @@ from hydro.core.identification.fit import fit
 from hydro.core.recording.arrays import noise, recording
 from hydro.core.recording.filling import filled
 from hydro.core.recording.sensor_faults import without_faults
+from hydro.core.recording.shots import make_shots
 from hydro.core.simulation.simulate import simulate
 
 NOISE = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
@@ -90,7 +91,7 @@ def test_what_one_sensor_does_not_show_another_does(flown, whole, names, words):
 def test_the_cost_is_that_of_the_samples_alone(flown):
     """Against plain numpy; what stands in rows without a sample does not matter."""
     record = recording(damped(), thinned(flown.head(600), SLOW))
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     prepared = multiple_shooting.prepare(candidate(damped()), shots)
     predicted, rows = multiple_shooting.predict(prepared, shots), shots.starts[:, None] + np.arange(100)
     logged = flown.select("x", "y", "z", *VELOCITY).to_numpy()[rows]
@@ -115,7 +116,7 @@ def seen_states(seen: np.ndarray) -> np.ndarray:
 
 def test_freedom_is_the_number_of_samples_less_that_of_what_they_show_of_the_beginning(flown):
     def freedom(raw: pl.DataFrame) -> np.ndarray:
-        shots = multiple_shooting.make_shots(recording(damped(), raw))
+        shots = make_shots(recording(damped(), raw))
         prepared = multiple_shooting.prepare(candidate(damped()), shots)
         return sensitivity.linearise(prepared, [], [], shots).freedoms
 

@@ -14,6 +14,7 @@ from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
 
 SURROUNDED = (
     {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1},
@@ -33,19 +34,14 @@ LATE = (
 def by_differences(base, changed, steps, shots):
     """The same problem from predictions one by one, each parameter and each beginning moved in turn."""
     still = multiple_shooting.residuals(base, shots)
-    first = [
-        multiple_shooting.displaced(shots.first, 1e-4 * way[None])
-        for way in np.eye(multiple_shooting.CHANNELS)
-    ]
+    first = [multiple_shooting.displaced(shots.first, 1e-4 * way[None]) for way in np.eye(CHANNELS)]
     columns = [(still - multiple_shooting.residuals(base, shots, begin)) / 1e-4 for begin in first]
     columns += [
         (still - multiple_shooting.residuals(other, shots)) / step
         for other, step in zip(changed, steps, strict=True)
     ]
     flat = np.stack([*columns, still], axis=-1).reshape(len(still), shots.residuals, -1)
-    return eliminate(flat.transpose(0, 2, 1) @ flat, multiple_shooting.CHANNELS, multiple_shooting.TRUST**-2)[
-        0
-    ]
+    return eliminate(flat.transpose(0, 2, 1) @ flat, CHANNELS, TRUST**-2)[0]
 
 
 @pytest.mark.parametrize("extra", [(), SURROUNDED, LATE], ids=["damped", "surrounded", "late log"])
@@ -53,9 +49,7 @@ def test_derivatives_are_differences_of_predictions(extra):
     """Of a hundred columns each within 2 % of its size, own entries and all that may be missing alike."""
     vehicle = damped(*extra)
     record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
-    shots = multiple_shooting.corrected_first(
-        multiple_shooting.make_shots(record, lead=0.2), candidate(vehicle)
-    )
+    shots = multiple_shooting.corrected_first(make_shots(record, lead=0.2), candidate(vehicle))
     unknown = free(vehicle, [str(effect["name"]) for effect in vehicle.effect], reach=record.track)
     changed, steps = nudged(unknown, unknown.starts[0])
     names = [entry.effect for entry in unknown.entries]
@@ -88,7 +82,7 @@ def test_derivatives_are_differences_of_predictions(extra):
 def test_a_problem_without_parameters_has_its_residuals_alone():
     vehicle = damped()
     record = recording(vehicle, noisy(moved(vehicle, rows=500), 0))
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     base = multiple_shooting.prepare(candidate(vehicle), shots)
     alone = sensitivity.linearise(base, [], [], shots)
     assert alone.gram.shape == (len(shots.starts), 1, 1)

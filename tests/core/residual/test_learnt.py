@@ -10,8 +10,8 @@ from recordings import damped, moved
 from hydro.core.distillation.labels import labels
 from hydro.core.effects.columns import effect_wrenches
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.residual.learnt import Learnt, require_same
 
 EXTRA = {"name": "crossflow_drag", "Cd_y": 0.5, "Cd_z": 0.5}
@@ -37,7 +37,7 @@ def test_less_the_file_a_label_is_what_the_file_lacks(subtract):
     raw = moved(damped(EXTRA), rows=800)
     said = labels(file, raw, subtract=subtract).select(COLUMNS).to_numpy().astype(float)
     record = recording(file, raw)
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     beside = Learnt(Perfect(said), file, subtract != "effects", 1).wrench(file, shots)
     alone = msgspec.structs.replace(file, effect=(EXTRA,))
     true = effect_wrenches(alone, record.eta, record.nu, record.segments, record.t)

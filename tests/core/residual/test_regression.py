@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from recordings import damped, moved
 
-from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.residual.hull import stretches
 from hydro.core.residual.regression import learn
 from hydro.core.residual.response import Transitions
@@ -23,7 +23,7 @@ MORE = {"name": "linear_damping", "diagonal": [6.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
 def shots():
     """Of a vehicle that surge damps more than its file says."""
     record = recording(VEHICLE, moved(damped(MORE), rows=3000))
-    return multiple_shooting.make_shots(record, sigma=np.full(12, 1e-3))
+    return make_shots(record, sigma=np.full(12, 1e-3))
 
 
 @pytest.mark.parametrize("first", [0, 1, 2])

@@ -13,6 +13,7 @@ from hydro.core.effects.columns import effect_wrenches
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate, true_velocity
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.frames import quaternion_from_euler
 
@@ -41,7 +42,7 @@ def test_what_a_wrench_does_is_taken_from_what_was_measured(extra, log):
     vehicle, truth = damped(*log), damped(*log, extra)
     record = recording(vehicle, moved(truth, rows=700))
     motion = recording(vehicle, moved(damped(extra), rows=700))
-    shots = multiple_shooting.make_shots(record, lead=0.3 if log else 0.0, sigma=np.ones(12))
+    shots = make_shots(record, lead=0.3 if log else 0.0, sigma=np.ones(12))
     shots = exact(shots, motion, motion.nu)
     shots = dataclasses.replace(shots, nu=record.nu)
     alone = msgspec.structs.replace(vehicle, effect=(extra,))
@@ -61,7 +62,7 @@ def test_what_a_wrench_does_is_taken_from_what_was_measured(extra, log):
 
 def test_a_wrench_of_nothing_changes_nothing():
     record = recording(damped(), moved(damped(), rows=300))
-    shots = multiple_shooting.make_shots(record)
+    shots = make_shots(record)
     corrected = Transitions.of(candidate(damped()), shots).corrected(np.zeros((record.rows, 6)))
     np.testing.assert_allclose(corrected.measured, shots.measured, atol=1e-15)
 
@@ -70,7 +71,7 @@ def test_the_answer_to_a_beginning_is_the_derivative_of_the_prediction():
     """Transitions multiplied against predictions from beginnings that are moved."""
     vehicle = damped()
     record = recording(vehicle, moved(vehicle, rows=300))
-    shots = exact(multiple_shooting.make_shots(record, sigma=np.ones(12)), record, record.nu)
+    shots = exact(make_shots(record, sigma=np.ones(12)), record, record.nu)
     model, little = candidate(vehicle), 1e-4
     prepared = multiple_shooting.prepare(model, shots)
     none = np.zeros((len(shots.starts), shots.length, 6, 12))

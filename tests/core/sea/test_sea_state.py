@@ -18,9 +18,10 @@ from hydro.core.effects import assemble
 from hydro.core.effects.waves import drawn, harmonics
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import cost, make_shots, prepare
+from hydro.core.identification.multiple_shooting import cost, prepare
 from hydro.core.identification.output_error import OutputError
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.sea.sea_state import sea_state, shown
 from hydro.core.sea.water_motion import water_motion
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
