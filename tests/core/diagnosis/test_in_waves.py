@@ -52,8 +52,20 @@ def in_waves(vehicle: Any) -> pl.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def named(vehicle: Any, in_waves: pl.DataFrame) -> Any:
-    return diagnose(vehicle, in_waves)
+def explained(vehicle: Any, in_waves: pl.DataFrame) -> Any:
+    """Steps of an explanation, and the diagnosis of each."""
+    diagnoses: list[Any] = []
+
+    def kept(_vehicle: Any, _log: Any, diagnosis: Any, _progress: Any) -> Any:
+        diagnoses.append(diagnosis)
+        return diagnosis
+
+    return list(explain(vehicle, in_waves, beyond=kept)), diagnoses
+
+
+@pytest.fixture(scope="module")
+def named(explained: Any) -> Any:
+    return explained[1][0]
 
 
 def test_waves_are_named_and_nothing_false_beside_them(named: Any) -> None:
@@ -106,8 +118,8 @@ def test_the_floor_of_a_comparison_holds_the_waves_of_the_file(vehicle: Any, in_
     assert 0.5 * error < swell < 2.0 * error
 
 
-def test_explain_adds_waves_once(vehicle: Any, in_waves: pl.DataFrame) -> None:
-    steps = list(explain(vehicle, in_waves))
+def test_explain_adds_waves_once(vehicle: Any, explained: Any) -> None:
+    steps, _ = explained
     assert [step.added for step in steps[:2]] == [(), ("ocean_waves",)]
     last = best(steps).vehicle
     assert sum(table["name"] == "ocean_waves" for table in last.effect) == 1

@@ -51,14 +51,25 @@ def recording(known):
 
 
 @pytest.fixture(scope="module")
-def found(known, recording):
-    log = preprocess(known, recording)
-    heard = []
-    diagnosis = discovered(
-        known, log, diagnose_log(known, log), lambda words, share: heard.append((words, share))
-    )
+def explained(known, recording):
+    """Steps of an explanation, and what each diagnosis with its discovery found."""
+    heard, diagnoses = [], []
+
+    def beyond(vehicle, log, diagnosis, _):
+        diagnoses.append(
+            discovered(vehicle, log, diagnosis, lambda words, share: heard.append((words, share)))
+        )
+        return diagnoses[-1]
+
+    steps = list(explain(known, recording, beyond=beyond))
+    assert heard
     assert all(0.0 <= share <= 1.0 for _, share in heard)
-    return diagnosis
+    return steps, diagnoses
+
+
+@pytest.fixture(scope="module")
+def found(explained):
+    return explained[1][0]
 
 
 def test_a_law_of_two_terms_is_found_with_its_power_and_values(found):
@@ -129,8 +140,8 @@ def test_what_no_term_explains_stays_unexplained(known):
     assert not [one for one in discovered(known, log, nothing).findings if one.effect == "formula"]
 
 
-def test_explain_adds_the_formula_as_a_step(known, recording):
-    steps = list(explain(known, recording, beyond=discovered))
+def test_explain_adds_the_formula_as_a_step(explained):
+    steps, _ = explained
     assert steps[1].added == ("formula",)
     assert steps[-1].chi2[2] == pytest.approx(1.0, abs=0.1)
     assert steps[1].error("fit") < 0.5 * steps[0].error("fit")
@@ -140,6 +151,7 @@ def test_a_file_with_a_formula_gets_further_terms(known, recording):
     """The half that the file has stays, and the other half joins it."""
     given = msgspec.structs.replace(known, effect=(*known.effect, one_term("Z u q", 90.0)))
     log = preprocess(given, recording)
-    found = discovered(given, log, diagnose_log(given, log))
+    nothing = Diagnosis((Finding("far_from_noise"),), given, (9.0, 9.0, 9.0))
+    found = discovered(given, log, nothing)
     (formula,) = (one for one in found.findings if one.effect == "formula" and one.verdict == "suspect")
     assert (formula.parameters["forces"], formula.parameters["moments"]) == (["Z u q"], ["N |v|^n sgn(v)"])
