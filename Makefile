@@ -24,7 +24,7 @@ demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo
 
 # Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
 test: $(STAMP)        ## the whole test suite on two workers
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 fuzz: $(STAMP)        ## almost right files of every kind through every command, some five minutes
 	HYDRO_FUZZ=400 $(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py
