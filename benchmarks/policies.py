@@ -62,15 +62,19 @@ def main() -> None:
     from hydro.rl.tasks.registry import TASKS
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("which", choices=["tasks", "settings"])
+    parser.add_argument("which", choices=["tasks", "settings", "trained"])
     parser.add_argument("files", nargs="+", type=Path, help="tables of evaluations")
     parser.add_argument("--commit", required=True, help="of the code that was measured")
     parser.add_argument("--command", required=True, help="by which")
     given = parser.parse_args()
     found = pl.concat([table.read(path, "evaluations").frame for path in given.files])
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
-    rows = (by_task if given.which == "tasks" else by_setting)(found, counted)
-    where = origin(found, given.command, given.commit) | {"seeds": "tasks of 1000000"}
+    seeds = "tasks of 1000000"
+    if given.which == "trained":
+        found = found.filter(flown_by="policy").with_columns(flown_by=pl.col("condition"))
+        seeds = f"training {', '.join(map(str, sorted(set(found['seed']))))}; {seeds}"
+    rows = (by_setting if given.which == "settings" else by_task)(found, counted)
+    where = origin(found, given.command, given.commit) | {"seeds": seeds}
     keep(f"rl_{given.which}", [row | where for row in rows])
 
 

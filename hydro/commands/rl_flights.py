@@ -85,30 +85,36 @@ def _of_vehicle(path: Path, truth: Path | None) -> Builder:
     return builder_of(TrainingConfig(), text, None, path.parent, estimates_beside(path, known), truth)
 
 
-def _opened(run: Path, truth: Path | None = None) -> tuple[Policy, list[Artefact], Builder]:
-    """Policy of a run, its table, and what makes its fleets."""
+def _opened(run: Path, task: str | None, truth: Path | None = None) -> tuple[Policy, list[Artefact], Builder]:
+    """Policy of a run for a task, its table, and what makes its fleets."""
     from hydro.io import covariance
     from hydro.rl.training.runs import Folder
 
     folder = Folder(run)
-    policy, artefact = folder.policy()
+    policy, artefact = folder.policy(task)
     text, kept = folder.run().provenance.vehicle or "", folder.covariance()
     estimates = None if kept is None else covariance.of(kept, str(run))
     builder = builder_of(folder.config(), text, folder.model(), run, estimates, truth)
     return policy, [artefact], builder
 
 
+def _asked(task: str | None, stage: int | None) -> str | None:
+    """Name of the task that is to be flown, where one was asked for."""
+    from hydro.rl.tasks.registry import STAGES
+
+    if task is not None and stage is not None:
+        raise UsageError("--task and --stage both say what is to be flown: give one of them")
+    return task if stage is None else STAGES[stage - 1]
+
+
 def _task(
-    come_to: Mapping[str, Any], builder: Builder, task: str | None, stage: int | None, level: int | None
+    come_to: Mapping[str, Any], builder: Builder, name: str | None, level: int | None
 ) -> tuple[Task, int]:
     """Task and level to fly, by default those that training has come to."""
     from dataclasses import replace
 
     from hydro.rl.tasks.registry import STAGES, task_of
 
-    if task is not None and stage is not None:
-        raise UsageError("--task and --stage both say what is to be flown: give one of them")
-    name = task if stage is None else STAGES[stage - 1]
     chosen = task_of(name or come_to["task"])
     if level is None:
         levels = dict(replace(builder.config.curriculum, task="", last=len(STAGES)).levels)
@@ -155,6 +161,9 @@ def eval_(
     docking          a pose, slowly
     pillar_row       pillars that may be gone round
 
+    With --stage or --task the policy flies that passed this task in training, where one has: what is learnt
+    for the next stage may undo it.
+
     With --setting the vehicle, the water or the task differ from what was trained: no_plan (the goal is shown
     in place of a way), current (0.3 m/s), load (a payload of 10 % of the mass), dead_thruster, posterior
     (numbers drawn from the covariance beside the vehicle file), half_time, or all; nominal is as the file
@@ -169,9 +178,10 @@ def eval_(
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
     alone = run.is_file() or run.suffix == ".toml"
-    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, truth)
+    wanted = _asked(task, stage)
+    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
     begun = {"task": "point_to_point", "level": 0}
-    chosen, level = _task(begun if policy is None else policy.training, builder, task, stage, level)
+    chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
     known = builder.estimates is not None and truth is None
     trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
     parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -252,10 +262,11 @@ def watch(
     from hydro.rl.training.trials import NOMINAL, TRIALS
 
     alone = run.is_file() or run.suffix == ".toml"
-    policy, _, builder = (None, [], _of_vehicle(run, None)) if alone else _opened(run)
+    wanted = _asked(task, stage)
+    policy, _, builder = (None, [], _of_vehicle(run, None)) if alone else _opened(run, wanted)
     fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
     begun = {"task": "point_to_point", "level": 0}
-    chosen, level = _task(begun if policy is None else policy.training, builder, task, stage, level)
+    chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
     fleet.set_level(chosen, level)
     flight = trace(WithMap(fleet) if policy is None else policy, fleet)
     settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"

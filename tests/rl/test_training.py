@@ -135,6 +135,29 @@ def test_the_curriculum_is_passed_to_its_end(tmp_path, auv151):
     assert (exams["success"] == 1.0).all()
 
 
+def test_what_passed_a_task_is_kept_as_it_was(tmp_path, auv151):
+    """The policy of each task is that of its last examination, whatever is learnt or stopped after it."""
+    levels = Curriculum(last=2, baffles=(0, 4), window=30)
+    config = replace(QUICK, steps=4000, curriculum=levels, settings=EVERYWHERE)
+    for _ in range(10):  # stopped after every evaluation
+        training = train(tmp_path, config, auv151, evaluations=1)
+    assert training.curriculum.done
+    folder = Folder(tmp_path)
+    exams = (
+        folder.evaluations()
+        .frame.filter(purpose="exam")
+        .rows_by_key(["task", "level"], named=True, unique=True)
+    )
+    kept = {task: folder.policy(task)[0] for task in ("point_to_point", "slalom")}
+    for task, level in (("point_to_point", 0), ("slalom", 4)):
+        assert kept[task].training["steps"] == exams[task, level]["steps"]
+        assert (kept[task].training["task"], kept[task].training["level"]) == (task, level)
+    last, _ = folder.policy()
+    assert not np.array_equal(kept["point_to_point"].weights["0.0.weight"], last.weights["0.0.weight"])
+    other, _ = folder.policy("docking")  # nobody passed it: what was learnt last
+    assert all(np.array_equal(other.weights[name], each) for name, each in last.weights.items())
+
+
 def test_a_pilot_shows_the_way_past_pillars_that_the_policy_does_not_see_on_a_map(auv151):
     """In the slalom what is seen has the goal for its target, and yet he arrives."""
     fleet = Builder(TrainingConfig(), auv151[0])(4, 5)

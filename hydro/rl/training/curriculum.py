@@ -37,6 +37,10 @@ class CurriculumProgress:
         """Levels that are not passed yet."""
         return tuple(level for level in self.config.levels if level not in self.passed)
 
+    def behind(self, task: str) -> bool:
+        """Whether no level of a task is ahead any more."""
+        return task not in {ahead for ahead, _ in self._ahead}
+
     @property
     def share(self) -> float:
         """Share of the last episodes of training at this level that succeeded; 0 before the first."""

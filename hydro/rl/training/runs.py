@@ -6,6 +6,7 @@
     curves.parquet       how learning went
     evaluations.parquet  how the policy did without exploration
     policy.parquet       what it has learnt so far
+    policy-TASK.parquet  what passed the last level of a task, before it learnt on for the next
     checkpoint.pt        everything that its future depends on
 
 The tables are written before the checkpoint, each whole or not at all; going on rewrites them, so that a kill
@@ -198,6 +199,8 @@ class Folder:
             made = table.make(kind, tables[kind], stage=STAGE, seed=config.seed, inputs=[run])
             table.write(made, self.path / name)
         table.write(policy_artefact(training.policy(), run, config.seed), self.path / POLICY)
+        for task, policy in training.masters.items():
+            table.write(policy_artefact(policy, run, config.seed), self._master(task))
         _write_state(training.state(), self.path / CHECKPOINT)
 
     def config(self) -> TrainingConfig:
@@ -240,14 +243,21 @@ class Folder:
         learner: dict[str, Any] = _read_state(self.path / CHECKPOINT)["learner"]
         return learner
 
-    def policy(self) -> tuple[Policy, Artefact]:
+    def policy(self, task: str | None = None) -> tuple[Policy, Artefact]:
         """What it has learnt.
+
+        Args:
+            task: By default what it has learnt last; else what passed a task, where one has.
 
         Raises:
             DataError: There is no policy yet, or it is broken.
         """
-        found = table.read(self.path / POLICY, "policy")
+        master = None if task is None else self._master(task)
+        found = table.read(master if master and master.exists() else self.path / POLICY, "policy")
         return policy_of(found), found
+
+    def _master(self, task: str) -> Path:
+        return self.path / f"policy-{task}.parquet"
 
 
 class Reached(TypedDict):

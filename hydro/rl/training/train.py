@@ -53,6 +53,8 @@ class Training:
         watch: Whether it has diverged.
         curves: Points of the curves so far, rows of a table `curves`.
         evaluations: Evaluations so far, rows of a table `evaluations`.
+        masters: The policies that passed the last level of a task since this training was made, by task: what
+            is learnt for the next may undo it.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Training:
         self.curriculum, self.watch = CurriculumProgress(config.curriculum), Watch()
         self.curves: list[dict[str, Any]] = []
         self.evaluations: list[dict[str, Any]] = []
+        self.masters: dict[str, Policy] = {}
         self._returns: list[float] = []
         self._losses: list[list[float]] = []
         self._learner = Learner(encoding(config.settings), ACTIONS, config.sac, config.seed)
@@ -182,7 +185,10 @@ class Training:
         """Let the policy show without exploration that it has learnt the level, and go on if it has."""
         share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED)
         self._examined = self.steps
+        examined, (task, _) = self.policy(), self.curriculum.level
         if self.curriculum.examined(share):
+            if self.curriculum.behind(task):
+                self.masters[task] = examined
             self._fleet.set_level(*self.curriculum.level)
 
     def _evaluate(self, purpose: Literal["curve", "exam"], episodes: int, seed: int) -> float:
