@@ -7,7 +7,7 @@ The link's frame is CO, axes forward, left, up.  What acts in Gazebo (gz-sim 8 a
 * a Thruster plug-in for each thruster, told its thrust in newtons, which acts at once;
 * the Buoyancy plug-in, which takes the volume and its centre from the collision shape.
 
-Which effects are among these coefficients their kernels say (`export.velocity_laws`).
+Which effects are among these coefficients their kernels say (`core.simulation.velocity_laws`).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from hydro.core.effects.catalogue import Entry, current, entries, inertia_matrix
 from hydro.core.effects.program import constants
 from hydro.core.effects.record import Effect
 from hydro.core.errors import DataError
+from hydro.core.simulation.velocity_laws import Law, law
 from hydro.core.vehicle.description import Thruster, Vehicle
 from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
 from hydro.core.vehicle.rigid_body import mass_matrix
@@ -44,7 +45,6 @@ from hydro.core.vehicle.thrusters import (
     raised,
 )
 from hydro.export.targets import Lack, Target, lacking, of_sensors
-from hydro.export.velocity_laws import Law, law
 
 FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
 LINK = "base_link"
