@@ -52,7 +52,7 @@ LEVELS = {
         ("errors", "compiled", "progress"),
     ),
     "hydro.sim": (
-        ("film", "replay", "teacher_plant"),
+        ("film", "replay", "stonefish", "teacher_plant"),
         ("plant", "scene", "single", "teacher"),
         ("student",),
         ("bridge",),

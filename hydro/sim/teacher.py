@@ -16,7 +16,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -55,6 +55,27 @@ REPLACED = frozenset(with_role(Role.HULL_WATER))
 """Effects of a file that panels and ellipsoid stand in for; the lift of fins is not among them."""
 
 Report = Callable[[int], None]
+
+
+class Subject(Protocol):
+    """A vehicle that can be recorded, in whatever simulator; attributes as of `Teacher`."""
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """What is simulated."""
+
+    @property
+    def mixing(self) -> Mixing:
+        """How demands become commands."""
+
+    @property
+    def log(self) -> Array:
+        """The velocity log, with the errors of its sensor effects."""
+
+    def fly(
+        self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """True motion of one session and the commands that made it; arguments as of the function `fly`."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +118,12 @@ class Teacher:
     def added_mass(self) -> Array:
         """M_A (6, 6) of the equivalent ellipsoid about CO."""
         return _ellipsoid_added_mass(self.vehicle)
+
+    def fly(
+        self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """True motion of one session and the commands that made it; arguments as of the function `fly`."""
+        return fly(self, demand, depth=depth, heading=heading, hold_heading=hold_heading, sea=sea)
 
 
 def teacher(
@@ -141,7 +168,7 @@ def teacher(
 
 
 def collect(
-    subject: Teacher,
+    subject: Subject,
     rows: int,
     seed: int,
     *,
@@ -153,7 +180,7 @@ def collect(
     """Record a vehicle under a programme of excitation.
 
     Args:
-        subject: From `teacher`.
+        subject: From `teacher`, or a vehicle in another simulator.
         rows: Rows to record in all, at 50 Hz.
         seed: Seed of the sessions, the demands, the headings and the noise.
         programme: What it does, and how deep.
@@ -232,13 +259,12 @@ def fly(
     return np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]]), commands
 
 
-def _logged(subject: Teacher, session: Session, seed: int, depth: float, noise: Noise) -> pl.DataFrame:
+def _logged(subject: Subject, session: Session, seed: int, depth: float, noise: Noise) -> pl.DataFrame:
     """One session as it is logged: sensor effects on the true motion, then noise."""
     demand = demands(session, seed, 1.0 / LOG_RATE)
     heading_rng, noise_rng = (np.random.default_rng([seed, session.number + 1, use]) for use in (1, 2))
     heading = float(heading_rng.uniform(-np.pi, np.pi))
-    motion, commands = fly(
-        subject,
+    motion, commands = subject.fly(
         demand,
         depth=depth,
         heading=heading,

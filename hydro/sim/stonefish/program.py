@@ -1,0 +1,221 @@
+"""The program that runs Stonefish (`bridge/stonefish`): one process a vehicle, which answers line by line.
+
+    hydro-stonefish 1 VERSION TICKS_PER_SECOND THRUSTERS       what it says first
+    reset x y z qw qx qy qz u v w p q r                        a request, to begin there with rotors at rest
+    hold TICKS s1 ... sn                                       a request, to go on under these setpoints
+    row x y z qw qx qy qz u v w p q r fx fy fz T1 ... Tn       the answer to either
+    error WORDS                                                in the place of any answer; it then ends
+
+Pose and velocity of CO as in `sim.plant.Plant`, its specific force (FRD, the mean of the last tick) and
+thrusts [N].  Numbers are text with all digits of a double.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+import weakref
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, NamedTuple
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError, UsageError, shown
+from hydro.sim.stonefish.scenario import RATE, Scenario
+
+NAME, PROTOCOL = "hydro-stonefish", 1
+VARIABLE = "HYDRO_STONEFISH"
+"""Environment variable with the path of the program, where it is not on the PATH."""
+OLDEST = (1, 4)
+STATE, FELT = 13, 16
+"""Numbers of a row up to the velocity, and up to the specific force."""
+
+
+class Row(NamedTuple):
+    """One answer.
+
+    Attributes:
+        state: (13,) pose and velocity.
+        specific_force: (3,) [m/s^2].
+        thrust: (n,) [N].
+    """
+
+    state: Array
+    specific_force: Array
+    thrust: Array
+
+
+def installed() -> str:
+    """Path of the program.
+
+    Raises:
+        UsageError: It is not installed.
+    """
+    named = os.environ.get(VARIABLE)
+    found = shutil.which(named or NAME)
+    if found is None:
+        where = f"{VARIABLE}={shown(named)} is no program" if named else f"{NAME} is not on the PATH"
+        raise UsageError(
+            f"{where}: build it from bridge/stonefish of hydro's repository, with Stonefish "
+            f"{'.'.join(map(str, OLDEST))} or later (docs/stonefish.md), and put it on the PATH or name "
+            f"it in {VARIABLE}"
+        )
+    return found
+
+
+class Program:
+    """One vehicle in one process, ended with `close` or as a context."""
+
+    def __init__(self, scenario: Scenario, path: str | None = None) -> None:
+        """Start it; it may still be loading when this returns.
+
+        Args:
+            scenario: The vehicle.
+            path: Of the program; by default the one that is `installed`.
+
+        Raises:
+            UsageError: It is not installed, or cannot be run.
+        """
+        program = path or installed()
+        self.version = ""
+        self._thrusters = len(scenario.pushing)
+        folder = tempfile.TemporaryDirectory(prefix="hydro-stonefish-")
+        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  closed with the process
+        try:
+            self._process = subprocess.Popen(
+                [program, str(scenario.write(Path(folder.name)))],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                text=True,
+                bufsize=1,
+            )
+        except OSError as error:
+            folder.cleanup()
+            raise UsageError(f"{shown(program)}: cannot be run: {error.strerror}") from None
+        self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, folder, self._log)
+
+    def __enter__(self) -> Program:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def reset(self, state: Array) -> None:
+        """Ask to begin at a pose and velocity (13,); `answer` tells what came of it."""
+        self._ask(f"reset {_numbers(state)}")
+
+    def hold(self, ticks: int, setpoints: Array) -> None:
+        """Ask to go on for some ticks under setpoints (n,); `answer` tells what came of it."""
+        self._ask(f"hold {ticks} {_numbers(setpoints)}")
+
+    def greet(self) -> str:
+        """Wait until it has loaded; the version of Stonefish.
+
+        Raises:
+            DataError: It fails, or is not the program that this hydro asks.
+        """
+        self.version = self.version or self._greeting()
+        return self.version
+
+    def answer(self) -> Row:
+        """The answer to the oldest request.
+
+        Raises:
+            DataError: There is none, or none that can be understood.
+        """
+        self.greet()
+        word, *rest = self._line().split()
+        try:
+            values = np.array(rest, dtype=np.float64)
+        except ValueError:
+            values = np.zeros(0)
+        if word != "row" or values.size != FELT + self._thrusters:
+            raise DataError(
+                f"{NAME} answered {shown(' '.join([word, *rest]))[:60]!r} in the place of a row of "
+                f"{FELT + self._thrusters} numbers: build bridge/stonefish of this version of hydro"
+            )
+        return Row(values[:STATE], values[STATE:FELT], values[FELT:])
+
+    def _greeting(self) -> str:
+        """Version of Stonefish, once the program has said that it understands what it will be asked."""
+        words = self._line().split()
+        if len(words) != 5 or words[0] != NAME:
+            raise DataError(
+                f"{NAME} began with {shown(' '.join(words))[:60]!r}: {VARIABLE} or the PATH leads to another "
+                "program"
+            )
+        if words[1] != str(PROTOCOL):
+            raise DataError(
+                f"{NAME} speaks version {shown(words[1])} of its protocol, and this hydro version {PROTOCOL}"
+                ": build bridge/stonefish of this version of hydro"
+            )
+        if _version(words[2]) < OLDEST:
+            raise DataError(
+                f"{NAME} was built with Stonefish {shown(words[2])}: it needs {'.'.join(map(str, OLDEST))}"
+                " or later"
+            )
+        if words[3:] != [f"{RATE:g}", str(self._thrusters)]:
+            raise DataError(
+                f"{NAME} runs {shown(words[4])} thrusters at {shown(words[3])} Hz, not {self._thrusters} at "
+                f"{RATE:g} Hz: build bridge/stonefish of this version of hydro"
+            )
+        return words[2]
+
+    def _ask(self, line: str) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # why it ended its answer says
+            self._process.stdin.write(line + "\n")
+            self._process.stdin.flush()
+
+    def _line(self) -> str:
+        """The next line of the program.
+
+        Raises:
+            DataError: It has ended, or tells of an error.
+        """
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if line.startswith("error "):
+            raise DataError(f"{NAME}: {shown(line[len('error ') :].strip())}")
+        if not line.strip():
+            code = self._process.wait()
+            raise DataError(f"{NAME} ended without an answer (exit code {code}): {self._last_words()}")
+        return line
+
+    def _last_words(self) -> str:
+        """The last line that it wrote beside its answers."""
+        self._log.seek(0)
+        lines = self._log.read().decode(errors="replace").split("\n")
+        said = [line.strip() for line in lines if line.strip()]
+        return shown(said[-1])[:200] if said else "it said nothing of why"
+
+
+def _end(process: subprocess.Popen[str], folder: tempfile.TemporaryDirectory[str], log: IO[bytes]) -> None:
+    """End a program and take away what it was given."""
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with contextlib.suppress(OSError):
+                stream.close()
+    process.kill()
+    process.wait()
+    log.close()
+    folder.cleanup()
+
+
+def _version(text: str) -> tuple[int, ...]:
+    """A version as numbers; nothing of what is none."""
+    parts = text.split(".")
+    return tuple(map(int, parts)) if all(part.isdecimal() for part in parts) else ()
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,171 @@
+"""Stonefish as a teacher: sessions for `sim.teacher.collect`, and flights of given commands.
+
+Demands become commands as for the embedded teacher, by what it knows of the vehicle; the motion that the
+holds see is Stonefish's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hydro.core.columns import Array
+from hydro.core.compiled import jit
+from hydro.core.errors import DataError
+from hydro.core.simulation.dynamics import BODY, Motion, afloat, observe_state
+from hydro.core.simulation.excitation import LOG_RATE
+from hydro.core.simulation.pilot import Pilot, steer
+from hydro.core.vehicle.control_allocation import Mixing
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.panels import superellipsoid
+from hydro.sim.stonefish.program import Program
+from hydro.sim.stonefish.scenario import RATE, Delays, Scenario, scenario
+from hydro.sim.teacher import Teacher, teacher
+
+TICKS = round(RATE / LOG_RATE)
+"""Of a row."""
+
+Launch = Callable[[Scenario], Program]
+
+
+@dataclass(frozen=True)
+class StonefishTeacher:
+    """A vehicle ready to be recorded in Stonefish.
+
+    Attributes:
+        pilot: The embedded teacher of the vehicle: how demands become commands, and the velocity log.
+        scenario: What Stonefish is given.
+        launch: Starts the program with a scenario.
+    """
+
+    pilot: Teacher
+    scenario: Scenario
+    launch: Launch = Program
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle with what is hidden, and the embedded teacher's added mass."""
+        return self.pilot.vehicle
+
+    @property
+    def mixing(self) -> Mixing:
+        """How demands become commands."""
+        return self.pilot.mixing
+
+    @property
+    def log(self) -> Array:
+        """The velocity log, with the errors of its sensor effects."""
+        return self.pilot.log
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Names of the file's effects that Stonefish stands in for."""
+        return self.pilot.ignored
+
+    def version(self) -> str:
+        """Version of Stonefish, which has then taken the scenario.
+
+        Raises:
+            DataError: It does not take it, or the program fails.
+            UsageError: The program is not installed.
+        """
+        with self.launch(self.scenario) as program:
+            return program.greet()
+
+    def fly(
+        self, demand: Array, *, depth: float, heading: float, hold_heading: bool, sea: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """Motion of one session and its commands; see `sim.teacher.fly`, of whose seas Stonefish has none.
+
+        Raises:
+            DataError: The motion diverges, or the program fails.
+        """
+        crew, program = self.mixing, self.pilot.program
+        aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
+        wrenches = np.ascontiguousarray(demand) * crew.authority
+        pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, depth, aim)
+        motion = afloat(program.flat, self.pilot.facets)
+
+        def command(row: int, state: Array) -> Array:
+            return _command(motion, pilot, row, state, program.thrusters)
+
+        eta = np.array([0.0, 0.0, depth, 0.0, 0.0, heading])
+        return fly(self.scenario, command, len(demand), eta=eta, launch=self.launch)
+
+
+def stonefish_teacher(
+    vehicle: Vehicle,
+    *,
+    mesh: tuple[Array, Any] | None = None,
+    hidden: Sequence[Mapping[str, Any]] = (),
+    launch: Launch = Program,
+) -> StonefishTeacher:
+    """The teacher of a vehicle in Stonefish; arguments as of `sim.teacher.teacher`.
+
+    Raises:
+        DataError: The embedded teacher refuses the vehicle, or Stonefish has no place for something of it.
+    """
+    size = vehicle.hull
+    surface = mesh if mesh is not None else superellipsoid(size.length, size.width, size.height, size.center)
+    pilot = teacher(vehicle, mesh=surface, hidden=hidden)
+    return StonefishTeacher(pilot, scenario(pilot.vehicle, surface), launch)
+
+
+def fly(
+    given: Scenario,
+    command: Callable[[int, Array], Array],
+    rows: int,
+    *,
+    eta: ArrayLike,
+    nu: ArrayLike = (0.0,) * 6,
+    launch: Launch = Program,
+) -> tuple[Array, Array]:
+    """Fly a vehicle for some rows of 1/50 s.
+
+    Args:
+        given: The vehicle.
+        command: From the number of a row and the state there, (13,), to its effective commands (n,).
+        rows: How many.
+        eta: Pose of CO at the first row (6,), NED and Euler angles.
+        nu: Its velocity over ground there (6,), body axes.
+        launch: Starts the program.
+
+    Returns:
+        Motion (N, 12) x … psi, u … r, and the commands (N, n).
+
+    Raises:
+        DataError: The motion diverges, or the program fails.
+    """
+    first, late = np.asarray(eta, dtype=np.float64), Delays(given.table, TICKS)
+    states, commands = np.empty((rows, BODY)), list[Array]()
+    with launch(given) as program:
+        program.reset(np.concatenate([first[:3], quaternion_from_euler(*first[3:]), np.asarray(nu, float)]))
+        states[0] = program.answer().state
+        for k in range(rows):
+            commands.append(command(k, states[k]))
+            if k + 1 < rows:
+                for ticks, setpoints in late.felt(given.setpoints(commands[k])):
+                    program.hold(ticks, setpoints)
+                    states[k + 1] = program.answer().state
+                if not np.isfinite(states[k + 1]).all():
+                    raise DataError(
+                        f"the motion in Stonefish diverges by t = {(k + 1) / LOG_RATE:g} s: check the "
+                        "vehicle's mass, inertia and hull"
+                    )
+    motion = np.hstack([states[:, :3], euler_from_quaternion(states[:, 3:7]), states[:, 7:]])
+    return motion, np.array(commands)
+
+
+@jit
+def _command(motion: Motion, pilot: Pilot, row: int, state: Array, thrusters: int) -> Array:
+    """The pilot's commands (n,) of a row, at a state of the body (13,)."""
+    commands = np.zeros(thrusters)
+    motion.y[:BODY] = state
+    observe_state(motion.flat, motion.y, motion.s)
+    steer(pilot, row, motion.s, motion.work[0, :6], commands)
+    return commands

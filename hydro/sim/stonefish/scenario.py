@@ -1,0 +1,306 @@
+"""A vehicle as a scenario of Stonefish (`.scn`), and its commands as setpoints of Stonefish's thrusters.
+
+Rigid body, buoyancy, thrusters, a uniform current and constant weights are those of the vehicle.  The water's
+forces are Stonefish's own, from the facets of the hull's mesh and an ellipsoid about it.
+
+A thruster's setpoint is what its lag state settles on (`vehicle.thrusters`): the normalised rotor speed, or
+the thrust [N] where that is what lags.  Stonefish's first-order rotor is an Euler step of a tick; its time
+constant is chosen so that a tick leaves of the distance what the vehicle's lag does.  Dead band, curve, gain
+and asymmetry are its thrust model: exact where it has the form, else a table.  Delays are kept by
+`Delays`, in whole ticks.
+"""
+
+from __future__ import annotations
+
+import itertools
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydro.core.columns import Array
+from hydro.core.compiled import jit
+from hydro.core.effects.catalogue import Entry, current, entries, thruster_table
+from hydro.core.effects.program import constants
+from hydro.core.errors import DataError
+from hydro.core.simulation.velocity_laws import law
+from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.frames import euler_from_rotation
+from hydro.core.vehicle.thrusters import (
+    ASYMMETRY,
+    BEYOND,
+    DEADBAND,
+    DELAY,
+    GAIN,
+    INFLOW,
+    MAX_REVERSE,
+    MAX_THRUST,
+    POWER,
+    SHIFT,
+    SPEED_LAG,
+    UNIT_FORCE,
+    UNIT_MOMENT,
+    lag_decay,
+    settled_state,
+    state_to_thrust,
+)
+from hydro.sim.teacher import REPLACED
+
+RATE = 500.0
+"""Ticks per second [Hz]."""
+HULL, SCENARIO = "hull.obj", "vehicle.scn"
+KNOTS = 400
+"""Of a table of thrust, on either side of rest."""
+BEGIN = "0 0 100"
+"""Where the vehicle stands before its first reset: under water."""
+PROPELLER = {"diameter": 0.2, "right": "true"}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What Stonefish is given of a vehicle.
+
+    Attributes:
+        text: The scenario.
+        hull: The hull's mesh, as a Wavefront OBJ file.
+        pushing: Numbers (k,) of the vehicle's commands that move thrusters, and no servos.
+        table: Thruster table (k, columns) of these, with all effects of the vehicle.
+    """
+
+    text: str
+    hull: str
+    pushing: NDArray[np.int64]
+    table: Array
+
+    def write(self, folder: Path) -> Path:
+        """Write the scenario and its mesh into a folder; the scenario's path."""
+        (folder / HULL).write_text(self.hull, encoding="utf-8")
+        (folder / SCENARIO).write_text(self.text, encoding="utf-8")
+        return folder / SCENARIO
+
+    def setpoints(self, commands: ArrayLike) -> Array:
+        """Setpoints (k,) of effective commands (n,), see `recording.supply`."""
+        return _setpoints(self.table, np.asarray(commands, dtype=np.float64)[self.pushing])
+
+
+class Delays:
+    """Setpoints that each thruster feels later than they are given, by whole ticks."""
+
+    def __init__(self, table: Array, ticks: int) -> None:
+        """At rest before the first step.
+
+        Args:
+            table: Thruster table.
+            ticks: Of a step.
+        """
+        late = np.rint(table[:, DELAY] * RATE).astype(np.int64)
+        self._whole, self._part = np.divmod(late, ticks)
+        self._ticks = ticks
+        self._past = np.zeros((int(self._whole.max(initial=0)) + 2, len(table)))
+
+    def felt(self, setpoints: Array) -> Iterator[tuple[int, Array]]:
+        """What is felt during the next step, in parts: ticks, and the setpoints (k,) meanwhile."""
+        self._past[:-1] = self._past[1:]
+        self._past[-1] = setpoints
+        each = np.arange(len(setpoints))
+        new, old = self._past[-1 - self._whole, each], self._past[-2 - self._whole, each]
+        edges = np.unique([0, *self._part, self._ticks]).tolist()
+        for begin, end in itertools.pairwise(edges):
+            yield end - begin, np.where(self._part <= begin, new, old)
+
+
+def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenario:
+    """The scenario of a vehicle.
+
+    Args:
+        vehicle: The vehicle; its effects of the names in `teacher.REPLACED` are Stonefish's to make.
+        mesh: Vertices (V, 3) [m], FRD about CO, and faces (F, 3) of its hull, closed and outward.
+
+    Raises:
+        DataError: An effect or a thruster that Stonefish has no place for, by its path in the vehicle file.
+    """
+    listed = [entry for entry in entries(vehicle) if entry.effect.name not in REPLACED]
+    lift, moment = _buoyancy(vehicle, listed)
+    water, table = _water(vehicle, listed), thruster_table(vehicle, listed)
+    root = ET.Element("scenario")
+    own = _add(root, "hydro", rate=RATE, gravity=vehicle.environment.gravity)
+    _add(own, "buoyancy", force=lift, moment=moment)
+    environment = _add(root, "environment")
+    _add(environment, "ned", latitude=0.0, longitude=0.0)
+    ocean = _add(environment, "ocean")
+    _add(ocean, "water", density=vehicle.environment.water_density)
+    if water.any():
+        _add(_add(ocean, "current", type="uniform"), "velocity", xyz=water)
+    _add(_add(root, "materials"), "material", name="hull", density=1000.0, restitution=0.5)
+    robot = _add(root, "robot", name="vehicle", fixed="false", self_collisions="false", algorithm="general")
+    _body(_add(robot, "base_link", name="base", type="model", physics="submerged"), vehicle)
+    for thruster, row in zip(vehicle.thruster, table, strict=True):
+        if thruster.pushes:
+            _thruster(_add(robot, "actuator", name=thruster.name, type="thruster"), thruster, row)
+    _add(robot, "world_transform", xyz=BEGIN, rpy="0 0 0")
+    ET.indent(root)
+    pushing = np.flatnonzero([thruster.pushes for thruster in vehicle.thruster])
+    return Scenario(ET.tostring(root, encoding="unicode") + "\n", _obj(*mesh), pushing, table[pushing])
+
+
+@jit
+def _setpoints(table: Array, commands: Array) -> Array:
+    out = np.empty(len(table))
+    for i in range(len(table)):
+        out[i] = settled_state(table[i], commands[i])
+    return out
+
+
+def _buoyancy(vehicle: Vehicle, listed: list[Entry]) -> tuple[float, Array]:
+    """Buoyancy B [N] of the vehicle with its constant weights, and B times its centre about CO [N m].
+
+    Raises:
+        DataError: An effect that is neither weight nor current nor of thrusters or sensors.
+    """
+    lift = vehicle.buoyancy.force
+    moment = lift * np.array(vehicle.buoyancy.center)
+    c = constants(vehicle, listed)
+    for entry in listed:
+        effect = entry.effect
+        if effect.kind in ("actuator", "sensor"):
+            continue
+        added = np.zeros((6, 6))
+        if effect.inertia is not None:
+            effect.inertia(entry.parameters, added)
+        found = law(entry, c) if effect.kernel is not None else None
+        moves = found is not None and any(one.any() for one in (found.linear, found.sized, found.plain))
+        if (
+            effect.is_random
+            or added.any()
+            or moves
+            or (found is None and (effect.flow is None or effect.kernel is not None))
+        ):
+            raise DataError(
+                f"{entry.where}: Stonefish has no {effect.name} like this one; leave it out, or record with "
+                "--teacher panel"
+            )
+        if found is not None:
+            lift -= found.force
+            moment = moment - found.moment
+    return lift, moment
+
+
+def _water(vehicle: Vehicle, listed: list[Entry]) -> Array:
+    """Velocity of the water (3,), NED [m/s].
+
+    Raises:
+        DataError: It differs from place to place, or in time.
+    """
+    flow = current(vehicle, listed)
+    if flow[3:].any():
+        raise DataError(
+            "effect: the water moves otherwise from place to place or in time, and Stonefish's is uniform: "
+            "give one velocity, or record with --teacher panel"
+        )
+    return np.asarray(flow[:3])
+
+
+def _body(link: ET.Element, vehicle: Vehicle) -> None:
+    """Mesh, mass, centre of gravity and principal inertia of the only link."""
+    physical = _add(link, "physical")
+    _add(physical, "mesh", filename=HULL, scale=1.0)
+    _add(physical, "origin", xyz="0 0 0", rpy="0 0 0")
+    _add(link, "material", name="hull")
+    _add(link, "look", name="hull")
+    body = vehicle.rigid_body
+    moments, axes = _principal(np.array(body.inertia))
+    _add(link, "mass", value=body.mass)
+    _add(link, "inertia", xyz=moments)
+    _add(link, "cg", xyz=np.array(body.center_of_gravity), rpy=euler_from_rotation(axes))
+
+
+def _principal(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments (3,) and axes (3, 3) as columns, those of a diagonal matrix as they are.
+
+    Of the ways to name the axes it is the one that turns them least.
+    """
+    if not (inertia - np.diag(np.diag(inertia))).any():
+        return np.diag(inertia), np.eye(3)
+    moments, axes = np.linalg.eigh(inertia)
+    order = list(max(itertools.permutations(range(3)), key=lambda p: np.abs(axes[:, list(p)]).trace()))
+    axes = axes[:, order] * np.sign(np.diag(axes[:, order]))
+    if np.linalg.det(axes) < 0.0:
+        axes[:, np.argmin(np.diag(axes))] *= -1.0
+    return moments[order], axes
+
+
+def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
+    """Place, rotor and thrust model of one thruster.
+
+    Raises:
+        DataError: It has a torque about its own axis, or loses thrust to the flow.
+    """
+    force, moment = row[UNIT_FORCE], row[UNIT_MOMENT]
+    size = float(np.linalg.norm(force))
+    if size == 0.0 or abs(force @ moment) > 1e-9 * size * max(float(np.linalg.norm(moment)), size):
+        raise DataError(
+            f"thruster {thruster.name}: a torque that no push at a point has is none of Stonefish's: give a "
+            "position and a direction, without propeller torque"
+        )
+    if row[INFLOW] != 0.0:
+        raise DataError(
+            f"thruster {thruster.name}: Stonefish's thrust by table or dead band knows no flow: leave the "
+            "loss to inflow out, or record with --teacher panel"
+        )
+    a, b, c = force / size
+    place = np.cross(force, moment) / size**2 if thruster.position is None else np.array(thruster.position)
+    _add(actuator, "link", name="base")
+    _add(actuator, "origin", xyz=place, rpy=np.array([0.0, np.arctan2(-c, np.hypot(a, b)), np.arctan2(b, a)]))
+    propeller = _add(actuator, "propeller", **PROPELLER)
+    _add(propeller, "mesh", filename=HULL, scale=0.1)
+    _add(propeller, "material", name="hull")
+    most = 1.0 + row[BEYOND] if row[SPEED_LAG] else max(row[MAX_THRUST], row[MAX_REVERSE])
+    _add(actuator, "specs", max_setpoint=most)
+    decay = lag_decay(row, 1.0 / RATE)
+    rotor = _add(actuator, "rotor_dynamics", type="first_order" if decay > 0.0 else "zero_order")
+    if decay > 0.0:
+        _add(rotor, "time_constant", value=1.0 / RATE / (1.0 - decay))
+    _thrust_model(actuator, row, size)
+
+
+def _thrust_model(actuator: ET.Element, row: Array, size: float) -> None:
+    """Thrust by lag state: Stonefish's law of the square with a dead band, where it is that; or a table."""
+    band = row[DEADBAND]
+    if row[SPEED_LAG] and row[POWER] == 2.0 and (row[SHIFT] or band == 0.0):
+        slope = size * (1.0 + row[GAIN]) / (1.0 - band**2)
+        model = _add(actuator, "thrust_model", type="deadband")
+        ahead, astern = row[MAX_THRUST], row[MAX_REVERSE] * (1.0 - row[ASYMMETRY])
+        _add(model, "thrust_coeff", forward=slope * ahead, reverse=slope * astern)
+        _add(model, "deadband", lower=-(band**2), upper=band**2)
+        return
+    if row[SPEED_LAG]:
+        beyond = np.linspace(np.nextafter(band, 2.0), 1.0 + row[BEYOND], KNOTS)
+        beyond = beyond if band == 0.0 else np.concatenate([[band], beyond])
+        knots = np.concatenate([-beyond[::-1], [0.0], beyond])
+    else:
+        knots = np.array([-row[MAX_REVERSE], 0.0, row[MAX_THRUST]])
+    model = _add(actuator, "thrust_model", type="linear_interpolation")
+    _add(model, "input", value=knots)
+    _add(model, "output", value=np.array([size * state_to_thrust(row, knot, 0.0) for knot in knots]))
+
+
+def _obj(vertices: Array, faces: NDArray[np.int64]) -> str:
+    """A mesh as a Wavefront OBJ file."""
+    lines = [f"v {_text(vertex)}" for vertex in np.asarray(vertices, np.float64)]
+    lines += [f"f {' '.join(str(corner + 1) for corner in face)}" for face in np.asarray(faces).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _add(parent: ET.Element, tag: str, **attributes: Any) -> ET.Element:
+    """A further element; numbers are written so that they are read back bit for bit."""
+    return ET.SubElement(parent, tag, {name: _text(value) for name, value in attributes.items()})
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    return " ".join(repr(float(each)) for each in np.atleast_1d(value))

@@ -1,0 +1,72 @@
+"""A stand-in for hydro-stonefish: says again, byte for byte, what the real program said when it was recorded.
+
+    exchange.py EXCHANGE SCENARIO          plays; asked otherwise than then, it says an error
+    exchange.py EXCHANGE SCENARIO PROGRAM  records an exchange with the real program
+
+A line of an exchange begins with `>` (asked) or `<` (said).  Requests count as equal where their words are
+and their numbers agree to 1e-9: the last bit of a sine is the machine's.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from math import isclose
+from pathlib import Path
+
+
+def same(asked: str, wanted: str) -> bool:
+    """Whether a request is the recorded one."""
+    (word, *numbers), (known, *others) = asked.split(), wanted.split()
+    return word == known and len(numbers) == len(others) and all(map(_close, numbers, others))
+
+
+def play(exchange: Path) -> Iterator[str]:
+    """What is said, line by line."""
+    for line in exchange.read_text().splitlines():
+        if line.startswith("<"):
+            yield line[2:]
+            continue
+        asked = sys.stdin.readline()
+        if not asked:
+            return
+        if not same(asked, line[2:]):
+            yield f"error asked {asked.strip()[:80]} where it was {line[2:82]}"
+            return
+
+
+def record(exchange: Path, scenario: str, program: str) -> Iterator[str]:
+    """What the real program says; every line is kept."""
+    with (
+        exchange.open("w") as kept,
+        subprocess.Popen(
+            [program, scenario], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as real,
+    ):
+        assert real.stdin is not None
+        assert real.stdout is not None
+        for asked in _greeting_then(sys.stdin):
+            if asked:
+                kept.write(f"> {asked}")
+                real.stdin.write(asked)
+                real.stdin.flush()
+            said = real.stdout.readline()
+            kept.write(f"< {said}")
+            kept.flush()
+            yield said.rstrip("\n")
+
+
+def _greeting_then(lines: Iterator[str]) -> Iterator[str]:
+    yield ""
+    yield from lines
+
+
+def _close(a: str, b: str) -> bool:
+    return isclose(float(a), float(b), rel_tol=1e-9, abs_tol=1e-9)
+
+
+if __name__ == "__main__":
+    file, *rest = sys.argv[1:]
+    for said in record(Path(file), *rest) if len(rest) == 2 else play(Path(file)):
+        print(said, flush=True)
