@@ -1,4 +1,4 @@
-"""`collect`: teacher data from the embedded simulator, with noise and with effects that nobody is told of."""
+"""`collect`: teacher data of the embedded simulator or Stonefish, with noise, and with hidden effects."""
 
 from __future__ import annotations
 
@@ -15,23 +15,30 @@ from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.table import Artefact
+    from hydro.sim.stonefish.recorder import StonefishTeacher
     from hydro.sim.teacher import Teacher
+
+    Subject = Teacher | StonefishTeacher
 
 ROWS = 857_542
 """Rows that the paper recorded (IV-A)."""
 
 
-ROWS_PER_SECOND = 600.0
-"""Of one thread, about: 20,000 took 32 s."""
+ROWS_PER_SECOND = {"panel": 600.0, "stonefish": 4000.0}
+"""Of one thread, about: 20,000 of panels took 32 s, 4,500 of Stonefish 0.9 s."""
 MANY = 2 * ROWS
 """Rows from which on it is said how long they take."""
 
 TeacherKind = Annotated[
-    Literal["panel"], typer.Option(help="How hydrodynamic forces are computed: from panels on the hull.")
+    Literal["panel", "stonefish"],
+    typer.Option(
+        help="Who computes hydrodynamic forces: panels on the hull, or Stonefish through the program "
+        "hydro-stonefish, which is built from bridge/stonefish."
+    ),
 ]
 Rows = Annotated[
     int | None,
@@ -82,12 +89,16 @@ def collect(
     threads: Threads = None,
     output: Output = STREAM,
 ) -> None:
-    """Record a vehicle in the embedded simulator: the data that a residual model learns from.
+    """Record a vehicle in a reference simulator: the data that a residual model learns from.
 
     Mass, buoyancy, thrusters and environment are those of the vehicle file. The hydrodynamic forces are not:
     they are computed from panels on the hull and the added mass of its ellipsoid, and the file's own added
     mass and damping are ignored. What --hide adds is written to the file of --truth alone, never into the
     recording.
+
+    With --teacher stonefish they are those of Stonefish 1.4 or later, which gets hull, mass, buoyancy,
+    thrusters and a uniform current of the vehicle file. It runs in the program hydro-stonefish, looked for on
+    the PATH or where the environment variable HYDRO_STONEFISH says (docs/stonefish.md).
     """
     refuse_terminal(output)
     given = _Given(vehicle, teacher, rows, excitation, seed, noise, depth, threads)
@@ -103,7 +114,7 @@ class _Given:
     """What `collect` was called with, but for what is hidden and where results go."""
 
     vehicle: Path
-    teacher: str
+    teacher: Literal["panel", "stonefish"]
     rows: int | None
     excitation: Literal["hybrid", "sweeps", "coupled", "walks", "replay90"]
     seed: int
@@ -112,16 +123,17 @@ class _Given:
     threads: int | None
 
 
-def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Artefact]:
+def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, Artefact]:
     """The teacher with hidden effects, and its recording."""
     from hydro.core.simulation.excitation import LOG_RATE, REPLAY, REPLAY_SECONDS
     from hydro.io import table
     from hydro.sim import teacher as sim
 
     sigma = noise_for(given.noise)
-    subject, text = _teacher(given.vehicle, hidden)
+    subject, text = _teacher(given, hidden)
+    of_stonefish = _stonefish(subject)
     count = given.rows or (round(REPLAY_SECONDS * LOG_RATE) if given.excitation == REPLAY else ROWS)
-    _tell_duration(count, given.threads)
+    _tell_duration(count, given)
     with progress("collect") as update, about(str(given.vehicle)):
         frame = sim.collect(
             subject,
@@ -134,6 +146,7 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Art
         )
     parameters = {
         "teacher": given.teacher,
+        **of_stonefish,
         "rows": count,
         "excitation": given.excitation,
         "noise": dataclasses.asdict(sigma),
@@ -146,31 +159,50 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Teacher, Art
     return subject, made
 
 
-def _teacher(file: Path, hidden: list[dict[str, Any]]) -> tuple[Teacher, str]:
+def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, str]:
     """The teacher of a vehicle file, and the file's text; what it stands in for is told on a terminal."""
     from hydro.io import mesh
     from hydro.io import vehicle as vehicles
-    from hydro.sim import teacher as sim
 
+    file, build = given.vehicle, _builder(given.teacher)
     known, text = vehicles.read(file)
     surface = mesh.read_obj(file.parent / known.hull.mesh) if known.hull.mesh is not None else None
     with about(str(file)):
-        subject = sim.teacher(known, mesh=surface)
+        subject = build(known, mesh=surface)
     if hidden:
-        subject = _with_hidden(known, surface, hidden)
+        subject = _with_hidden(build, known, surface, hidden)
     if subject.ignored and sys.stderr.isatty():
         replaced = ", ".join(subject.ignored)
-        typer.echo(f"the panel teacher stands in for the vehicle file's {replaced}", err=True)
+        typer.echo(f"the {given.teacher} teacher stands in for the vehicle file's {replaced}", err=True)
     return subject, text
 
 
-def _tell_duration(rows: int, threads: int | None) -> None:
+def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., Subject]:
+    """What makes the teacher of a vehicle."""
+    if teacher == "stonefish":
+        from hydro.sim.stonefish.recorder import stonefish_teacher
+
+        return stonefish_teacher
+    from hydro.sim.teacher import teacher as embedded
+
+    return embedded
+
+
+def _stonefish(subject: Subject) -> dict[str, str]:
+    """Version of Stonefish, where it is the teacher; a missing program is told before any flight."""
+    from hydro.sim.stonefish.recorder import StonefishTeacher
+
+    return {"stonefish": subject.version()} if isinstance(subject, StonefishTeacher) else {}
+
+
+def _tell_duration(rows: int, given: _Given) -> None:
     """How long many rows take, about, before they do."""
     import os
 
     from hydro.core.recording import extent
 
-    seconds = rows / ROWS_PER_SECOND / min(threads or os.cpu_count() or 1, os.cpu_count() or 1)
+    threads = min(given.threads or os.cpu_count() or 1, os.cpu_count() or 1)
+    seconds = rows / ROWS_PER_SECOND[given.teacher] / threads
     if MANY <= rows <= extent.MOST_ROWS:
         size = rows * extent.BYTES_PER_ROW / 1e9
         typer.echo(f"hydro: {rows:,} rows: about {extent.duration(seconds)} and {size:.1f} GB", err=True)
@@ -206,46 +238,56 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
     return tables
 
 
-def _with_hidden(known: Vehicle, surface: Any, hidden: list[dict[str, Any]]) -> Teacher:
+def _with_hidden(
+    build: Callable[..., Subject], known: Vehicle, surface: Any, hidden: list[dict[str, Any]]
+) -> Subject:
     """The teacher with hidden effects; what is wrong with one of them is told as of `--hide`."""
     from hydro.core.effects import CATALOGUE
-    from hydro.sim import teacher as sim
 
     try:
         for table in hidden:
             effect = CATALOGUE[table["name"]]
             effect.pack(table, thrusters=len(known.thruster), where=f"--hide {effect.name}")
-        return sim.teacher(known, mesh=surface, hidden=hidden)
+        return build(known, mesh=surface, hidden=hidden)
     except DataError as error:
         raise UsageError(str(error) if "--hide" in str(error) else f"--hide: {error}") from error
 
 
-def _write_truth(path: str, subject: Teacher, hidden: list[dict[str, Any]], content: str) -> None:
+def _write_truth(path: str, subject: Subject, hidden: list[dict[str, Any]], content: str) -> None:
     """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
     import tomlkit
 
-    from hydro.core.effects.inertia import ADDED_MASS
-    from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION
     from hydro.io.files import write_bytes
+    from hydro.sim.teacher import Teacher
 
     document = tomlkit.document()
     document.add(tomlkit.comment("What made a recording of `hydro collect` and is not written in it."))
     document.add("format", tomlkit.item("hydro-truth/1"))
     document.add("raw", tomlkit.item(content))
-    panel = {
-        "form_drag": FORM_DRAG,
-        "skin_friction": SKIN_FRICTION,
-        "facets": subject.facets.shape[1],
-        "volume": subject.hull.volume,
-        ADDED_MASS.name: subject.added_mass.tolist(),
-    }
-    document.add("panel", tomlkit.item(panel))
+    if isinstance(subject, Teacher):
+        document.add("panel", tomlkit.item(_panel(subject)))
+    else:
+        document.add("stonefish", tomlkit.item({"scenario": subject.scenario.text}))
     effects = tomlkit.aot()
     for table in hidden:
         effects.append(tomlkit.item({"name": table["name"]} | table))
     if hidden:
         document.add("effect", effects)
     write_bytes(tomlkit.dumps(document).encode(), path)
+
+
+def _panel(subject: Teacher) -> dict[str, Any]:
+    """Coefficients, size and added mass of the embedded teacher."""
+    from hydro.core.effects.inertia import ADDED_MASS
+    from hydro.core.vehicle.panels import FORM_DRAG, SKIN_FRICTION
+
+    return {
+        "form_drag": FORM_DRAG,
+        "skin_friction": SKIN_FRICTION,
+        "facets": subject.facets.shape[1],
+        "volume": subject.hull.volume,
+        ADDED_MASS.name: subject.added_mass.tolist(),
+    }
 
 
 COMMANDS = {

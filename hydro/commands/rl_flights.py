@@ -33,7 +33,10 @@ Flown = Annotated[
         help="Folder of a training, or a vehicle file for a pilot by hand.",
     ),
 ]
-In = Annotated[Literal["student", "teacher"], typer.Option("--in", help="Where to fly.")]
+In = Annotated[
+    Literal["student", "teacher", "stonefish"],
+    typer.Option("--in", help="Where to fly; Stonefish through the program hydro-stonefish."),
+]
 TaskName = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Task to fly, see below; default: the one that training has come to."),
@@ -142,9 +145,9 @@ def eval_(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Fly a trained policy without exploration, in the simulator it was trained in or in the teacher.
+    """Fly a trained policy without exploration, in the simulator it was trained in, the teacher or Stonefish.
 
-    The same seed gives the same tasks to every policy and in both simulators. Success with its 95 % interval
+    The same seed gives the same tasks to every policy and in all simulators. Success with its 95 % interval
     (Wilson), collisions, time to goal of those that arrived, energy, distance from what is to be followed,
     and how far baffles or pillars are passed on alternating sides. A policy that wins in its own simulator
     alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies the same

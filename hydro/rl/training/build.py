@@ -1,4 +1,4 @@
-"""Fleets of a training: in the student under its condition, or in the teacher."""
+"""Fleets of a training: in the student under its condition, in the teacher, or in Stonefish."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.trials import Trial
 from hydro.rl.world.config import Settings
 from hydro.sim.plant import Plant
+from hydro.sim.stonefish.plant import StonefishPlant
 from hydro.sim.teacher_plant import TeacherPlant
 
-Simulator = Literal["student", "teacher"]
+Simulator = Literal["student", "teacher", "stonefish"]
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,9 @@ class Builder:
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: The condition lacks its residual model, or has one that it does not fly with; or
+            UsageError: Stonefish's program is not installed; the condition lacks its residual
+                model, or has one
+                that it does not fly with; or
                 numbers are to be drawn that it does not heed, or of which there is no covariance.
         """
         settings = self.config.settings if trial is None else trial.of(self.config.settings)
@@ -72,5 +75,7 @@ class Builder:
         flown, config = self.truth or self.vehicle, self.config
         if simulator == "teacher":
             return TeacherPlant(flown, count=count, period=settings.period)
+        if simulator == "stonefish":
+            return StonefishPlant(flown, count=count, period=settings.period)
         condition = conditions.Condition(config.condition, self.model, config.conditioning)
         return conditions.plant(condition, flown, settings, count, threads=config.threads, folder=self.folder)
