@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Mask
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import HALF_TURN, quaternion_kernel
 from hydro.sim.bridge.water import Water, wet
@@ -180,7 +180,7 @@ class StudentPlant:
 _READ = ("pose", "velocity", "specific_force", "thrust", "diverged")
 
 
-@jit
+@kernel
 def upright(state: Array, pose: Array) -> None:
     """Write position and quaternion (7,), the quaternion with w >= 0."""
     sign = 1.0 if state[3] >= 0.0 else -1.0

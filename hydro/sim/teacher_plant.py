@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hydro.core.columns import Array, Mask
 from hydro.core.compiled import jit
-from hydro.core.effects.layout import ROTATION, TIME
-from hydro.core.effects.program import STATE_COUNT, heed, thrusters_of
-from hydro.core.errors import DataError
-from hydro.core.simulation.dynamics import BODY, Motion, afloat, rates_kernel, settle, thrust_of
+from hydro.core.effects.program import STATE_COUNT, thrusters_of
+from hydro.core.simulation.dynamics import BODY, afloat
 from hydro.core.simulation.excitation import LOG_RATE
-from hydro.core.simulation.integrate import Course, Thrusters, advance, at_rest, resume
+from hydro.core.simulation.integrate import at_rest
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.thrusters import DELAY
-from hydro.sim.plant import Readings, Snapshot, upright
+from hydro.sim.flight import Fleet, Pace, begin, fly, remembered, require_alike, steps_of
+from hydro.sim.plant import Readings, Snapshot
 from hydro.sim.teacher import SUBSTEPS, teacher
 
 STEP = 1.0 / (LOG_RATE * SUBSTEPS)
@@ -49,20 +46,22 @@ class TeacherPlant:
         Raises:
             DataError: The vehicle has no teacher.
         """
-        self._period, self._gravity = period, vehicle.environment.gravity
+        gravity = vehicle.environment.gravity
+        self._pace = Pace(period, steps_of(period, STEP), gravity)
         self._mesh, self._hidden = mesh, hidden
         subject = teacher(vehicle, mesh=mesh, hidden=hidden)
         flat = subject.program.flat
         table = thrusters_of(flat)
-        thrusters, past = len(table), 2 + math.ceil(table[:, DELAY].max(initial=0.0) / period)
+        thrusters, past = len(table), remembered(table, period)
         self.vehicle = vehicle
         self._readings = Readings.of(count, thrusters)
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
         self._y = np.zeros((count, BODY + int(flat[STATE_COUNT])))
         self._lags, self._commands = np.zeros((count, thrusters)), np.zeros((count, past, thrusters))
         self._time = np.zeros(count)
-        self._fleet = _Fleet(flat, subject.facets, self._y, self._lags, self._commands, self._time)
-        self._own: dict[int, _Fleet] = {}
+        self._fleet = Fleet(self._y, self._lags, self._commands, self._time)
+        self._craft = flat, subject.facets
+        self._own: dict[int, tuple[Array, Array]] = {}
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
         """Let some be other vehicles; see `sim.plant.Plant`.
@@ -73,37 +72,32 @@ class TeacherPlant:
         for number, vehicle in vehicles.items():
             subject = teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
             flat = subject.program.flat
-            alike = thrusters_of(flat).shape == thrusters_of(self._fleet.flat).shape
-            if not alike or flat[STATE_COUNT] != self._fleet.flat[STATE_COUNT]:
-                raise DataError(
-                    f"{vehicle.name}: flies beside vehicles with other thrusters or memories; give one "
-                    "that differs in its numbers alone"
-                )
-            self._own[number] = self._fleet._replace(flat=flat, facets=subject.facets)
+            require_alike(vehicle.name, flat, self._craft[0])
+            self._own[number] = flat, subject.facets
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
         self.diverged[mask], self._lags[mask], self._commands[mask] = False, 0.0, 0.0
         self._y[mask], self._time[mask] = 0.0, 0.0
         self._y[mask, :7], self._y[mask, 7:BODY] = pose[mask], velocity[mask]
-        self._fly(mask, 0.0, begin=True)
+        self._fly(mask, self._pace._replace(steps=0))
 
     def step(self, commands: Array) -> None:
         """Fly one control step; see `Plant`."""
         self._commands[:, :-1] = self._commands[:, 1:]
         self._commands[:, -1] = commands
-        self._fly(~self.diverged, self._period)
+        self._fly(~self.diverged, self._pace)
 
-    def _fly(self, mask: Mask, period: float, *, begin: bool = False) -> None:
-        """Fly some vehicles for a time, and bring their arrays up to date."""
+    def _fly(self, mask: Mask, pace: Pace) -> None:
+        """Fly some vehicles for a control step, or begin, and bring their arrays up to date."""
         alike, alone = mask.copy(), np.zeros_like(mask)
-        for number, fleet in self._own.items():
+        for number, craft in self._own.items():
             alike[number] = False
             if mask[number]:
                 alone[number] = True
-                _fly(alone, fleet, begin, period, self._gravity, self._readings)
+                _fly(alone, *craft, self._fleet, pace, self._readings)
                 alone[number] = False
-        _fly(alike, self._fleet, begin, period, self._gravity, self._readings)
+        _fly(alike, *self._craft, self._fleet, pace, self._readings)
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""
@@ -118,61 +112,12 @@ class TeacherPlant:
 _STATE = ("pose", "velocity", "specific_force", "thrust", "diverged", "_y", "_lags", "_commands", "_time")
 
 
-class _Fleet(NamedTuple):
-    """N vehicles of one kind: program, hull, states (N, 13 + states), lag states (N, n), and commands.
-
-    The commands (N, K, n) are those of the last K control steps, the last one of which begins now.
-    """
-
-    flat: Array
-    facets: Array
-    y: Array
-    lags: Array
-    commands: Array
-    time: Array
-
-
 @jit
-def _fly(mask: Mask, fleet: _Fleet, begin: bool, period: float, gravity: float, readings: Readings) -> None:
-    """Fly the vehicles of a mask (N,) for a time [s]; `begin` starts the effects' internal states first."""
-    motion, thrusters, past = afloat(fleet.flat, fleet.facets), at_rest(fleet.flat), fleet.commands.shape[1]
-    ago = (np.arange(past) - (past - 1.0)) * period
-    steps = int(np.ceil(period / STEP - 1e-6))
+def _fly(mask: Mask, program: Array, facets: Array, fleet: Fleet, pace: Pace, readings: Readings) -> None:
+    """Fly the vehicles of a mask (N,) for a control step; of no length, their internal states begin."""
+    motion, thrusters, clock = afloat(program, facets), at_rest(program), np.empty(fleet.commands.shape[1])
     for k in np.flatnonzero(mask):
-        now = fleet.time[k]
-        course = Course(fleet.commands[k], now + ago, steps, 0.0)
-        motion.y[:], motion.s[TIME] = fleet.y[k], now
-        if begin:
-            settle(motion)
-        resume(thrusters, course, past - 1, False)
-        thrusters.rotors[2] = fleet.lags[k]
-        if steps > 0:
-            heed(course.commands[past - 1], motion.s)
-            advance(motion, thrusters, course, now, period / steps, None)
-        fleet.y[k], fleet.lags[k], fleet.time[k] = motion.y, thrusters.rotors[2], now + period
-        _read(motion, thrusters, gravity, int(k), readings)
-
-
-@jit
-def _read(motion: Motion, thrusters: Thrusters, gravity: float, k: int, readings: Readings) -> None:
-    """Write the readings of vehicle k, or mark it as diverged and keep what they were."""
-    y, s, work, rotors = motion.y, motion.s, motion.work, thrusters.rotors[2]
-    rates_kernel(motion.flat, motion.facets, y, s, rotors, work[3, :6], work[0])
-    if not np.isfinite(y.sum() + work[0].sum()):
-        readings.diverged[k] = True
-        return
-    upright(y, readings.pose[k])
-    readings.velocity[k] = y[7:BODY]
-    down = s[ROTATION + 6 : ROTATION + 9]
-    _feel(gravity, down, readings.velocity[k], work[0, 7:10], readings.specific_force[k])
-    for i in range(rotors.size):
-        readings.thrust[k, i] = thrust_of(thrusters.table[i], rotors[i], s)
-
-
-@jit
-def _feel(gravity: float, down: Array, nu: Array, v_dot: Array, out: Array) -> None:
-    """Specific force v_dot + omega x v - R^T g at CO, FRD; `down` (3,) is the world's, in the body."""
-    u, v, w, p, q, r = nu[0], nu[1], nu[2], nu[3], nu[4], nu[5]
-    out[0] = v_dot[0] + q * w - r * v - gravity * down[0]
-    out[1] = v_dot[1] + r * u - p * w - gravity * down[1]
-    out[2] = v_dot[2] + p * v - q * u - gravity * down[2]
+        if pace.steps > 0:
+            fly(int(k), motion, thrusters, clock, fleet, pace, readings)
+        else:
+            begin(int(k), motion, thrusters.table, thrusters.rotors, fleet, pace, readings)

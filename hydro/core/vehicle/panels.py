@@ -17,6 +17,7 @@ the ITTC-1957 line 0.075/(log10 Re - 2)^2 at a Reynolds number of 1.5e6, a 1.5 m
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -160,7 +161,7 @@ def panel_wrench_kernel(nu_r: Array, facets: Array, out: Array) -> None:
         # No branch: max() keeps the loop in vector instructions.
         facing = max(v_n, 0.0)
         pressure = facets[6, i] * facing * facing
-        shear = facets[7, i] * np.sqrt(t_x * t_x + t_y * t_y + t_z * t_z)
+        shear = facets[7, i] * math.sqrt(t_x * t_x + t_y * t_y + t_z * t_z)
         f_x = -pressure * n_x - shear * t_x
         f_y = -pressure * n_y - shear * t_y
         f_z = -pressure * n_z - shear * t_z
