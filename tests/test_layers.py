@@ -52,7 +52,8 @@ LEVELS = {
         ("errors", "compiled", "progress"),
     ),
     "hydro.sim": (
-        ("film", "replay", "stonefish", "teacher_plant"),
+        ("film", "gpu", "replay", "stonefish", "teacher_plant"),
+        ("flight",),
         ("plant", "scene", "single", "teacher"),
         ("student",),
         ("bridge",),

@@ -1,24 +1,55 @@
-"""Vehicles in MuJoCo."""
+"""Vehicles in MuJoCo, and on a GPU."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, overload
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from hydro.core.vehicle.description import Vehicle
+    from hydro.sim.gpu.plant import GpuPlant
     from hydro.sim.single import Pair
+
+Integrator = Literal["euler", "implicitfast", "implicit", "rk4"]
+
+
+@overload
+def student(
+    vehicle: Vehicle,
+    *,
+    timestep: float | None = None,
+    integrator: Integrator = "implicitfast",
+    folder: str | Path | None = None,
+    device: Literal["cpu"] = "cpu",
+) -> Pair: ...
+
+
+@overload
+def student(
+    vehicle: Vehicle,
+    *,
+    timestep: float | None = None,
+    device: Literal["cuda"],
+    count: int = 1,
+    period: float = 0.04,
+) -> GpuPlant: ...
 
 
 def student(
     vehicle: Vehicle,
     *,
-    timestep: float = 0.002,
-    integrator: Literal["euler", "implicitfast", "implicit", "rk4"] = "implicitfast",
+    timestep: float | None = None,
+    integrator: Integrator | None = None,
     folder: str | Path | None = None,
-) -> Pair:
+    device: Literal["cpu", "cuda"] = "cpu",
+    count: int | None = None,
+    period: float | None = None,
+) -> Pair | GpuPlant:
     """A vehicle in MuJoCo, with every effect of its file: ready for `mujoco.mj_step` and the viewer.
+
+    With `device="cuda"` (extra `gpu`) many of it on an NVIDIA GPU, without MuJoCo, by the equations of
+    `hydro.simulate`; there are no contacts. See [Many vehicles on a GPU](gpu.md).
 
     The compiled callback is installed in the process; added mass stands in the mass matrix. MuJoCo's world is
     z-up and its bodies forward, left, up. Controls are the thrusters' commands in [-1, 1]; where a thrust
@@ -27,22 +58,49 @@ def student(
 
     Args:
         vehicle: the vehicle.
-        timestep: physics step [s].
-        integrator: MuJoCo integrator; `rk4` moves as `hydro.simulate` does, to 1e-7 over a minute.
+        timestep: physics step [s]; by default 0.002 in MuJoCo, and 0.01 at most on a GPU, of order 4.
+        integrator: MuJoCo integrator, `implicitfast` by default; `rk4` moves as `hydro.simulate` does, to
+            1e-7 over a minute.
         folder: folder of the vehicle file, where a hull mesh is looked for; without it an ellipsoid is shown.
+        device: `cpu`, or `cuda` for a GPU.
+        count: number of vehicles on a GPU, 1 by default.
+        period: control step on a GPU [s], 0.04 by default.
 
     Returns:
-        MuJoCo's model, and its data with the vehicle at rest at the origin.
+        MuJoCo's model, and its data with the vehicle at rest at the origin. On a GPU a
+        `hydro.sim.gpu.plant.GpuPlant`: `reset(mask, pose, velocity)` begins, `step(commands)` flies on.
 
     Raises:
         hydro.core.errors.DataError: the vehicle cannot be simulated.
+        hydro.core.errors.UsageError: there is no such device, no GPU or no numba-cuda, or an argument is of
+            the other device.
     """
     from pathlib import Path
 
+    from hydro.core.errors import UsageError
+
+    if device not in ("cpu", "cuda"):
+        raise UsageError(f"device: expected cpu or cuda, got {device}")
+    on_gpu = device == "cuda"
+    foreign = {"integrator": integrator, "folder": folder} if on_gpu else {"count": count, "period": period}
+    for name, value in foreign.items():
+        if value is not None:
+            raise UsageError(f"{name} means nothing with device='{device}'; leave it out")
+    if on_gpu:
+        from hydro.sim.gpu.plant import STEP, GpuPlant
+
+        return GpuPlant(
+            vehicle,
+            count=1 if count is None else count,
+            period=0.04 if period is None else period,
+            timestep=STEP if timestep is None else timestep,
+        )
     from hydro.sim.single import single
     from hydro.sim.student import Physics
 
-    physics = Physics(timestep=timestep, integrator=integrator)
+    physics = Physics(
+        timestep=0.002 if timestep is None else timestep, integrator=integrator or "implicitfast"
+    )
     return single(vehicle, physics, None if folder is None else Path(folder))
 
 

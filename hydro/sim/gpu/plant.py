@@ -1,0 +1,193 @@
+"""A plant whose vehicles fly on a GPU, one thread each, by the equations of `hydro simulate`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from hydro.core.columns import Array
+from hydro.core.effects import assemble
+from hydro.core.effects.program import STATE_COUNT, thrusters_of
+from hydro.core.errors import DataError, UsageError
+from hydro.core.simulation.dynamics import BODY, NO_HULL
+from hydro.core.vehicle.description import Vehicle
+from hydro.sim.flight import Fleet, Pace, remembered, require_alike, steps_of
+from hydro.sim.gpu import memory
+from hydro.sim.plant import Readings, Snapshot
+
+STEP = 0.01
+"""Integration step [s]: a quarter of the control step, of a method of order 4."""
+
+
+class GpuPlant:
+    """Vehicles on a GPU: a `sim.plant.Plant` whose arrays lie on the device.
+
+    `pose`, `velocity`, `specific_force`, `thrust` and `diverged` are as described there, and live: `reset`
+    and `step` rewrite them in place.  They speak `__cuda_array_interface__`, so that
+    `torch.as_tensor(plant.pose, device="cuda")` is the same memory.  Nothing touches anything: there are no
+    contacts, and no sea.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, *, count: int = 1, period: float = 0.04, timestep: float = STEP
+    ) -> None:
+        """Lay out the vehicles; `reset` begins.
+
+        Args:
+            vehicle: The vehicle file, with all its effects.
+            count: Number of vehicles N.
+            period: Control step [s].
+            timestep: Integration step at most [s].
+
+        Raises:
+            UsageError: There is no GPU or no numba-cuda, or a number is none that can be.
+            DataError: The vehicle cannot be simulated, or has no thrusters.
+        """
+        memory.require()
+        for name, value in (("count", count), ("period", period), ("timestep", timestep)):
+            if not 0 < value < np.inf:
+                raise UsageError(f"{name}: expected a positive number, got {value:g}")
+        flat = assemble(vehicle).flat
+        table, states = thrusters_of(flat), int(flat[STATE_COUNT])
+        if not len(table):
+            raise DataError(f"{vehicle.name}: has no thrusters to fly by; give it some")
+        from hydro.sim.gpu import kernels  # which imports numba-cuda
+
+        past = remembered(table, period)
+        self.vehicle, self.count = vehicle, count
+        self._start, self._step = (
+            kernels.start_kernel(states, len(table)),
+            kernels.step_kernel(states, len(table), past),
+        )
+        self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
+        self._fleet = Fleet(
+            memory.zeros((count, BODY + states)),
+            memory.zeros((count, len(table))),
+            memory.zeros((count, past, len(table))),
+            memory.zeros((count,)),
+        )
+        self._readings = Readings(*(memory.put(each) for each in Readings.of(count, len(table))))
+        self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
+        self._flat, self._facets = flat, memory.put(NO_HULL)
+        self._choose([flat], np.zeros(count, dtype=np.int32))
+
+    @property
+    def kind(self) -> Any:
+        """Which vehicle of the `pool` each one is, (N,) int32 on the device; free to be written."""
+        return self._crafts.kind
+
+    def pool(self, vehicles: Sequence[Vehicle]) -> None:
+        """Give P vehicles to choose among; `kind` says which each of the N is, and is 0 at first.
+
+        Args:
+            vehicles: Each with the thrusters and the memories of the first vehicle file, in other numbers.
+
+        Raises:
+            DataError: There is none, or one cannot be simulated or is too different.
+        """
+        if not vehicles:
+            raise DataError("a pool of no vehicles; give at least one")
+        self._choose([self._program(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
+
+    def change(self, vehicles: Mapping[int, Vehicle]) -> None:
+        """Let some be other vehicles; see `sim.plant.Plant`.  Of a pool what nobody is any more is dropped.
+
+        Raises:
+            DataError: One cannot be simulated or is too different.
+        """
+        kind, programs = memory.host(self.kind), list(self._programs)
+        rows = {flat.tobytes(): row for row, flat in enumerate(programs)}
+        for number, vehicle in vehicles.items():
+            flat = self._program(vehicle)
+            kind[number] = rows.setdefault(flat.tobytes(), len(programs))
+            if kind[number] == len(programs):
+                programs.append(flat)
+        kept, renamed = np.unique(kind, return_inverse=True)
+        self._choose([programs[row] for row in kept], renamed.astype(np.int32))
+
+    def _program(self, vehicle: Vehicle) -> Array:
+        """The program of a vehicle that flies beside the first."""
+        flat = assemble(vehicle).flat
+        require_alike(vehicle.name, flat, self._flat)
+        return flat
+
+    def _choose(self, programs: list[Array], kind: NDArray[np.int32]) -> None:
+        """Bring programs, and who flies by which, to the device."""
+        from hydro.sim.gpu.kernels import Crafts
+
+        rows = np.zeros((len(programs), max(map(len, programs))))
+        for row, flat in zip(rows, programs, strict=True):
+            row[: len(flat)] = flat
+        self._programs = programs
+        tables = np.stack([thrusters_of(flat) for flat in programs])
+        self._crafts = Crafts(memory.put(rows), memory.put(tables), memory.put(kind), self._facets)
+
+    def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
+        """Put some vehicles somewhere; see `sim.plant.Plant`.
+
+        Args:
+            mask: Which (N,), on the device or on the host, as the others are.
+            pose: (N, 7).
+            velocity: (N, 6).
+
+        Raises:
+            DataError: One of them has another shape.
+        """
+        from hydro.sim.gpu.kernels import Start
+
+        self._launch(
+            self._start,
+            Start(
+                self._taken("mask", mask, (self.count,), np.bool_),
+                self._taken("pose", pose, (self.count, 7)),
+                self._taken("velocity", velocity, (self.count, 6)),
+            ),
+        )
+
+    def step(self, commands: ArrayLike) -> None:
+        """Fly one control step under held commands (N, n), on the device or on the host; see `Plant`.
+
+        Raises:
+            DataError: They have another shape.
+        """
+        from hydro.sim.gpu.kernels import Orders
+
+        self._launch(self._step, Orders(self._taken("commands", commands, tuple(self.thrust.shape))))
+
+    def _taken(
+        self, name: str, values: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike = np.float64
+    ) -> Any:
+        """An argument as kernels take it, which a wrong shape or type would let read anywhere."""
+        array = memory.seen(values, dtype)
+        if tuple(array.shape) != shape or array.dtype != dtype:
+            raise DataError(
+                f"{name}: expected {np.dtype(dtype)} of shape {shape}, "
+                f"got {array.dtype} of {tuple(array.shape)}"
+            )
+        return array
+
+    def _launch(self, kernel: Any, given: Any) -> None:
+        """Run one of the kernels for all vehicles."""
+        from hydro.sim.gpu.kernels import grid
+
+        kernel[grid(self.count)](self._crafts, self._fleet, self._readings, self._pace, given)
+
+    def readings(self) -> Readings:
+        """A copy of what is read off the vehicles, on the host."""
+        return Readings(*(memory.host(each) for each in self._readings))
+
+    def snapshot(self) -> Snapshot:
+        """Everything that the future depends on, and the arrays of the present, on the host."""
+        return {name: memory.host(array) for name, array in self._state().items()}
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot, bit for bit."""
+        for name, array in self._state().items():
+            memory.write(array, snapshot[name])
+
+    def _state(self) -> dict[str, Any]:
+        """The arrays that change as vehicles fly, by name."""
+        return self._fleet._asdict() | self._readings._asdict()

@@ -1,0 +1,145 @@
+"""Vehicles on a GPU: in numba-cuda's simulator beside `simulate`, and compiled without a GPU."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import hydro
+from hydro.core.errors import UsageError
+from hydro.io import vehicle as files
+from hydro.io.files import bundled
+
+ROOT = Path(__file__).resolve().parents[2]
+CRAFT = bundled("vehicles") / "auv151.toml"
+needs_numba_cuda = pytest.mark.skipif(
+    importlib.util.find_spec("numba_cuda") is None, reason="the extra gpu is not installed"
+)
+
+
+@pytest.fixture
+def craft():
+    return files.read(CRAFT)[0]
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    """What `simulated_gpu` found; the simulator is chosen as a process begins."""
+    done = subprocess.run(
+        [sys.executable, ROOT / "tests" / "sim" / "simulated_gpu.py", CRAFT],
+        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": str(ROOT)},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@needs_numba_cuda
+def test_64_vehicles_of_two_kinds_fly_as_simulate_says(simulated):
+    assert simulated["difference"] < 1e-12
+    assert simulated["moved"] > 0.05, "each of them"
+    assert simulated["kinds_apart"] > 1e-4
+    assert simulated["states"] > 13, "effects with states fly along"
+
+
+@needs_numba_cuda
+def test_a_snapshot_brings_them_back_bit_for_bit(simulated):
+    assert simulated["back"]
+
+
+@needs_numba_cuda
+def test_who_leaves_the_realm_of_numbers_is_told_until_reset(simulated):
+    assert simulated["lost"] == [5]
+    assert simulated["found_again"]
+
+
+@needs_numba_cuda
+def test_commands_of_another_shape_are_refused(simulated):
+    assert [text.split(",")[0] for text in simulated["refused"]] == [
+        "commands: expected float64 of shape (64",
+        "commands: expected float64 of shape (64",
+    ]
+    assert len(simulated["refused"]) == 2
+
+
+@needs_numba_cuda
+def test_the_step_compiles_for_a_gpu_with_every_effect_there_is(monkeypatch):
+    """To PTX, where the compiler's wheels are; the dispatchers hold the whole catalogue, whoever flies."""
+    pytest.importorskip("cuda.bindings.nvvm", reason="the CUDA compiler's bindings are not installed")
+    from numba import cuda, types
+
+    from hydro.core.effects.program import DISPATCHED
+    from hydro.sim.flight import Fleet, Pace
+    from hydro.sim.gpu import kernels
+    from hydro.sim.plant import Readings
+
+    assert len(DISPATCHED) > 10
+    monkeypatch.setattr(  # which asks the driver what it compiles for
+        "numba.cuda.dispatcher.get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0))
+    )
+
+    def block(kind, *dimensions):
+        arrays = [types.Array(types.float64, n, "C") if isinstance(n, int) else n for n in dimensions]
+        return types.NamedTuple(arrays, kind)
+
+    arguments = (
+        block(kernels.Crafts, 2, 3, types.Array(types.int32, 1, "C"), 2),
+        block(Fleet, 2, 2, 3, 1),
+        block(Readings, 2, 2, 2, 2, types.Array(types.boolean, 1, "C")),
+        block(Pace, types.float64, types.int64, types.float64),
+        block(kernels.Orders, 2),
+    )
+    ptx, result = cuda.compile_ptx(kernels.step_kernel(4, 8, 3).py_func, arguments, cc=(9, 0))
+    text = ptx if isinstance(ptx, str) else ptx.decode()
+    assert result == types.none
+    assert ".target sm_90" in text
+    assert ".visible .entry" in text
+    assert "fma.rn.f64" in text
+    assert "malloc" not in text, "no thread makes arrays"
+
+
+def test_without_numba_cuda_one_line_says_what_to_install(craft, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="extra `gpu`") as told:
+        hydro.student(craft, device="cuda")
+    assert "\n" not in str(told.value)
+
+
+@needs_numba_cuda
+def test_without_a_gpu_one_line_says_so(craft, monkeypatch):
+    monkeypatch.setattr("numba.cuda.is_available", lambda: False)
+    with pytest.raises(UsageError, match="finds no GPU") as told:
+        hydro.student(craft, device="cuda")
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"device": "tpu"}, "expected cpu or cuda, got tpu"),
+        ({"count": 2}, "count means nothing with device='cpu'"),
+        ({"period": 0.04}, "period means nothing with device='cpu'"),
+        ({"device": "cuda", "integrator": "rk4"}, "integrator means nothing with device='cuda'"),
+        ({"device": "cuda", "folder": "."}, "folder means nothing with device='cuda'"),
+    ],
+)
+def test_arguments_of_the_other_device_are_refused(craft, arguments, said):
+    with pytest.raises(UsageError, match=said):
+        hydro.student(craft, **arguments)
+
+
+@pytest.mark.parametrize("name", ["count", "period", "timestep"])
+@pytest.mark.parametrize("value", [0, -1, float("nan")])
+def test_what_no_number_of_vehicles_and_no_step_can_be_is_refused(craft, monkeypatch, name, value):
+    monkeypatch.setattr("hydro.sim.gpu.memory.require", lambda: None)
+    with pytest.raises(UsageError, match=f"{name}: expected a positive number"):
+        hydro.student(craft, device="cuda", **{name: value})
