@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -54,3 +55,17 @@ def test_environment_beside_bare_mujoco(tmp_path):
     assert rows["case"].to_list() == ["bare", "R_0", "R_MLP", "R_PhysFeat", "R_effects"]
     assert (rows["per_second"] > 0).all()
     assert printed.count("| sonar and observations |") == 4
+
+
+def test_without_a_gpu_its_benchmark_ends_in_one_line():
+    done = subprocess.run(
+        [sys.executable, "benchmarks/gpu.py"],
+        cwd=ROOT,
+        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "0", "CUDA_VISIBLE_DEVICES": ""},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: numba-cuda ")
+    assert done.stderr.count("\n") == 1
