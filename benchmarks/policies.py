@@ -43,7 +43,8 @@ def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
     rows: dict[tuple[str, str], Row] = {}
     for row in found.filter(setting="nominal").iter_rows(named=True):
         key = named(row, counted), row["flown_by"]
-        rows.setdefault(key, {"task": key[0], "flown by": key[1]})[f"in the {row['plant']}"] = cell(row)
+        made = rows.setdefault(key, {"task": key[0], "flown by": key[1]})
+        made["in Stonefish" if row["plant"] == "stonefish" else f"in the {row['plant']}"] = cell(row)
     return list(rows.values())
 
 
