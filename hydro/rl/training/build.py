@@ -50,10 +50,9 @@ class Builder:
 
         Raises:
             DataError: The vehicle cannot be simulated.
-            UsageError: Stonefish's program is not installed; the condition lacks its residual
-                model, or has one
-                that it does not fly with; or
-                numbers are to be drawn that it does not heed, or of which there is no covariance.
+            UsageError: Stonefish's program is not installed; the condition lacks its residual model, or has
+                one that it does not fly with; or numbers are to be drawn that it does not heed, or of which
+                there is no covariance.
         """
         settings = self.config.settings if trial is None else trial.of(self.config.settings)
         drawn = settings.randomise

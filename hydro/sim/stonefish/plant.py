@@ -62,6 +62,7 @@ class StonefishPlant:
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
         own = self._scenario(vehicle)
         self._vehicles = [_One(own, ticks) for _ in range(count)]
+        self._coming = dict[int, _One]()
 
     def _scenario(self, vehicle: Vehicle) -> Scenario:
         return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden).scenario
@@ -78,13 +79,14 @@ class StonefishPlant:
                     f"{vehicle.name}: flies beside vehicles with other thrusters; give one that differs in "
                     "its numbers alone"
                 )
-            self._vehicles[number] = _One(self._scenario(vehicle), self._ticks)
+            self._coming[number] = _One(self._scenario(vehicle), self._ticks)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
         self.diverged[mask] = False
         chosen = np.flatnonzero(mask).tolist()
         for k in chosen:
+            self._vehicles[k] = self._coming.pop(k, self._vehicles[k])
             self._vehicles[k].begin(np.concatenate([pose[k], velocity[k]]), self._launch)
         for k in chosen:
             self._read(k, self._vehicles[k].answers())

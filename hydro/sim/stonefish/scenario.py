@@ -1,7 +1,7 @@
 """A vehicle as a scenario of Stonefish (`.scn`), and its commands as setpoints of Stonefish's thrusters.
 
-Rigid body, buoyancy, thrusters, a uniform current and constant weights are those of the vehicle.  The water's
-forces are Stonefish's own, from the facets of the hull's mesh and an ellipsoid about it.
+Rigid body, buoyancy, thrusters, a uniform current, constant weights and payloads are those of the vehicle.
+The water's forces are Stonefish's own, from the facets of the hull's mesh and an ellipsoid about it.
 
 A thruster's setpoint is what its lag state settles on (`vehicle.thrusters`): the normalised rotor speed, or
 the thrust [N] where that is what lags.  Stonefish's first-order rotor is an Euler step of a tick; its time
@@ -19,17 +19,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydro.core.columns import Array
 from hydro.core.compiled import jit
-from hydro.core.effects.catalogue import Entry, current, entries, thruster_table
+from hydro.core.effects.catalogue import Entry, current, entries, inertia_matrix, thruster_table
 from hydro.core.effects.program import constants
 from hydro.core.errors import DataError
-from hydro.core.simulation.velocity_laws import law
-from hydro.core.vehicle.description import Thruster, Vehicle
-from hydro.core.vehicle.frames import euler_from_rotation
+from hydro.core.simulation.velocity_laws import Law, law
+from hydro.core.vehicle.description import RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.frames import euler_from_rotation, skew
+from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import (
     ASYMMETRY,
     BEYOND,
@@ -55,6 +57,8 @@ RATE = 500.0
 HULL, SCENARIO = "hull.obj", "vehicle.scn"
 KNOTS = 400
 """Of a table of thrust, on either side of rest."""
+FULL = 1e9
+"""A command that every thruster clips."""
 BEGIN = "0 0 100"
 """Where the vehicle stands before its first reset: under water."""
 PROPELLER = {"diameter": 0.2, "right": "true"}
@@ -124,7 +128,9 @@ def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenari
         DataError: An effect or a thruster that Stonefish has no place for, by its path in the vehicle file.
     """
     listed = [entry for entry in entries(vehicle) if entry.effect.name not in REPLACED]
-    lift, moment = _buoyancy(vehicle, listed)
+    _require_place(vehicle, listed)
+    body = _loaded(vehicle, listed)
+    lift, moment = _buoyancy(vehicle, listed, body)
     water, table = _water(vehicle, listed), thruster_table(vehicle, listed)
     root = ET.Element("scenario")
     own = _add(root, "hydro", rate=RATE, gravity=vehicle.environment.gravity)
@@ -137,7 +143,7 @@ def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenari
         _add(_add(ocean, "current", type="uniform"), "velocity", xyz=water)
     _add(_add(root, "materials"), "material", name="hull", density=1000.0, restitution=0.5)
     robot = _add(root, "robot", name="vehicle", fixed="false", self_collisions="false", algorithm="general")
-    _body(_add(robot, "base_link", name="base", type="model", physics="submerged"), vehicle)
+    _body(_add(robot, "base_link", name="base", type="model", physics="submerged"), body)
     for thruster, row in zip(vehicle.thruster, table, strict=True):
         if thruster.pushes:
             _thruster(_add(robot, "actuator", name=thruster.name, type="thruster"), thruster, row)
@@ -155,34 +161,65 @@ def _setpoints(table: Array, commands: Array) -> Array:
     return out
 
 
-def _buoyancy(vehicle: Vehicle, listed: list[Entry]) -> tuple[float, Array]:
-    """Buoyancy B [N] of the vehicle with its constant weights, and B times its centre about CO [N m].
+def _require_place(vehicle: Vehicle, listed: list[Entry]) -> None:
+    """Refuse what is neither weight, payload nor current, nor of thrusters or sensors.
 
     Raises:
-        DataError: An effect that is neither weight nor current nor of thrusters or sensors.
+        DataError: There is such an effect.
     """
-    lift = vehicle.buoyancy.force
-    moment = lift * np.array(vehicle.buoyancy.center)
     c = constants(vehicle, listed)
     for entry in listed:
         effect = entry.effect
-        if effect.kind in ("actuator", "sensor"):
-            continue
-        added = np.zeros((6, 6))
-        if effect.inertia is not None:
-            effect.inertia(entry.parameters, added)
         found = law(entry, c) if effect.kernel is not None else None
-        moves = found is not None and any(one.any() for one in (found.linear, found.sized, found.plain))
-        if (
-            effect.is_random
-            or added.any()
-            or moves
-            or (found is None and (effect.flow is None or effect.kernel is not None))
-        ):
+        still = effect.kernel is None if found is None else not _moves(found)
+        if effect.is_random or not still:
             raise DataError(
                 f"{entry.where}: Stonefish has no {effect.name} like this one; leave it out, or record with "
                 "--teacher panel"
             )
+
+
+def _moves(found: Law) -> bool:
+    """Whether a force depends on the motion."""
+    return any(one.any() for one in (found.linear, found.sized, found.plain))
+
+
+def _loaded(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
+    """The rigid body with the dry mass of its payloads.
+
+    Raises:
+        DataError: An effect adds inertia that no rigid body has.
+    """
+    body, added = vehicle.rigid_body, inertia_matrix(vehicle, listed)
+    if not added.any():
+        return body
+    matrix = mass_matrix(vehicle) + added
+    mass = float(matrix[0, 0])
+    center = np.array([matrix[5, 1], matrix[3, 2], matrix[4, 0]]) / mass
+    about = matrix[3:, 3:] + mass * skew(center) @ skew(center)
+    loaded = msgspec.convert(
+        {"mass": mass, "center_of_gravity": center.tolist(), "inertia": about.tolist()}, RigidBody
+    )
+    made = mass_matrix(msgspec.structs.replace(vehicle, rigid_body=loaded))
+    if np.abs(made - matrix).max() > 1e-9 * np.abs(matrix).max():
+        raise DataError("effect: adds inertia that no rigid body has, and Stonefish's added mass is its own")
+    return loaded
+
+
+def _buoyancy(vehicle: Vehicle, listed: list[Entry], body: RigidBody) -> tuple[float, Array]:
+    """Buoyancy B [N] of the vehicle with its constant weights, and B times its centre about CO [N m].
+
+    Payloads state their weight in water: the weight of their dry mass, which Stonefish adds, is borne.
+    """
+    lift = vehicle.buoyancy.force
+    moment = lift * np.array(vehicle.buoyancy.center)
+    dry, gravity = vehicle.rigid_body, vehicle.environment.gravity
+    for sign, one in ((1.0, body), (-1.0, dry)):
+        lift += sign * gravity * one.mass
+        moment = moment + sign * gravity * one.mass * np.array(one.center_of_gravity)
+    c = constants(vehicle, listed)
+    for entry in listed:
+        found = law(entry, c) if entry.effect.kernel is not None else None
         if found is not None:
             lift -= found.force
             moment = moment - found.moment
@@ -204,14 +241,13 @@ def _water(vehicle: Vehicle, listed: list[Entry]) -> Array:
     return np.asarray(flow[:3])
 
 
-def _body(link: ET.Element, vehicle: Vehicle) -> None:
+def _body(link: ET.Element, body: RigidBody) -> None:
     """Mesh, mass, centre of gravity and principal inertia of the only link."""
     physical = _add(link, "physical")
     _add(physical, "mesh", filename=HULL, scale=1.0)
     _add(physical, "origin", xyz="0 0 0", rpy="0 0 0")
     _add(link, "material", name="hull")
     _add(link, "look", name="hull")
-    body = vehicle.rigid_body
     moments, axes = _principal(np.array(body.inertia))
     _add(link, "mass", value=body.mass)
     _add(link, "inertia", xyz=moments)
@@ -227,7 +263,7 @@ def _principal(inertia: Array) -> tuple[Array, Array]:
         return np.diag(inertia), np.eye(3)
     moments, axes = np.linalg.eigh(inertia)
     order = list(max(itertools.permutations(range(3)), key=lambda p: np.abs(axes[:, list(p)]).trace()))
-    axes = axes[:, order] * np.sign(np.diag(axes[:, order]))
+    axes = axes[:, order] * np.where(np.diag(axes[:, order]) < 0.0, -1.0, 1.0)
     if np.linalg.det(axes) < 0.0:
         axes[:, np.argmin(np.diag(axes))] *= -1.0
     return moments[order], axes
@@ -258,8 +294,7 @@ def _thruster(actuator: ET.Element, thruster: Thruster, row: Array) -> None:
     propeller = _add(actuator, "propeller", **PROPELLER)
     _add(propeller, "mesh", filename=HULL, scale=0.1)
     _add(propeller, "material", name="hull")
-    most = 1.0 + row[BEYOND] if row[SPEED_LAG] else max(row[MAX_THRUST], row[MAX_REVERSE])
-    _add(actuator, "specs", max_setpoint=most)
+    _add(actuator, "specs", max_setpoint=max(settled_state(row, FULL), -settled_state(row, -FULL)))
     decay = lag_decay(row, 1.0 / RATE)
     rotor = _add(actuator, "rotor_dynamics", type="first_order" if decay > 0.0 else "zero_order")
     if decay > 0.0:
@@ -282,7 +317,7 @@ def _thrust_model(actuator: ET.Element, row: Array, size: float) -> None:
         beyond = beyond if band == 0.0 else np.concatenate([[band], beyond])
         knots = np.concatenate([-beyond[::-1], [0.0], beyond])
     else:
-        knots = np.array([-row[MAX_REVERSE], 0.0, row[MAX_THRUST]])
+        knots = np.array([settled_state(row, -FULL), 0.0, settled_state(row, FULL)])
     model = _add(actuator, "thrust_model", type="linear_interpolation")
     _add(model, "input", value=knots)
     _add(model, "output", value=np.array([size * state_to_thrust(row, knot, 0.0) for knot in knots]))
