@@ -34,7 +34,7 @@ from hydro.core.recording.arrays import Recording, recording
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import body_states
 
 HORIZONS = (1.0, 5.0, 20.0)
 """How far ahead predictions look [s]."""
@@ -158,7 +158,7 @@ def _predictions(
     starts, segment, lengths = laid(record, horizon)
     if not starts.size:
         return None
-    logged, calm = _states(record.eta, record.nu), _states(motion.eta, motion.nu)
+    logged, calm = body_states(record.eta, record.nu), body_states(motion.eta, motion.nu)
     nothing = np.empty((len(starts), 0, BODY))
     unit = np.ones(CHANNELS)
     every = Shots(record, starts, segment, 0, 0, calm[starts], nothing, unit, motion.eta, motion.nu)
@@ -246,11 +246,6 @@ def _settle(sums: Array, known: Array, open_: Mask, typical: Array) -> Mask:
     typical[open_] = np.where(settled, mean, np.median(sums, axis=1))[open_]
     still: Mask = open_ & ~settled.all(axis=1)
     return still
-
-
-def _states(eta: Array, nu: Array) -> Array:
-    """Position, attitude as a quaternion and velocity, (N, 13)."""
-    return np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
 
 
 def laid(record: Recording, horizon: float | None) -> tuple[Rows, Rows, Rows]:

@@ -20,7 +20,7 @@ from hydro.core.simulation.bands import spread, table
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 MEASURED = "measured"
 RESTART_INTERVAL = 20.0
@@ -119,7 +119,7 @@ def _predicted(vehicle: Vehicle, record: Recording) -> Array:
     """Pose and velocity as a vehicle would have logged them, (N, 12); NaN where they know no bounds."""
     model, length = candidate(vehicle), max(round(RESTART_INTERVAL / record.dt), 1)
     eta, nu = smoothed(record)
-    calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
+    calm = body_states(eta, nu)
     out = np.empty((record.rows, 12))
     for number, (begin, end) in enumerate(record.segments):
         for start in range(begin, end, length):

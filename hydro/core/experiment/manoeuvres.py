@@ -30,7 +30,7 @@ from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import body_states
 
 DEPTH = 5.0
 """Depth at which a manoeuvre begins where nothing else is said [m]."""
@@ -144,8 +144,7 @@ def predicted_shots(
 ) -> Shots:
     """Shots of a predicted motion (N, 12), begun where it is, with what a vehicle would log as measured."""
     shots = make_shots(_record(manoeuvre, motion), lead=lead, sigma=sigma)
-    state = np.hstack([motion[:, :3], quaternion_from_euler(*motion[:, 3:6].T), motion[:, 6:]])
-    shots = replace(shots, first=state[shots.starts])
+    shots = replace(shots, first=body_states(motion[:, :6], motion[:, 6:])[shots.starts])
     return replace(shots, measured=multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots))
 
 

@@ -33,7 +33,7 @@ from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.frames import body_states, euler_from_quaternion, quaternion_from_euler
 
 BLIND_SECONDS = 5.0
 """Length of a shot where its own samples do not show all of the motion: what it does not show decays."""
@@ -141,7 +141,7 @@ def tracked(vehicle: Vehicle, record: Recording) -> Recording:
     if not never.any():
         return record
     model = candidate(vehicle)
-    logged = np.hstack([record.eta[:, :3], quaternion_from_euler(*record.eta[:, 3:].T), record.nu])
+    logged = body_states(record.eta, record.nu)
     sigma = np.maximum(noise(record), LEAST)
     rotors, memory = rotor_states(model, record), memories(model, record, record.eta, record.nu)
     motion, variances = np.hstack([record.eta, record.nu]), [AT_FIRST**2]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import Recording, noise, smoothed
-from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import body_states
 
 SHOT_SECONDS = 2.0
 """Length of a shot: long enough for forces to show in the velocity, too short to diverge."""
@@ -119,8 +119,7 @@ class Shots:
     def begun_at(self, record: Recording) -> Shots:
         """The same shots, begun where the smoothed motion of another filling of their recording has them."""
         eta, nu = smoothed(record)
-        calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
-        return replace(self, first=calm[self.starts], eta=eta, nu=nu)
+        return replace(self, first=body_states(eta, nu)[self.starts], eta=eta, nu=nu)
 
 
 def make_shots(
@@ -162,17 +161,14 @@ def make_shots(
     at = np.concatenate(starts)[kept]
     rows = at[:, None] + np.arange(length)
     eta, nu = smoothed(record)
-    quaternion = quaternion_from_euler(*record.eta[:, 3:].T)
-    logged = np.hstack([record.eta[:, :3], quaternion, record.nu])
-    calm = np.hstack([eta[:, :3], quaternion_from_euler(*eta[:, 3:].T), nu])
     return Shots(
         record=record,
         starts=at,
         segment=np.repeat(np.arange(len(starts)), [part.size for part in starts])[kept],
         length=length,
         lead=ahead,
-        first=calm[at],
-        measured=logged[rows],
+        first=body_states(eta, nu)[at],
+        measured=body_states(record.eta, record.nu)[rows],
         sigma=noise(record) if sigma is None else np.asarray(sigma, float),
         eta=eta,
         nu=nu,

@@ -36,7 +36,7 @@ from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import Changes
-from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.vehicle.frames import body_states
 
 NOTHING = Changes(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros(0))
 
@@ -60,7 +60,7 @@ class Transitions:
         """Follow the measured motion of each shot, smoothed, one row at a time."""
         record = shots.record
         nu = true_velocity(model, record, shots.nu)
-        states = np.hstack([shots.eta[:, :3], quaternion_from_euler(*shots.eta[:, 3:].T), nu])
+        states = body_states(shots.eta, nu)
         rotors, memory = rotor_states(model, record), memories(model, record, shots.eta, nu)
         rows = shots.starts[:, None] + np.arange(shots.length - 1)
         each = np.empty((*rows.shape, CHANNELS, CHANNELS))

@@ -23,7 +23,7 @@ from hydro.core.recording.supply import recorded_commands
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat, settle
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 
 INTEGRATION_RATE = 500.0
 """Integration steps per second, at least [Hz]."""
@@ -129,8 +129,7 @@ def trajectory(
             f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, "
             f"got shape {demand.shape}"
         )
-    pose = np.asarray(eta, np.float64)
-    first = np.concatenate([pose[:3], quaternion_from_euler(*pose[3:]), np.asarray(nu, np.float64)])
+    first = body_states(eta, nu)
     interval = float(clock[-1] - clock[0]) / max(clock.size - 1, 1)
     course = Course(demand, clock, steps_of_row(interval) if steps is None else steps, 0.0)
     out = np.empty((clock.size, BODY))

@@ -133,6 +133,21 @@ def euler_from_rotation(R: ArrayLike) -> Array:
     return np.stack([phi, theta, psi], axis=-1)
 
 
+def body_states(eta: ArrayLike, nu: ArrayLike) -> Array:
+    """States of a body: position, attitude as a quaternion, velocity.
+
+    Args:
+        eta: Poses (..., 6), Euler angles.
+        nu: Velocities (..., 6).
+
+    Returns:
+        States (..., 13).
+    """
+    pose, velocity = np.asarray(eta, np.float64), np.asarray(nu, np.float64)
+    attitude = quaternion_from_euler(*np.moveaxis(pose[..., 3:], -1, 0))
+    return np.concatenate([pose[..., :3], attitude, velocity], axis=-1)
+
+
 def quaternion_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> Array:
     """Unit quaternion (w, x, y, z) of the rotation body to world, with w >= 0.
 

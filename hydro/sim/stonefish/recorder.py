@@ -21,7 +21,7 @@ from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.pilot import Pilot, steer
 from hydro.core.vehicle.control_allocation import Mixing
 from hydro.core.vehicle.description import Vehicle
-from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
+from hydro.core.vehicle.frames import body_states, euler_from_quaternion
 from hydro.core.vehicle.panels import superellipsoid
 from hydro.sim.stonefish.program import Program
 from hydro.sim.stonefish.scenario import RATE, Delays, Scenario, scenario
@@ -141,10 +141,10 @@ def fly(
     Raises:
         DataError: The motion diverges, or the program fails.
     """
-    first, late = np.asarray(eta, dtype=np.float64), Delays(given.table, TICKS)
+    late = Delays(given.table, TICKS)
     states, commands = np.empty((rows, BODY)), list[Array]()
     with launch(given) as program:
-        program.reset(np.concatenate([first[:3], quaternion_from_euler(*first[3:]), np.asarray(nu, float)]))
+        program.reset(body_states(eta, nu))
         states[0] = program.answer().state
         for k in range(rows):
             commands.append(command(k, states[k]))
