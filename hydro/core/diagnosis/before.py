@@ -26,7 +26,7 @@ from hydro.core.diagnosis.model import Diverges, Model, as_it_is
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
@@ -215,7 +215,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
         beside: and in units of what the greatest change takes.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
-    fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+    fit = model.estimated()
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
@@ -335,4 +335,4 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
     model = fitted_together(compared, first, changes)
-    return with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+    return model.estimated()

@@ -56,7 +56,7 @@ from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best, plain, showing
-from hydro.core.identification.fit import UNDETERMINED, Fit, with_uncertainty
+from hydro.core.identification.fit import UNDETERMINED, Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
@@ -214,9 +214,8 @@ def settled(model: Model, file: Vehicle) -> tuple[Model, Fit | None]:
     """A joint fit shrunk to what the file says, and its values with the standard errors that are printed."""
     if not model.unknown.entries:
         return model, None
-    values = shrunk_to_prior(model.unknown, model.values, model.normal, file)
-    fit = with_uncertainty(model.unknown, values, model.normal, model.normal.chi2, "output")
-    return replace(model, values=values), fit
+    model = replace(model, values=shrunk_to_prior(model.unknown, model.values, model.normal, file))
+    return model, model.estimated()
 
 
 def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:

@@ -21,7 +21,7 @@ from hydro.core.diagnosis.transfer import Known, Rival, Survey, one_change, reso
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.normal_equations import block_length
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
@@ -133,7 +133,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
-        fit = _uncertain(model)
+        fit = model.estimated()
         if not _there(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
@@ -213,7 +213,7 @@ def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterat
     near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(one.score for one in near)
     for one in near:
-        fit = _uncertain(one.model)
+        fit = one.model.estimated()
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
@@ -239,11 +239,6 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
         advice=advice.suspecting(rival.effect, words),
         support=rival.score,
     )
-
-
-def _uncertain(model: Model) -> Fit:
-    """The values of a model with their standard errors."""
-    return with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
 
 
 def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
+from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.initial_guess import elsewhere
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -73,6 +74,10 @@ class Model:
     def vehicle(self) -> Vehicle:
         """The vehicle with the fitted values."""
         return self.unknown.at(self.values)
+
+    def estimated(self) -> Fit:
+        """The fitted values with their standard errors, on a vehicle that is physically possible."""
+        return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
 
     @property
     def costs(self) -> Array:

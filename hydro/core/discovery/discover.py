@@ -28,7 +28,7 @@ from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
-from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import moved
 from hydro.core.identification.normal_equations import Normal, block_length
 from hydro.core.identification.prior import deviations, greatest_change, in_file
@@ -297,7 +297,7 @@ def _worth(first: Choice, before: Choice, after: Choice) -> bool:
 def _found(file: Vehicle, first: Choice, choice: Choice) -> Found:
     """The formula as a finding, and what else it asks of the file."""
     model = choice.model
-    fit = with_uncertainty(model.unknown, model.values, model.normal, model.normal.chi2, "output")
+    fit = model.estimated()
     findings = (_formula(first, choice, fit), *_retuned(file, fit))
     return Found(findings, fit, model.normal.chi2)
 

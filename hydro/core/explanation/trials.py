@@ -30,7 +30,7 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
-from hydro.core.identification.fit import Fit, with_uncertainty
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import free
@@ -289,8 +289,7 @@ def _fit_together(
         other = fit_model(there, names, resolved(problem).at_measured_states(there), log.track, ITERATIONS)
     except Diverges:
         return fit
-    also = with_uncertainty(other.unknown, other.values, other.normal, other.normal.chi2, "output")
-    return min(fit, also, key=lambda one: recordings.error_ahead(one.vehicle))
+    return min(fit, other.estimated(), key=lambda one: recordings.error_ahead(one.vehicle))
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
