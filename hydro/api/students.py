@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -82,26 +82,24 @@ def student(
     if device not in ("cpu", "cuda"):
         raise UsageError(f"device: expected cpu or cuda, got {device}")
     on_gpu = device == "cuda"
-    foreign = {"integrator": integrator, "folder": folder} if on_gpu else {"count": count, "period": period}
-    for name, value in foreign.items():
-        if value is not None:
-            raise UsageError(f"{name} means nothing with device='{device}'; leave it out")
+    of_mujoco = _given(integrator=integrator, folder=folder)
+    of_gpu = _given(count=count, period=period)
+    for name in of_mujoco if on_gpu else of_gpu:
+        raise UsageError(f"{name} means nothing with device='{device}'; leave it out")
     if on_gpu:
-        from hydro.sim.gpu.plant import STEP, GpuPlant
+        from hydro.sim.gpu.plant import GpuPlant
 
-        return GpuPlant(
-            vehicle,
-            count=1 if count is None else count,
-            period=0.04 if period is None else period,
-            timestep=STEP if timestep is None else timestep,
-        )
+        return GpuPlant(vehicle, **of_gpu, **_given(timestep=timestep))
     from hydro.sim.single import single
     from hydro.sim.student import Physics
 
-    physics = Physics(
-        timestep=0.002 if timestep is None else timestep, integrator=integrator or "implicitfast"
-    )
+    physics = Physics(**_given(timestep=timestep, integrator=integrator))
     return single(vehicle, physics, None if folder is None else Path(folder))
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """What was given: the rest is left to the defaults of what takes it."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def load_student(path: str | Path) -> Pair:

@@ -164,7 +164,7 @@ class StudentPlant:
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""
         batch = self._student.batch
-        return {name: np.array(getattr(self, name)) for name in _READ} | {
+        return {name: np.array(array) for name, array in self._readings._asdict().items()} | {
             "state": np.array(batch.state),
             "warning": np.array(batch.warning),
         }
@@ -173,11 +173,8 @@ class StudentPlant:
         """Go back to a snapshot, bit for bit."""
         batch = self._student.batch
         batch.state[:], batch.warning[:] = snapshot["state"], snapshot["warning"]
-        for name in _READ:
-            getattr(self, name)[:] = snapshot[name]
-
-
-_READ = ("pose", "velocity", "specific_force", "thrust", "diverged")
+        for name, array in self._readings._asdict().items():
+            array[:] = snapshot[name]
 
 
 @kernel

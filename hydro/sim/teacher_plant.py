@@ -56,10 +56,12 @@ class TeacherPlant:
         self.vehicle = vehicle
         self._readings = Readings.of(count, thrusters)
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        self._y = np.zeros((count, BODY + int(flat[STATE_COUNT])))
-        self._lags, self._commands = np.zeros((count, thrusters)), np.zeros((count, past, thrusters))
-        self._time = np.zeros(count)
-        self._fleet = Fleet(self._y, self._lags, self._commands, self._time)
+        self._fleet = Fleet(
+            np.zeros((count, BODY + int(flat[STATE_COUNT]))),
+            np.zeros((count, thrusters)),
+            np.zeros((count, past, thrusters)),
+            np.zeros(count),
+        )
         self._craft = flat, subject.facets
         self._own: dict[int, tuple[Array, Array]] = {}
 
@@ -77,15 +79,17 @@ class TeacherPlant:
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""
-        self.diverged[mask], self._lags[mask], self._commands[mask] = False, 0.0, 0.0
-        self._y[mask], self._time[mask] = 0.0, 0.0
-        self._y[mask, :7], self._y[mask, 7:BODY] = pose[mask], velocity[mask]
+        self.diverged[mask] = False
+        for array in self._fleet:
+            array[mask] = 0.0
+        self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
         self._fly(mask, self._pace._replace(steps=0))
 
     def step(self, commands: Array) -> None:
         """Fly one control step; see `Plant`."""
-        self._commands[:, :-1] = self._commands[:, 1:]
-        self._commands[:, -1] = commands
+        held = self._fleet.commands
+        held[:, :-1] = held[:, 1:]
+        held[:, -1] = commands
         self._fly(~self.diverged, self._pace)
 
     def _fly(self, mask: Mask, pace: Pace) -> None:
@@ -101,15 +105,16 @@ class TeacherPlant:
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""
-        return {name: np.array(getattr(self, name)) for name in _STATE}
+        return {name: np.array(array) for name, array in self._state().items()}
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot, bit for bit."""
-        for name in _STATE:
-            getattr(self, name)[:] = snapshot[name]
+        for name, array in self._state().items():
+            array[:] = snapshot[name]
 
-
-_STATE = ("pose", "velocity", "specific_force", "thrust", "diverged", "_y", "_lags", "_commands", "_time")
+    def _state(self) -> Snapshot:
+        """The arrays that change as vehicles fly, by name."""
+        return self._fleet._asdict() | self._readings._asdict()
 
 
 @jit

@@ -116,7 +116,7 @@ class StonefishPlant:
         padded = np.zeros((len(told), longest, self.thrust.shape[1]))
         for row, each in zip(padded, told, strict=True):
             row[: len(each)] = np.reshape(each, (len(each), -1))
-        return {name: np.array(getattr(self, name)) for name in _READ} | {
+        return {name: np.array(array) for name, array in self._readings._asdict().items()} | {
             "first": np.array([one.first for one in self._vehicles]),
             "steps": np.array([len(each) for each in told]),
             "told": padded,
@@ -131,11 +131,8 @@ class StonefishPlant:
             for row in snapshot["told"][k, : snapshot["steps"][k]]:
                 self._vehicles[k].go_on(row)
                 self._read(k, self._vehicles[k].answers())
-        for name in _READ:
-            getattr(self, name)[:] = snapshot[name]
-
-
-_READ = ("pose", "velocity", "specific_force", "thrust", "diverged")
+        for name, array in self._readings._asdict().items():
+            array[:] = snapshot[name]
 
 
 class _One:
