@@ -88,7 +88,7 @@ def _of_vehicle(path: Path, truth: Path | None) -> Builder:
     return builder_of(TrainingConfig(), text, None, path.parent, estimates_beside(path, known), truth)
 
 
-def _opened(run: Path, task: str | None, truth: Path | None = None) -> tuple[Policy, list[Artefact], Builder]:
+def _opened(run: Path, task: str | None, truth: Path | None) -> tuple[Policy, list[Artefact], Builder]:
     """Policy of a run for a task, its table, and what makes its fleets."""
     from hydro.io import covariance
     from hydro.rl.training.runs import Folder
@@ -108,6 +108,17 @@ def _asked(task: str | None, stage: int | None) -> str | None:
     if task is not None and stage is not None:
         raise UsageError("--task and --stage both say what is to be flown: give one of them")
     return task if stage is None else STAGES[stage - 1]
+
+
+def _flight(
+    run: Path, wanted: str | None, level: int | None, truth: Path | None = None
+) -> tuple[Policy | None, list[Artefact], Builder, Task, int]:
+    """Policy of a run with its table, or none of a vehicle file; its fleets; task and level to fly."""
+    alone = run.is_file() or run.suffix == ".toml"
+    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
+    begun = {"task": "point_to_point", "level": 0}
+    chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
+    return policy, learnt, builder, chosen, level
 
 
 def _task(
@@ -180,11 +191,7 @@ def eval_(
 
     if details is not None and str(details) == STREAM:
         raise UsageError("--details needs a file")
-    alone = run.is_file() or run.suffix == ".toml"
-    wanted = _asked(task, stage)
-    policy, learnt, builder = (None, [], _of_vehicle(run, truth)) if alone else _opened(run, wanted, truth)
-    begun = {"task": "point_to_point", "level": 0}
-    chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
+    policy, learnt, builder, chosen, level = _flight(run, _asked(task, stage), level, truth)
     known = builder.estimates is not None and truth is None
     trials = trials_of(setting or [NOMINAL], chosen, estimates=known)
     parameters: dict[str, Any] = {"in": simulator, "episodes": episodes, "seed": seed}
@@ -194,7 +201,7 @@ def eval_(
 
     rows = list[pl.DataFrame]()
     for where, trial in trials.items():
-        for name, actor, led in _flyers(policy, chosen, pilot=alone or pilot, planless=trial.planless):
+        for name, actor, led in _flyers(policy, chosen, pilot=pilot, planless=trial.planless):
             fleet = builder(episodes, seed, simulator, trial)
             fleet.set_level(chosen, level, led=led)
             with progress(f"fly {episodes} tasks ({name}, {where})"):
@@ -223,7 +230,7 @@ def _flyers(
     flyers = list[tuple[str, "Callable[[Fleet], Actor]", bool]]()
     if policy is not None:
         flyers.append((POLICY, lambda fleet: policy, task.guided and not planless))
-    if pilot:
+    if pilot or policy is None:
         flyers.append((NAME, lambda fleet: pilot_of(task), False))
         if task.levels and not planless:
             flyers.append((WITH_MAP, WithMap, task.guided))
@@ -264,12 +271,8 @@ def watch(
     from hydro.rl.training.pilots import WithMap
     from hydro.rl.training.trials import NOMINAL, TRIALS
 
-    alone = run.is_file() or run.suffix == ".toml"
-    wanted = _asked(task, stage)
-    policy, _, builder = (None, [], _of_vehicle(run, None)) if alone else _opened(run, wanted)
+    policy, _, builder, chosen, level = _flight(run, _asked(task, stage), level)
     fleet = builder(1, seed, simulator, TRIALS[NOMINAL])
-    begun = {"task": "point_to_point", "level": 0}
-    chosen, level = _task(begun if policy is None else policy.training, builder, wanted, level)
     fleet.set_level(chosen, level)
     flight = trace(WithMap(fleet) if policy is None else policy, fleet)
     settings, ending = builder.config.settings, f"{flight.outcome} after {flight.t[-1]:.1f} s"
