@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hydro.sim.stonefish.recorder import StonefishTeacher
     from hydro.sim.teacher import Teacher
 
-    Subject = Teacher | StonefishTeacher
+    AnyTeacher = Teacher | StonefishTeacher
 
 ROWS = 857_542
 """Rows that the paper recorded (IV-A)."""
@@ -123,7 +123,7 @@ class _Given:
     threads: int | None
 
 
-def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, Artefact]:
+def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, Artefact]:
     """The teacher with hidden effects, and its recording."""
     from hydro.core.simulation.excitation import LOG_RATE, REPLAY, REPLAY_SECONDS
     from hydro.io import table
@@ -159,7 +159,7 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, Art
     return subject, made
 
 
-def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, str]:
+def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, str]:
     """The teacher of a vehicle file, and the file's text; what it stands in for is told on a terminal."""
     from hydro.io import mesh
     from hydro.io import vehicle as vehicles
@@ -177,7 +177,7 @@ def _teacher(given: _Given, hidden: list[dict[str, Any]]) -> tuple[Subject, str]
     return subject, text
 
 
-def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., Subject]:
+def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., AnyTeacher]:
     """What makes the teacher of a vehicle."""
     if teacher == "stonefish":
         from hydro.sim.stonefish.recorder import stonefish_teacher
@@ -188,7 +188,7 @@ def _builder(teacher: Literal["panel", "stonefish"]) -> Callable[..., Subject]:
     return embedded
 
 
-def _stonefish(subject: Subject) -> dict[str, str]:
+def _stonefish(subject: AnyTeacher) -> dict[str, str]:
     """Version of Stonefish, where it is the teacher; a missing program is told before any flight."""
     from hydro.sim.stonefish.recorder import StonefishTeacher
 
@@ -239,8 +239,8 @@ def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _with_hidden(
-    build: Callable[..., Subject], known: Vehicle, surface: Any, hidden: list[dict[str, Any]]
-) -> Subject:
+    build: Callable[..., AnyTeacher], known: Vehicle, surface: Any, hidden: list[dict[str, Any]]
+) -> AnyTeacher:
     """The teacher with hidden effects; what is wrong with one of them is told as of `--hide`."""
     from hydro.core.effects import CATALOGUE
 
@@ -253,7 +253,7 @@ def _with_hidden(
         raise UsageError(str(error) if "--hide" in str(error) else f"--hide: {error}") from error
 
 
-def _write_truth(path: str, subject: Subject, hidden: list[dict[str, Any]], content: str) -> None:
+def _write_truth(path: str, subject: AnyTeacher, hidden: list[dict[str, Any]], content: str) -> None:
     """Write what made the data and does not stand in their footer: hidden effects, and the teacher's own."""
     import tomlkit
 

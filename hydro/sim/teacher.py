@@ -143,9 +143,7 @@ def teacher(
     Raises:
         DataError: The mesh encloses nothing or has not the hull's size, or an effect is not admitted.
     """
-    size = vehicle.hull
-    surface = mesh if mesh is not None else superellipsoid(size.length, size.width, size.height, size.center)
-    hull = panels(*surface)
+    hull = panels(*surface_of(vehicle, mesh))
     _require_size(hull, vehicle)
     validate(vehicle)
     kept = [table for table in vehicle.effect if table["name"] not in REPLACED]
@@ -165,6 +163,12 @@ def teacher(
         log=velocity_log(actual),
         ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if t["name"] in REPLACED)),
     )
+
+
+def surface_of(vehicle: Vehicle, mesh: tuple[Array, Any] | None) -> tuple[Array, Any]:
+    """Vertices [m] and faces of a hull: those of a mesh, else of a superellipsoid of the hull's size."""
+    size = vehicle.hull
+    return superellipsoid(size.length, size.width, size.height, size.center) if mesh is None else mesh
 
 
 def collect(
@@ -242,13 +246,11 @@ def fly(
     rows, thrusters = len(demand), subject.program.thrusters
     first = np.zeros(BODY)
     first[2], first[3:7], first[7:] = depth, quaternion_from_euler(0.0, 0.0, heading), nu
-    aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
     states, commands = np.empty((rows, BODY)), np.zeros((rows, thrusters))
-    crew, program = subject.mixing, subject.program
+    program = subject.program
     if any(CATALOGUE[table["name"]].is_random for table in subject.vehicle.effect):
         program = assemble(subject.vehicle, sea=sea)
-    wrenches = np.ascontiguousarray(demand) * crew.authority
-    pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, first[2], aim)
+    pilot = Pilot.of(subject.mixing, demand, first[2], heading if hold_heading else None)
     course = Course(commands, np.arange(rows) / LOG_RATE, SUBSTEPS, 1.0 / (LOG_RATE * SUBSTEPS))
     reached: int = _follow(program.flat, subject.facets, first, course, pilot, states)
     if reached < rows:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from hydro.core.columns import Array
 from hydro.core.compiled import copy_kernel, kernel
 from hydro.core.effects.layout import POSITION, ROTATION, VELOCITY
-from hydro.core.vehicle.control_allocation import hold_kernel, mixing_kernel
+from hydro.core.vehicle.control_allocation import Mixing, hold_kernel, mixing_kernel
 
 
 class Pilot(NamedTuple):
@@ -28,6 +30,20 @@ class Pilot(NamedTuple):
     wrenches: Array
     depth: float
     heading: Array
+
+    @classmethod
+    def of(cls, crew: Mixing, demand: Array, depth: float, heading: float | None) -> Pilot:
+        """The pilot of a session.
+
+        Args:
+            crew: How demands become commands.
+            demand: (N, 6) shares of each axis's authority.
+            depth: To hold [m].
+            heading: To hold [rad]; None for none.
+        """
+        aim = np.zeros(2) if heading is None else np.array([np.cos(heading), np.sin(heading)])
+        wrenches = np.ascontiguousarray(demand) * crew.authority
+        return cls(crew.gains, crew.allocation, crew.table, wrenches, depth, aim)
 
 
 @kernel

@@ -22,10 +22,9 @@ from hydro.core.simulation.pilot import Pilot, steer
 from hydro.core.vehicle.control_allocation import Mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states, euler_from_quaternion
-from hydro.core.vehicle.panels import superellipsoid
 from hydro.sim.stonefish.program import Program
 from hydro.sim.stonefish.scenario import RATE, Delays, Scenario, scenario
-from hydro.sim.teacher import Teacher, teacher
+from hydro.sim.teacher import Teacher, surface_of, teacher
 
 TICKS = round(RATE / LOG_RATE)
 """Of a row."""
@@ -85,10 +84,8 @@ class StonefishTeacher:
         Raises:
             DataError: The motion diverges, or the program fails.
         """
-        crew, program = self.mixing, self.pilot.program
-        aim = np.array([np.cos(heading), np.sin(heading)]) if hold_heading else np.zeros(2)
-        wrenches = np.ascontiguousarray(demand) * crew.authority
-        pilot = Pilot(crew.gains, crew.allocation, crew.table, wrenches, depth, aim)
+        program = self.pilot.program
+        pilot = Pilot.of(self.mixing, demand, depth, heading if hold_heading else None)
         motion = afloat(program.flat, self.pilot.facets)
 
         def command(row: int, state: Array) -> Array:
@@ -110,8 +107,7 @@ def stonefish_teacher(
     Raises:
         DataError: The embedded teacher refuses the vehicle, or Stonefish has no place for something of it.
     """
-    size = vehicle.hull
-    surface = mesh if mesh is not None else superellipsoid(size.length, size.width, size.height, size.center)
+    surface = surface_of(vehicle, mesh)
     pilot = teacher(vehicle, mesh=surface, hidden=hidden)
     return StonefishTeacher(pilot, scenario(pilot.vehicle, surface), launch)
 

@@ -128,9 +128,9 @@ def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenari
         DataError: An effect or a thruster that Stonefish has no place for, by its path in the vehicle file.
     """
     listed = [entry for entry in entries(vehicle) if entry.effect.name not in REPLACED]
-    _require_place(vehicle, listed)
+    laws = _laws(vehicle, listed)
     body = _loaded(vehicle, listed)
-    lift, moment = _buoyancy(vehicle, listed, body)
+    lift, moment = _buoyancy(vehicle, laws, body)
     water, table = _water(vehicle, listed), thruster_table(vehicle, listed)
     root = ET.Element("scenario")
     own = _add(root, "hydro", rate=RATE, gravity=vehicle.environment.gravity)
@@ -161,22 +161,23 @@ def _setpoints(table: Array, commands: Array) -> Array:
     return out
 
 
-def _require_place(vehicle: Vehicle, listed: list[Entry]) -> None:
-    """Refuse what is neither weight, payload nor current, nor of thrusters or sensors.
+def _laws(vehicle: Vehicle, listed: list[Entry]) -> list[Law]:
+    """Weights: the laws of the effects with a force.
 
     Raises:
-        DataError: There is such an effect.
+        DataError: An effect is neither weight, payload nor current, nor of thrusters or sensors.
     """
-    c = constants(vehicle, listed)
+    c, laws = constants(vehicle, listed), []
     for entry in listed:
-        effect = entry.effect
-        found = law(entry, c) if effect.kernel is not None else None
+        effect, found = entry.effect, law(entry, c)
         still = effect.kernel is None if found is None else not _moves(found)
         if effect.is_random or not still:
             raise DataError(
                 f"{entry.where}: Stonefish has no {effect.name} like this one; leave it out, or record with "
                 "--teacher panel"
             )
+        laws += [] if found is None else [found]
+    return laws
 
 
 def _moves(found: Law) -> bool:
@@ -206,7 +207,7 @@ def _loaded(vehicle: Vehicle, listed: list[Entry]) -> RigidBody:
     return loaded
 
 
-def _buoyancy(vehicle: Vehicle, listed: list[Entry], body: RigidBody) -> tuple[float, Array]:
+def _buoyancy(vehicle: Vehicle, laws: list[Law], body: RigidBody) -> tuple[float, Array]:
     """Buoyancy B [N] of the vehicle with its constant weights, and B times its centre about CO [N m].
 
     Payloads state their weight in water: the weight of their dry mass, which Stonefish adds, is borne.
@@ -217,12 +218,9 @@ def _buoyancy(vehicle: Vehicle, listed: list[Entry], body: RigidBody) -> tuple[f
     for sign, one in ((1.0, body), (-1.0, dry)):
         lift += sign * gravity * one.mass
         moment = moment + sign * gravity * one.mass * np.array(one.center_of_gravity)
-    c = constants(vehicle, listed)
-    for entry in listed:
-        found = law(entry, c) if entry.effect.kernel is not None else None
-        if found is not None:
-            lift -= found.force
-            moment = moment - found.moment
+    for weight in laws:
+        lift -= weight.force
+        moment = moment - weight.moment
     return lift, moment
 
 
