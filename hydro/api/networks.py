@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from hydro.api.order import Progress, vehicle_first
+from hydro.api.threads import one_thread
 
 if TYPE_CHECKING:
     import polars as pl
@@ -22,6 +23,7 @@ Conditioning = Literal[
 
 
 @vehicle_first
+@one_thread
 def labels(
     vehicle: Vehicle,
     raw: pl.DataFrame,

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from hydro.api.order import Progress, vehicle_first
+from hydro.api.threads import one_thread, one_thread_each
 
 if TYPE_CHECKING:
     import polars as pl
@@ -41,6 +42,7 @@ def simulate(vehicle: Vehicle, commands: pl.DataFrame, *, sea: int | None = None
 
 
 @vehicle_first
+@one_thread
 def fit(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -84,6 +86,7 @@ def fit(
 
 
 @vehicle_first
+@one_thread
 def compare(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -124,6 +127,7 @@ def compare(
 
 
 @vehicle_first
+@one_thread
 def diagnose(
     vehicle: Vehicle,
     raw: pl.DataFrame,
@@ -192,6 +196,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
 
 
 @vehicle_first
+@one_thread_each
 def explain(
     vehicle: Vehicle,
     raw: pl.DataFrame,

@@ -194,7 +194,7 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
     found = first.grow(part(progress, 0.0, 0.85))
     if found.model.normal.chi2 <= RIGHT:
         return first, found
-    other = again.grow(part(progress, 0.65, 0.8))
+    other = again.grow(part(progress, 0.65, 0.8), other=found)
     return (again, other) if other.model.normal.chi2 <= RIGHT else (first, found)
 
 

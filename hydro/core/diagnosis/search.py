@@ -54,6 +54,8 @@ ALMOST_ALL = 0.9
 EACH = 0.25
 """Part of the error that findings must explain on average for the search to go on; what kinematics alone
 shows may explain little."""
+SAME = 1e-3
+"""Share of what is left by which one search must leave less than another with the same findings to go on."""
 QUICK = 4  # iterations of a contender's fit
 CLOSEST, FAR = 2, 4.0  # contenders that are fitted to the end, and errors of the best beyond which none is
 FEW = 48
@@ -277,10 +279,11 @@ class Search:
         except Diverges:  # and too far even so: it begins as the vehicle has it
             return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
-    def grow(self, progress: Progress, start: Outcome | None = None) -> Outcome:
+    def grow(self, progress: Progress, start: Outcome | None = None, other: Outcome | None = None) -> Outcome:
         """Let the best effect join until nothing more is significant and material.
 
-        It goes on from an earlier outcome where there is one.
+        It goes on from an earlier outcome `start` where there is one, and ends where it only goes the way of
+        an `other` search.
         """
         model, found = (start.model, list(start.found)) if start else (self.baseline.refitted, list[Found]())
         while True:
@@ -305,6 +308,8 @@ class Search:
             doubtful = sum(not self.baseline.sure(one.effect) for one in found)
             least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
             if model.normal.chi2 > RIGHT and self.baseline.explained(model) < least:
+                break
+            if other is not None and same_way(found, other.found):
                 break
         if screening.model is not model:
             screening = self.screen(model, [one.effect for one in found])
@@ -397,6 +402,14 @@ class Search:
         if begun not in self.made:
             self.made[begun] = fit_model(vehicle, wanted, problem, self.baseline.log.track, iterations)
         return self.made[begun]
+
+
+def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
+    """Whether a search has found what another one found first, and no better values of it."""
+    if [one.effect for one in found] != [one.effect for one in others[: len(found)]]:
+        return False
+    mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
+    return mine > (1.0 - SAME) * theirs
 
 
 def over_few(model: Model) -> Model:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
@@ -44,6 +46,8 @@ FAMILIES = (
 )
 CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
 
+REMEMBERED = 4096
+"""Tables of effects whose packed parameters are kept."""
 ROUNDING = 1e-6
 """Of half a plausible range: an end that was rounded is within it."""
 
@@ -74,9 +78,21 @@ def entries(vehicle: Vehicle) -> list[Entry]:
         if name not in CATALOGUE:
             raise DataError(f"{where}.name: {name!r} is not in the catalogue; it has {', '.join(CATALOGUE)}")
         effect = CATALOGUE[name]
-        parameters = effect.pack(table, thrusters=len(vehicle.thruster), where=where)
-        found.append(Entry(effect, parameters, where))
+        found.append(Entry(effect, _packed(effect, table, len(vehicle.thruster), where), where))
     return found
+
+
+def _packed(effect: Effect, table: Mapping[str, Any], thrusters: int, where: str) -> Array:
+    """`Effect.pack`, remembered: a fit tries thousands of vehicles that differ in one table."""
+    try:
+        return _remembered(effect.name, msgspec.json.encode(table), thrusters).copy()
+    except (DataError, TypeError):  # not to be packed, or not of plain numbers: what it is, in its place
+        return effect.pack(table, thrusters=thrusters, where=where)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(name: str, text: bytes, thrusters: int) -> Array:
+    return CATALOGUE[name].pack(msgspec.json.decode(text), thrusters=thrusters)
 
 
 def inertia_matrix(vehicle: Vehicle, listed: Sequence[Entry] | None = None) -> Array:

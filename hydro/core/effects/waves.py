@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,11 +65,17 @@ def elevation_spectrum(omega: ArrayLike, height: float, period: float, peak: flo
         peak: Peak enhancement less 1.
     """
     top = 2.0 * math.pi / period
-    edges = np.linspace(*BAND, FINE)
-    energy = float(np.trapezoid(_shape(edges, peak), edges))
+    energy = _energy(float(peak))
     x = np.asarray(omega, float) / top
     inside = (x >= BAND[0]) & (x <= BAND[1])
     return np.asarray(np.where(inside, _shape(x, peak) * (height / 4.0) ** 2 / (energy * top), 0.0))
+
+
+@lru_cache(maxsize=64)
+def _energy(peak: float) -> float:
+    """Integral of the form of the spectrum over BAND."""
+    edges = np.linspace(*BAND, FINE)
+    return float(np.trapezoid(_shape(edges, peak), edges))
 
 
 def _shape(x: Array, peak: float) -> Array:

@@ -18,7 +18,8 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
@@ -60,14 +61,16 @@ SCATTER = 1.4
 TRUSTED = (0.6, 2.2)
 """Frequencies, over that of the peak, at which a sea is as its spectrum says: its values are of these."""
 BOUND = 0.05  # logarithm of frequency beyond the slowest waves that are looked for: below it are drifts
-TOLERANCE = 1e-7  # of the likelihood
+ENDED = {"ftol": 1e-7}  # tolerance of the likelihood
+LOGARITHMS = (-80.0, 20.0)  # bounds of a continuum's
 WORTH = 12.0
 """What waves must gain from where a fit begins for it to be made."""
 STEP = 1e-3  # of a parameter, for the slopes of the spectra
 AXES = 3
 
 
-class Coefficients(NamedTuple):
+@dataclass(frozen=True)
+class Coefficients:
     """Fourier coefficients of the water's velocity under Hann's taper.
 
     Attributes:
@@ -81,6 +84,16 @@ class Coefficients(NamedTuple):
     y: Any
     decay: Array
     longest: float
+
+    @cached_property
+    def squares(self) -> Array:
+        """Squared size of each, (F, 3)."""
+        return np.asarray(np.abs(self.y) ** 2)
+
+    @cached_property
+    def powers(self) -> Array:
+        """Of the logarithm of frequency, (F, DEGREE + 1)."""
+        return np.asarray(np.log(self.omega)[:, None] ** np.arange(DEGREE + 1))
 
     def within(self, low: float, high: float) -> Coefficients:
         """Those between two frequencies [rad/s]."""
@@ -163,8 +176,8 @@ def sea_state(water: Array, record: Recording, gravity: float) -> SeaState | Non
         return None
     slowest = max(min(PERIODS[1], seen.longest / CYCLES), PERIODS[0] + 1e-3)
     floor = np.zeros((AXES, DEGREE + 1))
-    floor[:, 0] = np.log((np.abs(seen.y) ** 2).mean(axis=0) + 1e-300)
-    still = _descended(lambda at: _unlikely(seen, at), floor.ravel())
+    floor[:, 0] = np.log(seen.squares.mean(axis=0) + 1e-300)
+    still = minimize(lambda at: _still(seen, at), floor.ravel(), jac=True, method="L-BFGS-B", options=ENDED)
     begin = _beginning(seen, still.x, slowest)
     if 2.0 * (still.fun - _unlikely(seen, still.x, begin)) < WORTH:
         return None
@@ -237,11 +250,10 @@ def _unlikely(
         apart: Of a band without orbits: logarithms of the height in each axis, of frequency and enhancement.
     """
     f = _continuum(seen, floor)
-    y2 = np.abs(seen.y) ** 2
     if apart is not None:
         band = _velocity_spectrum(seen, 1.0, apart[AXES], apart[AXES + 1])
         f = f + band[:, None] * np.exp(2.0 * apart[:AXES])
-    each = np.log(f).sum(axis=1) + (y2 / f).sum(axis=1)
+    each = np.log(f).sum(axis=1) + (seen.squares / f).sum(axis=1)
     if sea is not None:
         g = _velocity_spectrum(seen, math.exp(sea[0]), sea[1], sea[3])
         d = np.array([math.cos(sea[2]), math.sin(sea[2]), -1j])
@@ -254,8 +266,16 @@ def _unlikely(
 
 def _continuum(seen: Coefficients, floor: Array) -> Array:
     """Continua of north, east and down: polynomials of logarithms, (F, 3)."""
-    powers = np.log(seen.omega)[:, None] ** np.arange(DEGREE + 1)
-    return np.asarray(np.exp(np.clip(powers @ floor.reshape(AXES, -1).T, -80.0, 20.0)))
+    return np.asarray(np.exp(np.clip(seen.powers @ floor.reshape(AXES, -1).T, *LOGARITHMS)))
+
+
+def _still(seen: Coefficients, floor: Array) -> tuple[float, Array]:
+    """The same without waves, and its gradient."""
+    f = _continuum(seen, floor)
+    relative = seen.squares / f
+    free = (f > math.exp(LOGARITHMS[0])) & (f < math.exp(LOGARITHMS[1]))
+    slope = (1.0 - relative) * free
+    return float((np.log(f) + relative).sum()), (slope.T @ seen.powers).ravel()
 
 
 def _velocity_spectrum(seen: Coefficients, height: float, top: float, raised: float) -> Array:
@@ -270,7 +290,7 @@ def _descended(
 ) -> OptimizeResult:
     """The most likely parameters from a beginning; the last of them within bounds."""
     free = [(None, None)] * (len(begin) - len(bounds))
-    return minimize(unlikely, begin, method="L-BFGS-B", bounds=[*free, *bounds], options={"ftol": TOLERANCE})
+    return minimize(unlikely, begin, method="L-BFGS-B", bounds=[*free, *bounds], options=ENDED)
 
 
 def _way(seen: Coefficients, top: float) -> float:

@@ -15,6 +15,7 @@ from hydro.core.diagnosis.baseline import (
     MATERIAL,
     VISIBLE,
     Baseline,
+    Found,
     Outcome,
     refit,
     stable_shots,
@@ -30,7 +31,7 @@ from hydro.core.diagnosis.diagnose import (
 from hydro.core.diagnosis.findings import tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
-from hydro.core.diagnosis.search import FEW, Search, leader
+from hydro.core.diagnosis.search import FEW, Search, leader, same_way
 from hydro.core.diagnosis.transfer import left_out_error
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
@@ -458,14 +459,26 @@ def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypa
     assert not search.from_file
     grow = Search.grow
 
-    def stuck(self, progress):
-        return grow(self, progress) if self.from_file else Outcome(self.baseline.refitted, (), None)
+    def stuck(self, progress, **how):
+        return grow(self, progress, **how) if self.from_file else Outcome(self.baseline.refitted, (), None)
 
     monkeypatch.setattr(Search, "grow", stuck)
     search, other = searched(baseline, silent)
     assert search.from_file
     assert other.effects == outcome.effects == ["ocean_current"]
     assert other.model.normal.chi2 == pytest.approx(outcome.model.normal.chi2, rel=1e-3)
+
+
+def test_a_search_goes_the_way_of_another_while_it_finds_the_same_and_leaves_no_less():
+    def found(effect, cost):
+        return Found(effect, 0.0, {effect: SimpleNamespace(normal=SimpleNamespace(cost=cost))})
+
+    first = [found("payload", 100.0), found("ocean_current", 10.0)]
+    assert same_way([found("payload", 100.0)], first)
+    assert same_way([found("payload", 130.0), found("ocean_current", 10.0)], first)
+    assert not same_way([found("payload", 99.0)], first)
+    assert not same_way([found("ocean_current", 100.0)], first)
+    assert not same_way([*first, found("tether", 5.0)], first)
 
 
 @pytest.mark.parametrize(

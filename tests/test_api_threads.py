@@ -1,0 +1,44 @@
+"""How many threads linear algebra has during the calls of `import hydro`, and between a generator's steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np  # noqa: F401  (loads the library whose threads are counted)
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from hydro.api.threads import one_thread, one_thread_each
+
+ONE, TWO = 1, 2
+
+
+def threads() -> int:
+    return max(int(one["num_threads"]) for one in threadpool_info() if one["user_api"] == "blas")
+
+
+@pytest.fixture(autouse=True)
+def two() -> Iterator[None]:
+    with threadpool_limits(2, user_api="blas"):
+        if threads() != TWO:
+            pytest.skip("the linear algebra of this machine has one thread")
+        yield
+
+
+def test_a_call_has_one_thread_and_gives_the_others_back_also_where_it_fails() -> None:
+    assert one_thread(threads)() == ONE
+    assert threads() == TWO
+    with pytest.raises(ZeroDivisionError):
+        one_thread(lambda: 1 / 0)()
+    assert threads() == TWO
+
+
+def test_a_generator_has_one_thread_in_its_steps_and_none_between_them() -> None:
+    def steps() -> Iterator[int]:
+        yield threads()
+        yield threads()
+
+    seen = []
+    for step in one_thread_each(steps)():
+        seen += [step, threads()]
+    assert seen == [ONE, TWO, ONE, TWO]
