@@ -2,9 +2,10 @@
 
     python -m benchmarks.stonefish_again [RECORDINGS] --keep COMMIT
 
-The bundled replay of 90 s is flown with the bundled vehicle, and with one whose rotors lag exactly in place of
-Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak thruster,
-which are flown with what is then hidden.  The program is found as `hydro collect --teacher stonefish` finds it.
+The bundled replay of 90 s is flown with the bundled vehicle, and with one whose rotors lag exactly in place
+of Stonefish's Euler steps.  RECORDINGS is the folder of the same replay in a current and with a weak
+thruster, which are flown with what is then hidden.  The program is found as `hydro collect --teacher
+stonefish` finds it.
 """
 
 from __future__ import annotations
