@@ -76,8 +76,9 @@ def study(recordings: Path | None) -> list[Row]:
         row("the bundled replay", apart(vehicle, replay, [])),
         row("the same, lags exact (no `lag_step`)", apart(exact, replay, [])),
     ]
-    for what, (name, hidden) in ELSEWHERE.items() if recordings is not None else ():
-        rows.append(row(what, apart(vehicle, recordings / f"{name}.parquet", hidden)))
+    if recordings is not None:
+        for what, (name, hidden) in ELSEWHERE.items():
+            rows.append(row(what, apart(vehicle, recordings / f"{name}.parquet", hidden)))
     return rows
 
 
