@@ -21,6 +21,7 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import msgspec
@@ -108,7 +109,9 @@ def pilot(vehicle: Vehicle, look_ahead: float) -> Controller:
 
 @dataclass
 class Predictive:
-    """Model predictive control by multiple shooting, warm-started with its last solution.
+    """Model predictive control by multiple shooting, warm-started with its last plan that converged.
+
+    Where the solver does not converge in time, that plan is followed further: what it stopped at is no plan.
 
     Attributes:
         seconds: Processor time of each solution [s].
@@ -117,10 +120,12 @@ class Predictive:
 
     made: Functions
     solver: object
-    guess: Array
+    plan: Array
     commands: Array
     bounds: tuple[Array, Array]
     seconds: list[float]
+    prices: dict[str, Any]
+    planned: float = 0.0
     unsolved: int = 0
 
     @classmethod
@@ -158,19 +163,20 @@ class Predictive:
         solver = ca.nlpsol("control", "ipopt", problem, {"print_time": False, "ipopt": quiet | {"sb": "yes"}})
         free = np.full(n * (AHEAD + 1), np.inf)
         bounds = np.r_[-free, np.full(m * AHEAD, -1.0)], np.r_[free, np.full(m * AHEAD, 1.0)]
-        return cls(made, solver, np.zeros(0), np.zeros(m), bounds, [])
+        return cls(made, solver, np.zeros(0), np.zeros(m), bounds, [], {})
 
     def __call__(self, t: float, pose: Array, nu: Array, thrust: Array) -> Array:
         """Solve for the next commands."""
         n, m = len(self.made.states), len(self.made.commands)
         times = t + INTERVAL * np.arange(AHEAD + 1)
         first = np.concatenate([pose, nu, thrust])
-        if not self.guess.size:
-            self.guess = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
+        if not self.plan.size:
+            self.plan = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
         goal = np.hstack([place(times), heading(times)])
         begun = time.process_time()
         found = self.solver(  # type: ignore[operator]
-            x0=self.guess,
+            x0=self.plan,
+            **self.prices,
             p=np.concatenate([first, self.commands, goal.ravel()]),
             lbx=self.bounds[0],
             ubx=self.bounds[1],
@@ -178,9 +184,14 @@ class Predictive:
             ubg=0.0,
         )
         self.seconds.append(time.process_time() - begun)
-        self.unsolved += not self.solver.stats()["success"]  # type: ignore[attr-defined]
-        self.guess = np.array(found["x"]).ravel()  # the last solution: a part of an interval ago
-        self.commands = self.guess[n * (AHEAD + 1) : n * (AHEAD + 1) + m].clip(-1.0, 1.0)
+        if self.solver.stats()["success"]:  # type: ignore[attr-defined]
+            self.plan, self.planned = np.array(found["x"]).ravel(), t
+            self.prices = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
+        else:
+            self.unsolved += 1
+        past = min(int((t - self.planned) / INTERVAL + 1e-9), AHEAD - 1)
+        told = self.plan[n * (AHEAD + 1) :].reshape(AHEAD, m)
+        self.commands = told[past].clip(-1.0, 1.0)
         return self.commands
 
 
