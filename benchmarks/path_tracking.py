@@ -21,7 +21,6 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import msgspec
@@ -124,7 +123,6 @@ class Predictive:
     commands: Array
     bounds: tuple[Array, Array]
     seconds: list[float]
-    prices: dict[str, Any]
     planned: float = 0.0
     unsolved: int = 0
 
@@ -163,20 +161,21 @@ class Predictive:
         solver = ca.nlpsol("control", "ipopt", problem, {"print_time": False, "ipopt": quiet | {"sb": "yes"}})
         free = np.full(n * (AHEAD + 1), np.inf)
         bounds = np.r_[-free, np.full(m * AHEAD, -1.0)], np.r_[free, np.full(m * AHEAD, 1.0)]
-        return cls(made, solver, np.zeros(0), np.zeros(m), bounds, [], {})
+        return cls(made, solver, np.zeros(0), np.zeros(m), bounds, [])
 
     def __call__(self, t: float, pose: Array, nu: Array, thrust: Array) -> Array:
         """Solve for the next commands."""
         n, m = len(self.made.states), len(self.made.commands)
         times = t + INTERVAL * np.arange(AHEAD + 1)
         first = np.concatenate([pose, nu, thrust])
+        if self.plan.size and self.plan[3:7] @ pose[3:] < 0.0:
+            first[3:7] *= -1.0  # the same attitude: a plan that begins on the other side is no warm start
         if not self.plan.size:
             self.plan = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
         goal = np.hstack([place(times), heading(times)])
         begun = time.process_time()
         found = self.solver(  # type: ignore[operator]
             x0=self.plan,
-            **self.prices,
             p=np.concatenate([first, self.commands, goal.ravel()]),
             lbx=self.bounds[0],
             ubx=self.bounds[1],
@@ -186,7 +185,6 @@ class Predictive:
         self.seconds.append(time.process_time() - begun)
         if self.solver.stats()["success"]:  # type: ignore[attr-defined]
             self.plan, self.planned = np.array(found["x"]).ravel(), t
-            self.prices = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
         else:
             self.unsolved += 1
         past = min(int((t - self.planned) / INTERVAL + 1e-9), AHEAD - 1)
