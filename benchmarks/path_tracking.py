@@ -108,7 +108,9 @@ def pilot(vehicle: Vehicle, look_ahead: float) -> Controller:
 
 @dataclass
 class Predictive:
-    """Model predictive control by multiple shooting, warm-started with its last solution.
+    """Model predictive control by multiple shooting, warm-started with its last plan that converged.
+
+    Where the solver does not converge in time, that plan is followed further: what it stopped at is no plan.
 
     Attributes:
         seconds: Processor time of each solution [s].
@@ -117,10 +119,11 @@ class Predictive:
 
     made: Functions
     solver: object
-    guess: Array
+    plan: Array
     commands: Array
     bounds: tuple[Array, Array]
     seconds: list[float]
+    planned: float = 0.0
     unsolved: int = 0
 
     @classmethod
@@ -165,12 +168,14 @@ class Predictive:
         n, m = len(self.made.states), len(self.made.commands)
         times = t + INTERVAL * np.arange(AHEAD + 1)
         first = np.concatenate([pose, nu, thrust])
-        if not self.guess.size:
-            self.guess = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
+        if self.plan.size and self.plan[3:7] @ pose[3:] < 0.0:
+            first[3:7] *= -1.0  # the same attitude: a plan that begins on the other side is no warm start
+        if not self.plan.size:
+            self.plan = np.r_[np.tile(first, AHEAD + 1), np.full(m * AHEAD, LITTLE)]
         goal = np.hstack([place(times), heading(times)])
         begun = time.process_time()
         found = self.solver(  # type: ignore[operator]
-            x0=self.guess,
+            x0=self.plan,
             p=np.concatenate([first, self.commands, goal.ravel()]),
             lbx=self.bounds[0],
             ubx=self.bounds[1],
@@ -178,9 +183,13 @@ class Predictive:
             ubg=0.0,
         )
         self.seconds.append(time.process_time() - begun)
-        self.unsolved += not self.solver.stats()["success"]  # type: ignore[attr-defined]
-        self.guess = np.array(found["x"]).ravel()  # the last solution: a part of an interval ago
-        self.commands = self.guess[n * (AHEAD + 1) : n * (AHEAD + 1) + m].clip(-1.0, 1.0)
+        if self.solver.stats()["success"]:  # type: ignore[attr-defined]
+            self.plan, self.planned = np.array(found["x"]).ravel(), t
+        else:
+            self.unsolved += 1
+        past = min(int((t - self.planned) / INTERVAL + 1e-9), AHEAD - 1)
+        told = self.plan[n * (AHEAD + 1) :].reshape(AHEAD, m)
+        self.commands = told[past].clip(-1.0, 1.0)
         return self.commands
 
 

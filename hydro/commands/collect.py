@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -28,10 +29,10 @@ ROWS = 857_542
 """Rows that the paper recorded (IV-A)."""
 
 
-ROWS_PER_SECOND = {"panel": 600.0, "stonefish": 4000.0}
-"""Of one thread, about: 20,000 of panels took 32 s, 4,500 of Stonefish 0.9 s."""
 MANY = 2 * ROWS
 """Rows from which on it is said how long they take."""
+SHARE = 0.01
+"""Of them, after which their pace is known."""
 
 TeacherKind = Annotated[
     Literal["panel", "stonefish"],
@@ -133,8 +134,13 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, 
     subject, text = _teacher(given, hidden)
     of_stonefish = _stonefish(subject)
     count = given.rows or (round(REPLAY_SECONDS * LOG_RATE) if given.excitation == REPLAY else ROWS)
-    _tell_duration(count, given)
+    tell = _foretelling(count)
     with progress("collect") as update, about(str(given.vehicle)):
+
+        def report(done: int) -> None:
+            update(done, count, f"{done:,} of {count:,} rows")
+            tell(done)
+
         frame = sim.collect(
             subject,
             count,
@@ -142,7 +148,7 @@ def _recorded(given: _Given, hidden: list[dict[str, Any]]) -> tuple[AnyTeacher, 
             programme=sim.Programme(given.excitation, given.depth),
             noise=sigma,
             threads=given.threads,
-            report=lambda done: update(done, count, f"{done:,} of {count:,} rows"),
+            report=report,
         )
     parameters = {
         "teacher": given.teacher,
@@ -195,17 +201,29 @@ def _stonefish(subject: AnyTeacher) -> dict[str, str]:
     return {"stonefish": subject.version()} if isinstance(subject, StonefishTeacher) else {}
 
 
-def _tell_duration(rows: int, given: _Given) -> None:
-    """How long many rows take, about, before they do."""
-    import os
+def _foretelling(rows: int, clock: Callable[[], float] = time.monotonic) -> Callable[[int], None]:
+    """What is told how many rows are done, and says once, of many, how long the rest takes at their pace.
 
+    The first session does not count: it may have waited for a compiler.
+    """
     from hydro.core.recording import extent
 
-    threads = min(given.threads or os.cpu_count() or 1, os.cpu_count() or 1)
-    seconds = rows / ROWS_PER_SECOND[given.teacher] / threads
-    if MANY <= rows <= extent.MOST_ROWS:
-        size = rows * extent.BYTES_PER_ROW / 1e9
-        typer.echo(f"hydro: {rows:,} rows: about {extent.duration(seconds)} and {size:.1f} GB", err=True)
+    first: list[tuple[int, float]] = []
+    told: list[int] = []
+
+    def tell(done: int) -> None:
+        if rows < MANY or told:
+            return
+        now = clock()
+        first[:] = first or [(done, now)]
+        before, begun = first[0]
+        if done - before >= SHARE * rows:
+            told.append(done)
+            left = extent.duration((now - begun) * (rows - done) / (done - before))
+            size = rows * extent.BYTES_PER_ROW / 1e9
+            typer.echo(f"hydro: {rows:,} rows of some {size:.1f} GB: about {left} to go", err=True)
+
+    return tell
 
 
 def _hidden(texts: Sequence[str]) -> list[dict[str, Any]]:

@@ -133,8 +133,10 @@ class Sub:
     _last: int | None = None
 
     def __post_init__(self) -> None:
-        """Put it there."""
+        """Put it there, once it has moved: whoever asks first is not to wait for a compiler."""
         self._live = Live(self.vehicle)
+        self._live.step(np.zeros(len(self.vehicle.thruster)), LONGEST_STEP)
+        self._live.read()
         self._begin()
 
     def _begin(self) -> None:

@@ -2,15 +2,20 @@
 
 They are traced from the same kernels that `simulate` runs (`export.tracing`).  The state x holds position
 (3), quaternion body to NED (4), nu (6), the lag states of the thrusters that have one, the internal states of
-effects, and the time where a current changes with it; u are commands in [-1, 1].
+effects, the time where a current changes with it, and the past commands of thrusters that feel them late; u
+are commands in [-1, 1].
+
+A delay is the step's: it begins with the commands of steps before, and changes to newer ones within, where
+they are felt.  In f, which knows no steps, u is what the thrusters feel; past commands stay as they are.
 """
 
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +38,8 @@ from hydro.export.tracing import Tracer
 BODY_STATES = ("x", "y", "z", "q_w", "q_x", "q_y", "q_z", "u", "v", "w", "p", "q", "r")
 STEP = 0.02
 """Length of the step in an exported file [s]; `functions` makes one of any length."""
+CLOSE = 1e-9
+"""Times that differ by less of a step are one moment."""
 LEAST_SQUARE = 1e-12
 """Squares below it are as good as 0."""
 SUBSTEPS = 10
@@ -100,9 +107,9 @@ class Functions:
     """A vehicle in CasADi.
 
     Attributes:
-        f: x_dot = f(x, u).
+        f: x_dot = f(x, u), u as thrusters feel it.
         jacobian: A, B = jacobian(x, u), the derivatives of f by x and by u.
-        step: x = step(x, u) after `length`, the quaternion of length 1.
+        step: x = step(x, u) after `length`, the quaternion of length 1; delays are in it.
         start: x = start(eta, nu): at rest thrusters, effects as if the motion had always been.
         states: Names of the states.
         commands: Names of the commands.
@@ -122,7 +129,7 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
     """The equations of motion of a vehicle as CasADi functions.
 
     Args:
-        vehicle: The vehicle; what `lacks` lists is left out.
+        vehicle: The vehicle; errors of its velocity log are left out.
         length: Of `step` [s].
         substeps: Runge-Kutta steps in it.
 
@@ -136,51 +143,102 @@ def functions(vehicle: Vehicle, length: float = STEP, substeps: int = SUBSTEPS) 
         )
     import casadi as ca
 
-    vehicle = held(vehicle)
     model, tracer = model_of(vehicle), Tracer(Symbols())
     lagging = [i for i, row in enumerate(model.thrusters) if row[TIME_CONSTANT] > row[LAG_STEP]]
     inner = [f"{table['name']}_{i}" for i, table in enumerate(_states(vehicle, model))]
     timed = bool(any(model.flat[HEADER + CURRENT_TREND : HEADER + CURRENT_TREND + 2]))
     commands = tuple(thruster.name for thruster in vehicle.thruster)
-    names = (*BODY_STATES, *(f"lag_{commands[i]}" for i in lagging), *inner, *(["t"] if timed else []))
-    x, u = ca.SX.sym("x", len(names)), ca.SX.sym("u", len(commands))
-    body = list(ca.vertsplit(x[:BODY])) + list(ca.vertsplit(x[BODY + len(lagging) : len(names) - timed]))
-    given, time = list(ca.vertsplit(u)) if commands else [], x[len(names) - 1] if timed else 0.0
+    moving = (*BODY_STATES, *(f"lag_{commands[i]}" for i in lagging), *inner, *(["t"] if timed else []))
+    late = Late.of([row[DELAY] for row in model.thrusters], length)
+    names = (*moving, *(f"past_{commands[i]}_{k + 1}" for i, k in late.slots))
+    x, u, felt = ca.SX.sym("x", len(names)), ca.SX.sym("u", len(commands)), ca.SX.sym("felt", len(commands))
+    body = list(ca.vertsplit(x[:BODY])) + list(ca.vertsplit(x[BODY + len(lagging) : len(moving) - timed]))
+    asked, time = list(ca.vertsplit(u)) if commands else [], x[len(moving) - 1] if timed else 0.0
+    given = list(ca.vertsplit(felt)) if commands else []
     goals = tracer.call(targets, model, given)
     rotors, lag_rates = list(goals), []
     for place, i in enumerate(lagging):
         rotors[i] = x[BODY + place]
         command = tracer.call(effective, model.thrusters[i], model.curves[i], given[i])
         lag_rates.append(tracer.call(state_derivative, model.thrusters[i], rotors[i], command))
-    moved = tracer.call(rates, model, body, time, rotors, given)
-    x_dot = ca.vertcat(*moved[:BODY], *lag_rates, *moved[BODY:], *([1.0] if timed else []))
+    moved = tracer.call(rates, model, body, time, rotors, asked)
+    still = [0.0] * len(late.slots)
+    x_dot = ca.vertcat(*moved[:BODY], *lag_rates, *moved[BODY:], *([1.0] if timed else []), *still)
+    within = ca.Function("within", [x, felt, u], [x_dot])
+    x_dot = within(x, u, u)
     f = ca.Function("f", [x, u], [x_dot], ["x", "u"], ["x_dot"])
     jacobian = ca.Function(
         "jacobian", [x, u], [ca.jacobian(x_dot, x), ca.jacobian(x_dot, u)], ["x", "u"], ["A", "B"]
     )
-    step = _step(f, tracer, length, substeps)
-    return Functions(f, jacobian, step, _start(model, tracer, lagging, timed), names, commands, length)
+    step = _step(within, tracer, late, length, substeps)
+    start = _start(model, tracer, lagging, timed, late)
+    return Functions(f, jacobian, step, start, names, commands, length)
 
 
-def _step(f: Any, tracer: Tracer, length: float, substeps: int) -> Any:
-    """The classical Runge-Kutta method over `length` [s]."""
+@dataclass(frozen=True)
+class Late:
+    """Delays of commands, in steps of a length.
+
+    Attributes:
+        whole: Of each thruster, how many whole steps late it feels a command.
+        part: The rest of its delay [s], below `length`.
+        slots: Thruster and steps ago, less one, of every past command that is still to be felt.
+        length: Of a step [s].
+    """
+
+    whole: tuple[int, ...]
+    part: tuple[float, ...]
+    slots: tuple[tuple[int, int], ...]
+    length: float
+
+    @classmethod
+    def of(cls, delays: list[float], length: float) -> Late:
+        """Of the thrusters' delays [s]."""
+        whole = [math.floor(delay / length + CLOSE) for delay in delays]
+        rest = [max(0.0, delay - length * k) for delay, k in zip(delays, whole, strict=True)]
+        part = [one if one > CLOSE * length else 0.0 for one in rest]
+        slots = [(i, k) for i in range(len(delays)) for k in range(whole[i] + (1 if part[i] > 0.0 else 0))]
+        return cls(tuple(whole), tuple(part), tuple(slots), length)
+
+    def parts(self, past: Any, u: Any) -> Iterator[tuple[float, Any]]:
+        """Parts of a step: their lengths [s], and the commands that are felt meanwhile."""
+        import casadi as ca
+
+        known = {slot: past[place] for place, slot in enumerate(self.slots)}
+        known |= {(i, -1): u[i] for i in range(len(self.whole))}
+        for begin, end in itertools.pairwise(sorted({0.0, *self.part, self.length})):
+            ago = [k - (part <= begin) for k, part in zip(self.whole, self.part, strict=True)]
+            yield end - begin, ca.vertcat(*(known[i, k] for i, k in enumerate(ago)))
+
+    def after(self, past: Any, u: Any) -> list[Any]:
+        """Past commands when the step is over: each is a step older."""
+        known = {slot: past[place] for place, slot in enumerate(self.slots)}
+        return [u[i] if k == 0 else known[i, k - 1] for i, k in self.slots]
+
+
+def _step(within: Any, tracer: Tracer, late: Late, length: float, substeps: int) -> Any:
+    """The classical Runge-Kutta method over `length` [s], its parts between changes of what is felt."""
     import casadi as ca
 
-    x, u = ca.MX.sym("x", f.size1_in(0)), ca.MX.sym("u", f.size1_in(1))
-    h, state = length / substeps, ca.SX.sym("x", f.size1_in(0))
+    x, u = ca.MX.sym("x", within.size1_in(0)), ca.MX.sym("u", within.size1_in(2))
+    state, moving = ca.SX.sym("x", within.size1_in(0)), within.size1_in(0) - len(late.slots)
     whole = ca.vertcat(*tracer.call(normalised, list(ca.vertsplit(state))))
     unit, y = ca.Function("normalised", [state], [whole]), x
-    for _ in range(substeps):
-        a = f(y, u)
-        b = f(y + 0.5 * h * a, u)
-        c = f(y + 0.5 * h * b, u)
-        d = f(y + h * c, u)
-        y = unit(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
-    return ca.Function("step", [x, u], [y], ["x", "u"], ["x_next"])
+    for lasting, felt in late.parts(x[moving:], u):
+        steps = max(1, math.ceil(lasting * substeps / length - CLOSE))
+        h = lasting / steps
+        for _ in range(steps):
+            a = within(y, felt, u)
+            b = within(y + 0.5 * h * a, felt, u)
+            c = within(y + 0.5 * h * b, felt, u)
+            d = within(y + h * c, felt, u)
+            y = unit(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
+    moved = ca.vertcat(y[:moving], *late.after(x[moving:], u))
+    return ca.Function("step", [x, u], [moved], ["x", "u"], ["x_next"])
 
 
-def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool) -> Any:
-    """The state of a pose and a velocity."""
+def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool, late: Late) -> Any:
+    """The state of a pose and a velocity; all commands before were 0."""
     import casadi as ca
 
     from hydro.export.craft import quaternion
@@ -189,7 +247,7 @@ def _start(model: Model, tracer: Tracer, lagging: list[int], timed: bool) -> Any
     angles = tracer.call(quaternion, eta[3], eta[4], eta[5])
     body = [*ca.vertsplit(eta[:3]), *angles, *ca.vertsplit(nu)]
     inner = tracer.call(beginning, model, body, 0.0)
-    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] if timed else []))
+    x = ca.vertcat(*body, *([0.0] * len(lagging)), *inner, *([0.0] * (timed + len(late.slots))))
     return ca.Function("start", [eta, nu], [x], ["eta", "nu"], ["x"])
 
 
@@ -200,7 +258,7 @@ def _states(vehicle: Vehicle, model: Model) -> list[Any]:
 
 
 def held(vehicle: Vehicle) -> Vehicle:
-    """The vehicle as the functions have it: thrusters that feel commands at once."""
+    """The vehicle as f has it: thrusters that feel commands at once."""
     still = without_effects(vehicle, delays)
     return msgspec.structs.replace(
         still, thruster=tuple(msgspec.structs.replace(one, delay=0.0) for one in still.thruster)
@@ -217,10 +275,10 @@ def delays(effect: Any) -> bool:
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:
-    """Errors of the velocity log, and delays, which no ordinary differential equation has."""
+    """Errors of the velocity log; and delays, which the step holds and no differential equation can."""
     found = lacking(vehicle, of_sensors)
     if (thruster_table(vehicle)[:, DELAY] > 0.0).any():
-        why = "f(x, u) knows no past; append the last commands to the state of the controller"
+        why = "held by step, in past commands; f and jacobian take what thrusters feel"
         found.append(Lack("command delay", why, held(vehicle)))
     return found
 

@@ -128,7 +128,8 @@ def warnings(vehicle: Vehicle) -> list[str]:
     if current(found).any():
         said.append(
             "current: Gazebo's added mass feels nu_dot and not nu_r_dot, so that M_A [omega x R^T v_c; 0] is "
-            "missing while the vehicle turns"
+            "missing while the vehicle turns; releases before April 2026 (gz-sim 8.11, 9.5, 10.1 and older) "
+            "take its Coriolis forces of nu, too"
         )
     return said
 

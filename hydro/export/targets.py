@@ -82,11 +82,12 @@ def choose(to: str | None, takes: str, output: str) -> Target:
     """
     known = targets()
     fitting = {name: target for name, target in known.items() if target.takes == takes}
-    what = "a vehicle file" if takes == "vehicle" else "a network"
+    what = "a vehicle file" if takes == "vehicle" else "a network or a policy"
     if to is not None and to not in known:
         raise UsageError(f"--to {to}: there is no such target; there are {', '.join(known)}")
     if to is not None and to not in fitting:
-        raise UsageError(f"--to {to}: does not take {what}, which goes to {', '.join(fitting)}")
+        other = "a network or a policy (.parquet)" if takes == "vehicle" else "a vehicle file (.toml)"
+        raise UsageError(f"--to {to}: takes {other}; {what} goes to {', '.join(fitting)}")
     if to is not None:
         return known[to]
     chosen = [target for target in fitting.values() if output.endswith(target.suffix)]

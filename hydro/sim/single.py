@@ -45,6 +45,8 @@ def load(path: str | Path) -> Pair:
     Raises:
         DataError: MuJoCo cannot read it, no vehicle is in it, or it is one of another version of hydro.
     """
+    if not Path(path).is_file():
+        raise DataError(f"{path}: no such file: check the path")
     try:
         model = mujoco.MjModel.from_xml_path(os.fspath(path))
     except ValueError as error:

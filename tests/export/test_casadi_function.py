@@ -14,7 +14,7 @@ from hydro.core.errors import UsageError
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.frames import euler_from_quaternion
 from hydro.export import casadi_function
-from hydro.export.casadi_function import BODY_STATES, functions, held, lacks, to_casadi
+from hydro.export.casadi_function import BODY_STATES, functions, lacks, to_casadi
 
 ca = pytest.importorskip("casadi", reason="the extra casadi is not installed")
 
@@ -44,11 +44,11 @@ def derivatives(made, eta, nu):
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_every_effect_but_delays_is_held(datasets, effect):
+def test_every_effect_is_held(datasets, effect):
     craft = with_effect(vehicle(datasets, "auv151"), effect)
     table = commanded(8, seconds=1.0)
     state = pl.DataFrame([[*ETA, *NU]] * table.height, schema=[*POSE, *VELOCITY], orient="row")
-    moved = simulate(held(craft), pl.concat([table, state], how="horizontal")).select(MOTION).to_numpy()
+    moved = simulate(craft, pl.concat([table, state], how="horizontal")).select(MOTION).to_numpy()
     made = functions(craft)
     assert apart(motion_of(made, given(table), ETA, NU), moved) < 1e-7
     assert [one.what for one in lacks(craft)] == (["command delay"] if effect == "command_delay" else [])
@@ -78,12 +78,37 @@ def test_time_is_a_state_where_the_current_changes_with_it(datasets):
     assert float(changing.step(changing.start([0] * 6, [0] * 6), [0] * 8)[-1]) == pytest.approx(DT)
 
 
-def test_a_delay_of_the_file_is_left_out_and_said(datasets):
+def late(craft, delays):
+    """The vehicle with a delay [s] of each thruster."""
+    thrusters = zip(craft.thruster, delays, strict=True)
+    return msgspec.structs.replace(
+        craft, thruster=tuple(msgspec.structs.replace(one, delay=delay) for one, delay in thrusters)
+    )
+
+
+def test_a_delay_is_held_by_the_step_and_said_of_f(datasets):
+    """From none to several steps, whole and not: twenty seconds are those of `simulate`."""
     craft = vehicle(datasets, "auv151")
-    late = tuple(msgspec.structs.replace(one, delay=0.1) for one in craft.thruster)
-    (lack,) = lacks(msgspec.structs.replace(craft, thruster=late))
+    slow = late(craft, [0.0, 0.02, 0.1, 0.013, 0.051, 0.033, 0.0, 0.1])
+    table = commanded(8, seconds=20.0)
+    made = functions(slow)
+    assert apart(motion_of(made, given(table)), simulate(slow, table).select(MOTION).to_numpy()) < 1e-6
+    past = [name for name in made.states if name.startswith("past_")]
+    assert [name for name in past if "_T5_" in name] == ["past_T5_1", "past_T5_2", "past_T5_3"]
+    assert len(past) == 1 + 5 + 1 + 3 + 2 + 5
+    (lack,) = lacks(slow)
     assert lack.what == "command delay"
     assert lack.without == craft
+
+
+def test_a_long_step_holds_a_delay_shorter_than_itself(datasets):
+    slow = late(vehicle(datasets, "auv151"), [0.06] * 8)
+    table = commanded(8, seconds=10.0)
+    coarse = table.gather_every(5)
+    made = functions(slow, length=0.1, substeps=50)
+    moved = simulate(slow, coarse).select(MOTION).to_numpy()
+    assert apart(motion_of(made, given(coarse)), moved) < 1e-6
+    assert sum(name.startswith("past_") for name in made.states) == 8
 
 
 def test_a_file_holds_all_four_functions_and_loads_as_f(datasets, tmp_path):

@@ -82,7 +82,7 @@ def test_effective_commands_are_warned_of(datasets):
 
 def test_files_that_are_none_are_refused_in_one_line(datasets, tmp_path):
     place = tmp_path / "rov.xml"
-    with pytest.raises(DataError, match=r"rov\.xml"):
+    with pytest.raises(DataError, match=r"rov\.xml: no such file"):
         hydro.load_student(place)
     place.write_text("<mujoco><worldbody/></mujoco>")
     with pytest.raises(DataError, match="no vehicle in water: make one with"):

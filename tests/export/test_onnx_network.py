@@ -54,4 +54,4 @@ def test_the_command_writes_a_network(tmp_path, capfd):
     assert main(["export", str(source), "--on", str(source), "-o", str(out)]) == 2
     assert "nothing is left out of a network" in capfd.readouterr().err
     assert main(["export", str(source), "--to", "gz", "-o", str(out)]) == 2
-    assert "does not take a network" in capfd.readouterr().err
+    assert "takes a vehicle file (.toml)" in capfd.readouterr().err

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array, Mask
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import UsageError
 from hydro.core.vehicle.description import Vehicle
+from hydro.sim.flight import require_alike
 from hydro.sim.plant import Readings, Snapshot, upright
 from hydro.sim.stonefish.program import STATE, Program, Row
-from hydro.sim.stonefish.recorder import Launch, stonefish_teacher
+from hydro.sim.stonefish.recorder import Launch, StonefishTeacher, stonefish_teacher
 from hydro.sim.stonefish.scenario import RATE, Delays, Scenario
 
 MOST = 256
@@ -60,12 +61,13 @@ class StonefishPlant:
         self._launch = launch
         self._readings = Readings.of(count, len(vehicle.thruster))
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        own = self._scenario(vehicle)
-        self._vehicles = [_One(own, ticks) for _ in range(count)]
+        subject = self._subject(vehicle)
+        self._flat = subject.pilot.program.flat
+        self._vehicles = [_One(subject.scenario, ticks) for _ in range(count)]
         self._coming = dict[int, _One]()
 
-    def _scenario(self, vehicle: Vehicle) -> Scenario:
-        return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden).scenario
+    def _subject(self, vehicle: Vehicle) -> StonefishTeacher:
+        return stonefish_teacher(vehicle, mesh=self._mesh, hidden=self._hidden)
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
         """Let some be other vehicles; see `sim.plant.Plant`.
@@ -74,12 +76,9 @@ class StonefishPlant:
             DataError: Stonefish has no place for something of one, or it has other thrusters.
         """
         for number, vehicle in vehicles.items():
-            if len(vehicle.thruster) != self.thrust.shape[1]:
-                raise DataError(
-                    f"{vehicle.name}: flies beside vehicles with other thrusters; give one that differs in "
-                    "its numbers alone"
-                )
-            self._coming[number] = _One(self._scenario(vehicle), self._ticks)
+            subject = self._subject(vehicle)
+            require_alike(vehicle.name, subject.pilot.program.flat, self._flat)
+            self._coming[number] = _One(subject.scenario, self._ticks)
 
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles somewhere; see `Plant`."""

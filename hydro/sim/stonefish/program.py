@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import shutil
 import subprocess
 import tempfile
@@ -33,6 +34,11 @@ NAME, PROTOCOL = "hydro-stonefish", 1
 VARIABLE = "HYDRO_STONEFISH"
 """Environment variable with the path of the program, where it is not on the PATH."""
 OLDEST = (1, 4)
+PATIENCE = 120.0
+"""Without a word of a program that still runs, it is given up [s]; a tick takes a millisecond at most, and a
+start with hundreds beside it a minute."""
+PIECE = 1 << 16
+"""Bytes read at once."""
 STATE, FELT = 13, 16
 """Numbers of a row up to the velocity, and up to the specific force."""
 
@@ -93,12 +99,14 @@ class Program:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._log,
-                text=True,
-                bufsize=1,
+                bufsize=0,
             )
         except OSError as error:
             folder.cleanup()
             raise UsageError(f"{shown(program)}: cannot be run: {error.strerror}") from None
+        assert self._process.stdout is not None
+        self._said, self._unread = select.poll(), b""
+        self._said.register(self._process.stdout, select.POLLIN)
         self.close: Callable[[], object] = weakref.finalize(self, _end, self._process, folder, self._log)
 
     def __enter__(self) -> Program:
@@ -173,23 +181,39 @@ class Program:
     def _ask(self, line: str) -> None:
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # why it ended its answer says
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
+            self._process.stdin.write(f"{line}\n".encode())
 
     def _line(self) -> str:
         """The next line of the program.
 
         Raises:
-            DataError: It has ended, or tells of an error.
+            DataError: It has ended, tells of an error, or says nothing for too long, and is then ended.
         """
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
+        line = self._read()
         if line.startswith("error "):
             raise DataError(f"{NAME}: {shown(line[len('error ') :].strip())}")
         if not line.strip():
             code = self._process.wait()
             raise DataError(f"{NAME} ended without an answer (exit code {code}): {self._last_words()}")
         return line
+
+    def _read(self) -> str:
+        """What comes up to the end of a line, or of all; no more is read than there is."""
+        assert self._process.stdout is not None
+        while b"\n" not in self._unread:
+            if not self._said.poll(1e3 * PATIENCE):
+                said = self._last_words()
+                self.close()
+                raise DataError(
+                    f"{NAME} gave no answer for {PATIENCE:g} s and was ended: {said}; try again with fewer "
+                    "vehicles at a time, or build bridge/stonefish anew"
+                )
+            piece = os.read(self._process.stdout.fileno(), PIECE)
+            if not piece:
+                break
+            self._unread += piece
+        line, _, self._unread = self._unread.partition(b"\n")
+        return line.decode(errors="replace")
 
     def _last_words(self) -> str:
         """The last line that it wrote beside its answers."""
@@ -199,7 +223,7 @@ class Program:
         return shown(said[-1])[:200] if said else "it said nothing of why"
 
 
-def _end(process: subprocess.Popen[str], folder: tempfile.TemporaryDirectory[str], log: IO[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str], log: IO[bytes]) -> None:
     """End a program and take away what it was given."""
     for stream in (process.stdin, process.stdout):
         if stream is not None:
