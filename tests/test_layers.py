@@ -49,6 +49,7 @@ LEVELS = {
         ("thrust_curves",),
         ("columns",),
         ("toml_text", "seeds"),
+        ("threads",),
         ("errors", "compiled", "progress"),
     ),
     "hydro.sim": (

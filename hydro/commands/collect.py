@@ -197,11 +197,10 @@ def _stonefish(subject: AnyTeacher) -> dict[str, str]:
 
 def _tell_duration(rows: int, given: _Given) -> None:
     """How long many rows take, about, before they do."""
-    import os
-
     from hydro.core.recording import extent
+    from hydro.core.threads import available
 
-    threads = min(given.threads or os.cpu_count() or 1, os.cpu_count() or 1)
+    threads = min(given.threads or available(), available())
     seconds = rows / ROWS_PER_SECOND[given.teacher] / threads
     if MANY <= rows <= extent.MOST_ROWS:
         size = rows * extent.BYTES_PER_ROW / 1e9

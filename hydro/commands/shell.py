@@ -281,13 +281,12 @@ def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False)
     """
     if not sys.stderr.isatty():
         return
-    import os
-
     from hydro.core.effects.catalogue import own_effects
     from hydro.core.identification.parameters import free
     from hydro.core.recording import extent
+    from hydro.core.threads import available
 
-    own, processors = own_effects(vehicle), os.cpu_count() or 1
+    own, processors = own_effects(vehicle), available()
     values = len(free(vehicle, own).entries) if own else 0
     seconds = extent.diagnosis_seconds(frame.height, values, processors)
     seconds *= extent.EXPLAINED if steps else 1.0

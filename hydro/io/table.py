@@ -12,14 +12,12 @@ import pyarrow.parquet as pq
 from msgspec import structs
 
 from hydro.core.errors import DataError
-from hydro.io import mistaken, provenance, schema, vehicle
-from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
+from hydro.io import mistaken, parquet, provenance, schema, vehicle
+from hydro.io.files import Source, name_of, read_bytes, write_bytes
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
 """Rows of a Parquet row group: fixed, so that the same table is the same bytes."""
-
-_MAGIC = b"PAR1"
 
 
 @dataclass(frozen=True)
@@ -110,17 +108,17 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
     content = read_bytes(source)
     try:
-        file = _open(content, name)
+        file = parquet.opened(content, name)
     except DataError as error:
         raise mistaken.explained(error, name, mistaken.RECORDING) from error
-    columns = _columns(file, name)
+    columns = parquet.columns(file, name)
     footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
     record = provenance.from_json(footer, name) if footer is not None else None
     kind = record.kind if record is not None else _fitting(wanted, columns)
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
     schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
-    frame = _decode(file, name)
+    frame = parquet.decode(file, name)
     rules = schema.suited(kind, frame)
     frame = rules.check(frame, name)
     digest = provenance.content_hash(frame)
@@ -159,46 +157,6 @@ def _encode(artefact: Artefact) -> memoryview:
     return memoryview(sink.getvalue())
 
 
-def _open(content: bytes, name: str) -> pq.ParquetFile:
-    """The Parquet file in these bytes."""
-    if not content.startswith(_MAGIC):
-        raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
-    if not content.endswith(_MAGIC) or len(content) < 12:
-        raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
-    try:
-        return pq.ParquetFile(pa.BufferReader(content))
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-
-
-def _columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
-    """Name and storage type of every column."""
-    try:
-        fields = list(file.schema_arrow)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-    names = [field.name for field in fields]
-    twice = sorted({column for column in names if names.count(column) > 1})
-    if twice:
-        raise DataError(f"{name}: column {shown(twice[0])} appears twice: leave one out")
-    return {field.name: _storage_type(field.type) for field in fields}
-
-
-def _storage_type(arrow: pa.DataType) -> str:
-    """The name by which schema files call an Arrow type, such as `float32`."""
-    if pa.types.is_dictionary(arrow):
-        return _storage_type(arrow.value_type)
-    if pa.types.is_string(arrow) or pa.types.is_large_string(arrow) or pa.types.is_string_view(arrow):
-        return "string"
-    if pa.types.is_list(arrow) or pa.types.is_large_list(arrow):
-        return f"list<{_storage_type(arrow.value_type)}>"
-    return {"float": "float32", "double": "float64", "halffloat": "float16", "bool": "boolean"}.get(
-        str(arrow), str(arrow)
-    )
-
-
 def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
     """The kind, of those wanted, whose columns differ least from these."""
 
@@ -206,30 +164,3 @@ def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
         return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in schema.versions(kind))
 
     return min(wanted, key=unlike)
-
-
-def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
-    """All rows, as polars; Arrow's memory is shared where it is in one piece."""
-    try:
-        arrow = file.read()
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-    for column, values in zip(arrow.column_names, arrow.columns, strict=True):
-        try:
-            values.validate(full=True)
-        except pa.ArrowException as error:
-            raise DataError(
-                f"{name}: {column} contains text that is not UTF-8: write it again ({error})"
-            ) from error
-    bare = pa.Table.from_arrays(
-        arrow.columns, names=arrow.column_names
-    )  # polars panics on odd field metadata
-    frame = pl.from_arrow(bare, rechunk=True)
-    assert isinstance(frame, pl.DataFrame)
-    return frame
-
-
-def _damaged(name: str, error: Exception) -> DataError:
-    """The error line for a file that Arrow cannot decode."""
-    reason = (str(error) or type(error).__name__).splitlines()[0]
-    return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")

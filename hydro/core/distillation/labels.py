@@ -19,7 +19,6 @@ A simulator that computes fluid forces at t_k and holds them until t_k+1 lags ha
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
@@ -49,6 +48,7 @@ from hydro.core.errors import DataError
 from hydro.core.recording.segments import resumes, sample_time, segments
 from hydro.core.recording.smoothing import Design, acceleration_noise, estimate, gains, reach, smooth
 from hydro.core.recording.supply import recorded_commands
+from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
@@ -129,7 +129,7 @@ def labels(
             forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
         label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(available()) as pool:
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
     _require_finite(raw, out)
     return raw.with_columns(pl.Series(name, column) for name, column in zip(names(count), out, strict=True))
