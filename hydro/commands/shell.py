@@ -160,16 +160,26 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
     Raises:
         DataError: neither says what the vehicle is, or the file is invalid.
     """
+    return vehicle_or(artefact.provenance.vehicle if file is None else None, artefact.kind, file)
+
+
+def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicle, str]:
+    """The same by the text in the footer of a table of some kind, where it has one.
+
+    Raises:
+        DataError: neither says what the vehicle is, or the file is invalid.
+    """
     from hydro.core import effects
     from hydro.io import vehicle
 
     if file is not None:
         known, text = vehicle.read(file)
-    elif (text := artefact.provenance.vehicle or "") != "":
+    elif footer:
+        text = footer
         known = vehicle.parse(text)
         vehicle.warn(known, text, "the vehicle in the footer")
     else:
-        raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
+        raise DataError(f"this {kind} table carries no vehicle in its footer: add --vehicle FILE")
     effects.validate(known)
     return known, text
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 from msgspec import structs
 
 from hydro.core.errors import DataError
-from hydro.io import mistaken, parquet, provenance, schema, vehicle
-from hydro.io.files import Source, name_of, read_bytes, write_bytes
+from hydro.io import mistaken, parquet, partitions, provenance, schema, vehicle
+from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
+from hydro.io.partitions import Dataset, Part
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
@@ -92,7 +95,8 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     """Read a table and hold it to its schema.
 
     Args:
-        source: path of a Parquet file, or a binary stream, read to its end.
+        source: path of a Parquet file or of a dataset's folder (`io.partitions`), whose sessions come one
+            after another, sorted by name; or a binary stream, read to its end.
         kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is
             taken as the first of them whose columns it has.
 
@@ -106,6 +110,8 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     """
     name = name_of(source)
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
+    if isinstance(source, str | Path) and partitions.is_dataset(source):
+        return _together(partitions.opened(source, wanted))
     content = read_bytes(source)
     try:
         file = parquet.opened(content, name)
@@ -114,7 +120,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     columns = parquet.columns(file, name)
     footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
     record = provenance.from_json(footer, name) if footer is not None else None
-    kind = record.kind if record is not None else _fitting(wanted, columns)
+    kind = record.kind if record is not None else schema.fitting(wanted, columns)
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
     schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
@@ -129,6 +135,58 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
             f"{name}: its rows are not those that its footer was written for: make the file again"
         )
     return Artefact(kind, frame, record)
+
+
+def read_part(part: Part) -> Artefact:
+    """Read one session of a dataset.
+
+    Raises:
+        DataError: as for `read`, or rows are of another session than its folder says.
+    """
+    artefact = read(part.path, part.kind)
+    others = artefact.frame.filter(pl.col("session") != part.session)["session"]
+    if others.len():
+        raise DataError(
+            f"{name_of(part.path)}: {others.len()} of {artefact.frame.height} rows are of session "
+            f"{shown(others[0])}, but its folder says {shown(part.session)}: write each session to its own"
+        )
+    return artefact
+
+
+def _together(dataset: Dataset) -> Artefact:
+    """All sessions of a dataset as one table; of the stage that made every one of them.
+
+    Raises:
+        DataError: as for `read_part`; or tables that were made, such as labels, were not made alike.
+    """
+    parts = [read_part(part) for part in dataset.parts]
+    frame = pl.concat([part.frame for part in parts], rechunk=True)
+    records = [part.provenance for part in parts]
+    whole = Provenance(
+        kind=dataset.kind,
+        schema=schema.suited(dataset.kind, frame).digest,
+        content=provenance.content_hash(frame),
+        inputs=_once(record.as_input() for record in records),
+        vehicle=dataset.vehicle,
+    )
+    first = records[0]
+    made = first.stage, first.parameters
+    odd = [number for number, one in enumerate(records) if (one.stage, one.parameters) != made]
+    if not odd and first.stage is not None:
+        inputs = _once(each for record in records for each in record.inputs)
+        whole = structs.replace(whole, stage=first.stage, parameters=first.parameters, inputs=inputs)
+    elif odd and dataset.kind != "raw":
+        one, other = (shown(dataset.parts[number].session) for number in (0, odd[0]))
+        raise DataError(
+            f"{name_of(dataset.folder)}: sessions {one} and {other} were not made alike, see `hydro show` of "
+            "each: make the folder again"
+        )
+    return Artefact(dataset.kind, frame, whole)
+
+
+def _once(inputs: Iterable[Input]) -> tuple[Input, ...]:
+    """Inputs in their order, each once."""
+    return tuple({msgspec.json.encode(each, order="sorted"): each for each in inputs}.values())
 
 
 def write(artefact: Artefact, destination: Source) -> None:
@@ -155,12 +213,3 @@ def _encode(artefact: Artefact) -> memoryview:
         writer.write_table(arrow, row_group_size=ROWS_PER_GROUP)
         writer.add_key_value_metadata({provenance.FOOTER_KEY: artefact.provenance.to_json()})
     return memoryview(sink.getvalue())
-
-
-def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
-    """The kind, of those wanted, whose columns differ least from these."""
-
-    def unlike(kind: str) -> int:
-        return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in schema.versions(kind))
-
-    return min(wanted, key=unlike)
