@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
 from hydro.commands.places import FILE, Output, SessionsOutput
 from hydro.commands.recordings import (
     Definitions,
@@ -35,6 +36,11 @@ from hydro.commands.shell import (
     write,
 )
 from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from hydro.study.engine import Engine
 
 Labels = Annotated[
     str, typer.Argument(metavar="LABELS", show_default=False, help="Labels table; nothing or - is stdin.")
@@ -75,6 +81,9 @@ def labels(
     vehicle: VehicleFile = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
     output: SessionsOutput = STREAM,
 ) -> None:
     """Compute the force on the vehicle that its known physics does not explain.
@@ -90,8 +99,10 @@ def labels(
 
     Of a folder with a file session=NAME/part.parquet for each session, labels go to another such folder, one
     session after another: memory is that of one. The filter of the noise is found once from all of them.
+    With --engine ray the nodes of a Ray cluster share the sessions; every byte is the same.
 
         hydro labels dives -o labels
+        hydro labels dives -o labels --engine ray --address 10.0.0.1:6379
     """
     from hydro.core.distillation.labels_of_samples import Bounds
     from hydro.study.labelling import Labelling, label
@@ -102,8 +113,9 @@ def labels(
         given = noise_for(noise)
         how["noise"] = (*[given.velocity] * 3, *[given.rate] * 3)
     if (folder := dataset(raw)) is not None:
-        _labels_of_sessions(folder, vehicle, how, output)
+        _labels_of_sessions(folder, vehicle, how, output, engine_for(engine, address, threads))
         return
+    refuse_engine(engine, "labels are shared out by sessions: give a folder of them")
     refuse_terminal(output)
     name, source = called(raw), Logs(map_, msg, vehicle).read(raw)
     known, text = vehicle_for(source, vehicle)
@@ -115,20 +127,30 @@ def labels(
     write(made, output)
 
 
-def _labels_of_sessions(folder: str, vehicle: Path | None, how: dict[str, Any], output: str) -> None:
+def _labels_of_sessions(
+    folder: str,
+    vehicle: Path | None,
+    how: dict[str, Any],
+    output: str,
+    where: AbstractContextManager[Engine],
+) -> None:
     """Labels of a dataset, session by session."""
+    from functools import partial
+
     from hydro.io import partitions
-    from hydro.study.labelling import Labelling, label_part, shared
+    from hydro.study.labelling import Labelling, label_part, shared, warm
 
     if output == STREAM:
         raise UsageError(f"the labels of {folder} are a folder, too: add -o FOLDER")
     data = partitions.opened(folder, ("raw",))
     _, text = vehicle_or(None if vehicle else data.vehicle, data.kind, vehicle)
     labelling = shared(data, Labelling(text, **how))
-    with progress("labels") as update:
-        for number, part in enumerate(data.parts):
-            update(number, len(data.parts), part.session)
-            for words in label_part(part, Path(output), labelling).notes:
+    tasks = [(part, Path(output), labelling) for part in data.parts]
+    with where as engine, progress("labels") as update:
+        done = engine.each(label_part, tasks, partial(warm, data.parts[0], labelling))
+        for number, (part, labelled) in enumerate(zip(data.parts, done, strict=True)):
+            update(number + 1, len(data.parts), part.session)
+            for words in labelled.notes:
                 report(str(part.path), words)
     tell_strangers(output, (part.session for part in data.parts))
 

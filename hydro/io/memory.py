@@ -1,7 +1,7 @@
 """Memory that is free goes back to the operating system, between one session of a dataset and the next.
 
-Allocators keep what was freed for the next request, and one that asks for pieces of other sizes finds little of
-use there: after sixteen sessions of 100,000 rows a process held 1.6 times what it needs for one.
+Allocators keep what was freed for the next request, and one that asks for pieces of other sizes finds little
+of use there: after sixteen sessions of 100,000 rows a process held 1.6 times what it needs for one.
 """
 
 from __future__ import annotations

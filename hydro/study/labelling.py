@@ -6,6 +6,7 @@ written and forgotten.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +26,8 @@ from hydro.io.partitions import Dataset, Part
 from hydro.io.table import Artefact
 
 BOUNDS = Bounds()
+WARM = 64
+"""Rows that are enough to compile every kernel."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +158,14 @@ def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
     notes = _written(part, target, how)
     memory.give_back()
     return Labelled(part.session, notes)
+
+
+def warm(part: Part, how: Labelling) -> None:
+    """Compile what labels need, on the first rows of a session."""
+    head = partitions.scan(part.path).head(WARM).collect()
+    rows = table.make(part.kind, head, stage="warm")
+    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+        label(rows, how)
 
 
 def _written(part: Part, target: Path, how: Labelling) -> tuple[str, ...]:
