@@ -147,7 +147,8 @@ def _labels_of_sessions(
     labelling = shared(data, Labelling(text, **how))
     tasks = [(part, Path(output), labelling) for part in data.parts]
     with where as engine, progress("labels") as update:
-        done = engine.each(label_part, tasks, partial(warm, data.parts[0], labelling))
+        engine.prepare(partial(warm, data.parts[0], labelling))
+        done = engine.each(label_part, tasks)
         for number, (part, labelled) in enumerate(zip(data.parts, done, strict=True)):
             update(number + 1, len(data.parts), part.session)
             for words in labelled.notes:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hydro.commands.shell import here, message
 from hydro.core.errors import UsageError
 
 if TYPE_CHECKING:
     from hydro.study.engine import Engine
-    from hydro.study.steps import Step
+    from hydro.study.steps import Runner, Step
 
 HERE: Literal["here"] = "here"
 EngineName = Annotated[
@@ -60,6 +62,23 @@ def engine_for(
     from hydro.study.cluster import Cluster
 
     return Cluster(address, threads)
+
+
+@contextmanager
+def runner(
+    context: typer.Context, folder: Path, workers: int, name: str, address: str | None, threads: int
+) -> Iterator[tuple[Runner, int]]:
+    """What runs the steps of a study, and how many at a time.
+
+    Here it is this process, or each of several side by side in one of its own; a cluster runs as many as it
+    has room for.
+    """
+    from hydro.study.steps import Runner, apart
+
+    execute = here(context.find_root().command) if workers == 1 else apart
+    with engine_for(name, address, threads, execute) as engine:
+        engine.prepare()
+        yield Runner(folder, engine.execute, message), workers if name == HERE else engine.slots
 
 
 def refuse_engine(name: str, why: str) -> None:

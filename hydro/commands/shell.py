@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
     from hydro.io.table import Artefact
-    from hydro.study.steps import Runner, Step
+    from hydro.study.steps import Step
 
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
@@ -310,13 +310,6 @@ def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False)
 def here(root: Any) -> Callable[[Step], None]:
     """Run steps of a study in this process, by a Click command."""
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
-
-
-def runner(context: typer.Context, folder: Path, workers: int) -> Runner:
-    """What runs the steps of a study: in this process, or each of several side by side in one of its own."""
-    from hydro.study.steps import Runner, apart
-
-    return Runner(folder, here(context.find_root().command) if workers == 1 else apart, message)
 
 
 def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:

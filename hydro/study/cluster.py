@@ -82,19 +82,13 @@ class Cluster:
         """Disconnect; a cluster that was started for this process ends."""
         self._ray.shutdown()
 
-    def each(
-        self,
-        task: Callable[..., Result],
-        arguments: Sequence[tuple[Any, ...]],
-        warm: Callable[[], object] | None = None,
-    ) -> Iterator[Result]:
+    def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
         """See `study.engine.Engine.each`.
 
         Raises:
             HydroError: What the first task that failed said.
-            DataError: A node has another version, does not see this folder, or went too often.
+            DataError: A node does not see this folder, or nodes went too often.
         """
-        self._warm(warm)
         waiting = [self._run.remote(self._home, task, each) for each in arguments]
         try:
             for number, one in enumerate(waiting):
@@ -129,13 +123,17 @@ class Cluster:
         ]
         return [node for node in found if node[2]]
 
-    def _warm(self, task: Callable[[], object] | None) -> None:
-        """Prepare every node, and refuse one that has another hydro or Python."""
+    def prepare(self, warm: Callable[[], object] | None = None) -> None:
+        """Let every node do something once, and refuse one that has another hydro or Python.
+
+        Raises:
+            DataError: A node has another version, or does not see this folder.
+        """
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy as On
 
         nodes = self._nodes()
         begun = [
-            self._run.options(scheduling_strategy=On(node, soft=True)).remote(self._home, _prepared, (task,))
+            self._run.options(scheduling_strategy=On(node, soft=True)).remote(self._home, _prepared, (warm,))
             for node, _, _ in nodes
         ]
         here = _versions()

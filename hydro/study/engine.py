@@ -19,18 +19,15 @@ class Engine(Protocol):
 
     slots: int
 
-    def each(
-        self,
-        task: Callable[..., Result],
-        arguments: Sequence[tuple[Any, ...]],
-        warm: Callable[[], object] | None = None,
-    ) -> Iterator[Result]:
+    def prepare(self, warm: Callable[[], object] | None = None) -> None:
+        """See that every node can work, and let it do once what comes first, such as compiling kernels."""
+
+    def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
         """Results of a task with each of the arguments, in their order.
 
         Args:
             task: A function of a module: nodes know it by its name.
             arguments: Of each call.
-            warm: What a node does first, once, such as compiling kernels.
         """
 
     def execute(self, step: Step) -> None:
@@ -50,12 +47,10 @@ class Here:
         """Run steps by a function such as `steps.apart`."""
         self.execute = execute
 
-    def each(
-        self,
-        task: Callable[..., Result],
-        arguments: Sequence[tuple[Any, ...]],
-        warm: Callable[[], object] | None = None,
-    ) -> Iterator[Result]:
-        """See `Engine.each`; this process is warm after its first task."""
+    def prepare(self, warm: Callable[[], object] | None = None) -> None:
+        """Nothing: this process has compiled its kernels after its first task."""
+
+    def each(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
+        """See `Engine.each`."""
         for each in arguments:
             yield task(*each)

@@ -27,12 +27,14 @@ class Step:
         reads: Files it depends on.
         writes: Files it makes.
         kind: Steps of one kind take about as long: the command, and what else matters, such as a model.
+        holds: Folders that it writes into and that no other may meanwhile.
     """
 
     line: tuple[str, ...]
     reads: tuple[Path, ...]
     writes: tuple[Path, ...]
     kind: tuple[str, ...] = ()
+    holds: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:
@@ -217,10 +219,15 @@ def captured(step: Step) -> tuple[int, str, str]:
 
 
 def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:
-    """Steps that may begin: no other that is still to end writes what they read."""
+    """Steps that may begin: no other that is still to end writes what they read, or holds their folders."""
     busy = list(running)
     to_come = {path for step in (*waiting, *busy) for path in step.writes}
-    ready = [step for step in waiting if to_come.isdisjoint(step.reads)]
+    held = {folder for step in busy for folder in step.holds}
+    ready = list[Step]()
+    for step in waiting:
+        if to_come.isdisjoint(step.reads) and held.isdisjoint(step.holds):
+            ready.append(step)
+            held.update(step.holds)
     return ready[: workers - len(busy)]
 
 
