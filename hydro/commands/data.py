@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -135,8 +136,6 @@ def _labels_of_sessions(
     where: AbstractContextManager[Engine],
 ) -> None:
     """Labels of a dataset, session by session."""
-    from functools import partial
-
     from hydro.io import partitions
     from hydro.study.labelling import Labelling, label_part, shared, warm
 

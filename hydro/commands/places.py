@@ -29,14 +29,18 @@ class Writes:
     Attributes:
         folder: Into a folder, which is made where it is missing; else one file, in a folder that is there.
         like: An argument: where it is a dataset, a folder of sessions, the command writes one too.
+        where: And that only where this option is given; always by default.
     """
 
     folder: bool = False
     like: str = ""
+    where: str = ""
 
     def to_folder(self, given: Mapping[str, Any]) -> bool:
         """Whether it is a folder that a command writes into which is called like this."""
-        return self.folder or (bool(self.like) and any(_is_dataset(one) for one in _each(given[self.like])))
+        if self.folder or not self.like or (self.where and not given[self.where]):
+            return self.folder
+        return any(_is_dataset(one) for one in _each(given[self.like]))
 
 
 FILE, FOLDER = Writes(), Writes(folder=True)
@@ -59,6 +63,17 @@ SessionsOutput = Annotated[
         help="Where to write; nothing or - is stdout. Of a folder of sessions, a folder of them.",
     ),
     Writes(like="raw"),
+]
+EachOutput = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        show_default=False,
+        help="Where to write; nothing or - is stdout. With --each, a folder.",
+    ),
+    Writes(like="measured", where="each"),
 ]
 
 

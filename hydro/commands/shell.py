@@ -130,6 +130,18 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
     Raises:
         DataError: the file is invalid, or has nothing of a name.
     """
+    from hydro.io import vehicle
+
+    found, text = vehicle_held(file, known)
+    return vehicle.without_errors_from(found, source.provenance.content), text
+
+
+def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
+    """The same with all standard errors, wherever they come from.
+
+    Raises:
+        DataError: the file is invalid, or has nothing of a name.
+    """
     from hydro.core import effects
     from hydro.io import covariance, vehicle
 
@@ -141,7 +153,7 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
         effects.validate(found)
     if estimates is not None:
         found = covariance.with_errors(found, estimates)
-    return vehicle.without_errors_from(found, source.provenance.content), text
+    return found, text
 
 
 def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
