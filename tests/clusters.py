@@ -42,6 +42,17 @@ class TwoNodes:
             start_new_session=True,
         )
 
+    def wait(self) -> None:
+        """Until the cluster knows both nodes."""
+        from hydro.study.cluster import Cluster
+
+        for _ in range(int(WAIT)):
+            with Cluster(self.address) as cluster:
+                if cluster.slots == 2:
+                    return
+            time.sleep(1.0)
+        raise OSError("the second node has not come")
+
     def kill(self, node: str) -> None:
         """End a node at once with all its workers, as a machine that loses its power does."""
         process = self.nodes.pop(node)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import threading
 import time
@@ -13,9 +14,11 @@ import polars as pl
 import pytest
 import recordings
 
+from benchmarks.imperfect_base.work import add_workers, done
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
 from hydro.io import partitions, table
+from hydro.io import vehicle as vehicles
 from hydro.io.files import bundled
 from hydro.study.steps import Runner, Step, StepFailed
 
@@ -56,6 +59,26 @@ def test_labels_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path):
     assert len(content(tmp_path / "here")) == len(NAMES)
 
 
+def test_diagnoses_of_a_cluster_are_those_of_one_process(nodes, dives, tmp_path, capfd):
+    """Session by session as a file of its own; one that is too short holds nobody up."""
+    few, vehicle = tmp_path / "few", vehicles.read(VEHICLE)[0]
+    for name in ("a", "short"):
+        target = partitions.place(few, name)
+        target.parent.mkdir(parents=True)
+        rows = recordings.moved(vehicle, seed=1, rows=1650).head(1650 if name == "a" else 12)
+        made = table.make("raw", rows.with_columns(session=pl.lit(name)), stage="import")
+        table.write(made, target)
+    alone = tmp_path / "a.parquet"
+    assert cli.main(["diagnose", VEHICLE, str(partitions.place(few, "a")), "-o", str(alone)]) == 0
+    ray = ["--engine", "ray", "--address", nodes.address]
+    assert cli.main(["diagnose", VEHICLE, str(few), "--each", *ray, "-o", str(tmp_path / "each")]) == 1
+    assert partitions.place(tmp_path / "each", "a").read_bytes() == alone.read_bytes()
+    told = capfd.readouterr().err
+    assert f"hydro: {partitions.place(few, 'short')}: " in told
+    assert "1 of 2 sessions could not be diagnosed, see above" in told
+    assert partitions.sessions(tmp_path / "each") == ["a"]
+
+
 def slow_copy(source: Path, folder: Path) -> str:
     """A task that leaves a mark where it began, takes its time and writes a file; the node it ran on."""
     import ray
@@ -84,14 +107,22 @@ def failing(number: int) -> int:
 def test_both_nodes_work_each_with_the_threads_it_was_given(nodes):
     from hydro.study.cluster import Cluster
 
+    nodes.wait()
     with Cluster(nodes.address) as cluster:
         assert cluster.slots == 2
         cluster.prepare()
         assert set(cluster.each(threads, [(1,), (2,)])) == {(1, "1")}
         found = cluster.each(failing, [(number,) for number in range(4)])
         assert [next(found), next(found)] == [0, 1]
-        with pytest.raises(DataError, match="^the third is at fault$"):
+        with pytest.raises(DataError, match=r"^the third is at fault$"):
             next(found)
+
+
+def test_benchmarks_run_their_tasks_on_the_cluster(nodes):
+    parser = argparse.ArgumentParser()
+    add_workers(parser)
+    chosen = parser.parse_args(["--engine", "ray", "--address", nodes.address])
+    assert sorted(done(abs, [(-1,), (2,), (-3,)], chosen)) == [1, 2, 3]
 
 
 def test_a_study_runs_its_steps_on_the_cluster(nodes, tmp_path, capsys):
@@ -137,7 +168,7 @@ def test_what_is_no_ray_head_is_told_apart(tmp_path, monkeypatch):
 
     from hydro.study import cluster
 
-    monkeypatch.setattr(cluster, "PATIENCE", (1.0, 0.2))
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
     with socket.socket() as deaf:
         deaf.bind((clusters.HEAD, 0))
         deaf.listen()
@@ -185,6 +216,7 @@ def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, div
             time.sleep(0.05)
         nodes.kill(clusters.SECOND)
 
+    nodes.wait()
     killer = threading.Thread(target=kill, daemon=True)
     with Cluster(nodes.address) as cluster:
         cluster.prepare()

@@ -7,10 +7,10 @@ before any work is given out: of several workers that begin at once each would c
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import socket
-import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -24,8 +24,11 @@ from hydro.study.steps import Step, StepFailed, captured
 Result = TypeVar("Result")
 RETRIES = 4
 """Times that a task is run again whose worker or node has gone."""
-PATIENCE = 5.0, 30.0
+PATIENCE = 5.0
 """Seconds that an address has to take a connection, and to answer as Ray does."""
+_SETTINGS = b"\x04"
+_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0" + _SETTINGS + bytes(5)
+"""What a client of gRPC, which Ray speaks, says first; its server answers with settings of its own."""
 
 
 class Cluster:
@@ -89,14 +92,34 @@ class Cluster:
             HydroError: What the first task that failed said.
             DataError: A node does not see this folder, or nodes went too often.
         """
-        waiting = [self._run.remote(self._home, task, each) for each in arguments]
+        waiting = self._begun(task, arguments)
         try:
-            for number, one in enumerate(waiting):
-                yield self._result(one)
-                waiting[number] = None
+            while waiting:
+                yield self._result(waiting[0])
+                del waiting[0]
         finally:
-            for one in filter(None, waiting):
-                self._ray.cancel(one)
+            self._cancel(waiting)
+
+    def as_they_end(
+        self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
+    ) -> Iterator[Result]:
+        """The same results, each as soon as it is there."""
+        waiting = self._begun(task, arguments)
+        try:
+            while waiting:
+                ended, waiting = self._ray.wait(waiting)
+                yield from map(self._result, ended)
+        finally:
+            self._cancel(waiting)
+
+    def _begun(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """References to results that are still to come."""
+        return [self._run.remote(self._home, task, each) for each in arguments]
+
+    def _cancel(self, waiting: Sequence[Any]) -> None:
+        """Let nobody work on what nobody waits for."""
+        for one in waiting:
+            self._ray.cancel(one)
 
     def execute(self, step: Step) -> None:
         """Run a step of a study on a node, in a process of its own.
@@ -217,20 +240,15 @@ def _require_answer(address: str) -> None:
             f"--address {address!r:.80}: give HOST:PORT of the cluster's head, or ray://HOST:PORT"
         )
     try:
-        socket.create_connection((host, int(port)), timeout=PATIENCE[0]).close()
+        line = socket.create_connection((host, int(port)), timeout=PATIENCE)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UsageError(
             f"--address {address}: cannot be reached ({reason}): does `ray start --head` run there?"
         ) from None
-    if address.startswith("ray://"):
-        return
-    line = [sys.executable, "-m", "ray.scripts.scripts", "health-check", "--address", address]
-    try:
-        sound = subprocess.run(line, capture_output=True, timeout=PATIENCE[1], check=False).returncode == 0
-    except subprocess.TimeoutExpired:
-        sound = False
-    if not sound:
-        raise UsageError(
-            f"--address {address}: what listens there is no Ray head of this version: see `ray status`"
-        )
+    answer = b""
+    with line, contextlib.suppress(OSError):
+        line.sendall(_GREETING)
+        answer = line.recv(len(_GREETING))
+    if answer[3:4] != _SETTINGS:
+        raise UsageError(f"--address {address}: what listens there is no Ray head: see `ray status`")

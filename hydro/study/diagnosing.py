@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hydro.core.diagnosis.baseline import refit, stable_start
 from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
+from hydro.core.recording.segments import sample_time
 from hydro.io import covariance, memory, partitions, table, vehicle
 from hydro.io.files import name_of
 from hydro.io.partitions import Part
@@ -75,13 +78,15 @@ def _written(part: Part, target: Path, start: Vehicle, text: str) -> pl.DataFram
 
 
 def warm(part: Part, start: Vehicle) -> None:
-    """Compile what a diagnosis needs first: the shots of a few rows of a session."""
-    rows = partitions.scan(part.path).head(WARM).collect()
-    try:
-        diagnose_log(start, preprocess(start, table.conform(part.kind, rows)))
-    except DataError:  # said of the whole session, if it is so there
-        return
+    """Compile what a diagnosis begins with, on the first rows of a session."""
+    rows = partitions.scan(part.path)
+    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+        dt = sample_time(rows.select("session", "t").head(FEW).collect())
+        head = table.conform(part.kind, rows.head(round(WARM / dt)).collect())
+        log = preprocess(start, head)
+        begun, problem = stable_start(start, log)
+        refit(start, log, problem, begun)
 
 
-WARM = 500
-"""Rows of a diagnosis that compiles every kernel and takes a second."""
+FEW, WARM = 100, 40.0
+"""Rows that tell the sample time, and seconds that are enough for a fit."""
