@@ -2,10 +2,14 @@
 
     python -m benchmarks.partitions make FOLDER --sessions 16 --rows 857542
     python -m benchmarks.partitions memory FOLDER
+    python -m benchmarks.partitions speed FOLDER
 
 `make` writes sessions out of the bundled recording, over and over with a little noise: what they say does not
 matter here, how many rows they have does.  `memory` labels one session as a file, the same in a folder, and
-all of them in a folder, each in a process of its own, and tells the peak of its resident memory.
+all of them in a folder, each in a process of its own, and tells the peak of its resident memory.  `speed`
+labels all of them in this process, on a cluster of one node and on one of two, each of one thread and warm;
+rounds take turns, and medians are told: of the time from the first task to the last result, and of the tasks'
+processor time.
 """
 
 from __future__ import annotations
@@ -16,14 +20,23 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 
+from benchmarks.nodes import nodes
+from hydro.core import threads
 from hydro.core.columns import VELOCITY
 from hydro.io import partitions, table
 from hydro.io.files import bundled
+from hydro.io.partitions import Dataset, Part
+from hydro.study.cluster import Cluster
+from hydro.study.engine import Engine, Here
+from hydro.study.labelling import Labelling, label_part, shared, warm
+from hydro.study.steps import apart
 
 DT = 0.02
 NOISE = (0.01, 0.01, 0.01, 0.002, 0.002, 0.002)
@@ -91,6 +104,47 @@ def memory(folder: Path, vehicle: Path, rounds: int) -> None:
             print(f"{name:16} peak {megabytes:5.0f} MB, {megabytes / base:.2f}; processor {seconds:.1f} s")
 
 
+def timed(part: Part, folder: Path, how: Labelling) -> float:
+    """Label a session; processor time that it took [s]."""
+    began = time.process_time()
+    label_part(part, folder, how)
+    return time.process_time() - began
+
+
+def labelled(engine: Engine, data: Dataset, how: Labelling, scratch: Path) -> tuple[float, float]:
+    """Label all sessions once the nodes are warm; wall time, and the tasks' processor time [s]."""
+    engine.prepare(partial(warm, data.parts[0], how))
+    room = [(data.parts[0], scratch, how)] * (engine.slots if engine.slots > 1 else 1)
+    list(engine.each(timed, room))  # workers have begun
+    began = time.perf_counter()
+    spent = sum(engine.each(timed, [(part, scratch, how) for part in data.parts]))
+    return time.perf_counter() - began, spent
+
+
+def speed(folder: Path, vehicle: Path, rounds: int) -> None:
+    """Label all sessions here, on one node and on two; print the medians."""
+    os.environ[threads.VARIABLE] = "1"
+    data = partitions.opened(folder, ("raw",))
+    how = shared(data, Labelling(vehicle.read_text()))
+    found: dict[str, list[tuple[float, float]]] = {"this process": [], "one node": [], "two nodes": []}
+    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch, nodes(1) as one, nodes(2) as two:
+        clusters = {"one node": one, "two nodes": two}
+        for cluster in clusters.values():
+            cluster.wait()
+        for _ in range(rounds):
+            found["this process"].append(labelled(Here(apart), data, how, Path(scratch)))
+            for name, cluster in clusters.items():
+                with Cluster(cluster.address) as engine:
+                    found[name].append(labelled(engine, data, how, Path(scratch)))
+    walls = {name: np.array(measured)[:, 0] for name, measured in found.items()}
+    print(f"{len(data.parts)} sessions of {data.parts[0].rows:,} rows; medians of {rounds} rounds")
+    for name, measured in found.items():
+        wall, spent = np.median(measured, axis=0)
+        times = walls["one node"] / walls[name]
+        fast = f"{np.median(times):.2f} [{times.min():.2f}, {times.max():.2f}] times as fast as one node"
+        print(f"{name:16} {wall:6.1f} s, {fast}; processor {spent:.1f} s")
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(prog="python -m benchmarks.partitions", description=__doc__.splitlines()[0])
@@ -105,6 +159,11 @@ def parser() -> argparse.ArgumentParser:
     measured.add_argument("--vehicle", type=Path, default=bundled("stonefish") / "vehicle.toml")
     measured.add_argument("--rounds", type=int, default=3)
     measured.set_defaults(action=lambda chosen: memory(chosen.folder, chosen.vehicle, chosen.rounds))
+    timing = commands.add_parser("speed", help="one node of a cluster, and two")
+    timing.add_argument("folder", type=Path)
+    timing.add_argument("--vehicle", type=Path, default=bundled("stonefish") / "vehicle.toml")
+    timing.add_argument("--rounds", type=int, default=3)
+    timing.set_defaults(action=lambda chosen: speed(chosen.folder, chosen.vehicle, chosen.rounds))
     return top
 
 

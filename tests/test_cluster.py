@@ -9,11 +9,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import clusters
 import polars as pl
 import pytest
 import recordings
 
+from benchmarks import nodes as two
 from benchmarks.imperfect_base.work import add_workers, done
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
@@ -30,8 +30,8 @@ NAMES = ("a", "b", "c", "d")
 
 
 @pytest.fixture(scope="module")
-def nodes() -> Iterator[clusters.TwoNodes]:
-    with clusters.two_nodes() as found:
+def nodes() -> Iterator[two.Nodes]:
+    with two.nodes() as found:
         yield found
 
 
@@ -170,10 +170,10 @@ def test_what_is_no_ray_head_is_told_apart(tmp_path, monkeypatch):
 
     monkeypatch.setattr(cluster, "PATIENCE", 0.2)
     with socket.socket() as deaf:
-        deaf.bind((clusters.HEAD, 0))
+        deaf.bind((two.HEAD, 0))
         deaf.listen()
         with pytest.raises(UsageError, match="no Ray head"):
-            cluster.Cluster(f"{clusters.HEAD}:{deaf.getsockname()[1]}")
+            cluster.Cluster(f"{two.HEAD}:{deaf.getsockname()[1]}")
 
 
 def test_without_ray_one_line_says_what_to_install(dives, tmp_path, capsys, monkeypatch):
@@ -209,12 +209,12 @@ def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, div
     """The last of this module: the second node is gone afterwards."""
     from hydro.study.cluster import Cluster
 
-    marks = f"*.{clusters.SECOND}.begun"
+    marks = f"*.{two.SECOND}.begun"
 
     def kill() -> None:
         while not list(tmp_path.glob(marks)):
             time.sleep(0.05)
-        nodes.kill(clusters.SECOND)
+        nodes.kill(two.SECOND)
 
     nodes.wait()
     killer = threading.Thread(target=kill, daemon=True)
@@ -225,6 +225,6 @@ def test_a_node_that_is_killed_on_the_way_costs_time_and_nothing_else(nodes, div
         on = list(cluster.each(slow_copy, [(source, tmp_path) for source in sources]))
     killer.join()
     assert list(tmp_path.glob(marks)), "it had begun there"
-    assert on.count(clusters.HEAD) >= 3
+    assert on.count(two.HEAD) >= 3
     for source in sources:
         assert (tmp_path / f"{source.parent.name}.parquet").read_bytes() == source.read_bytes()

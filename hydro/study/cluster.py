@@ -92,34 +92,25 @@ class Cluster:
             HydroError: What the first task that failed said.
             DataError: A node does not see this folder, or nodes went too often.
         """
-        waiting = self._begun(task, arguments)
-        try:
-            while waiting:
-                yield self._result(waiting[0])
-                del waiting[0]
-        finally:
-            self._cancel(waiting)
+        for one in self._begun(task, arguments):
+            yield self._result(one)
 
     def as_they_end(
         self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]
     ) -> Iterator[Result]:
         """The same results, each as soon as it is there."""
         waiting = self._begun(task, arguments)
-        try:
-            while waiting:
-                ended, waiting = self._ray.wait(waiting)
-                yield from map(self._result, ended)
-        finally:
-            self._cancel(waiting)
+        while waiting:
+            ended, waiting = self._ray.wait(waiting)
+            yield from map(self._result, ended)
 
     def _begun(self, task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """References to results that are still to come."""
-        return [self._run.remote(self._home, task, each) for each in arguments]
+        """References to results that are still to come.
 
-    def _cancel(self, waiting: Sequence[Any]) -> None:
-        """Let nobody work on what nobody waits for."""
-        for one in waiting:
-            self._ray.cancel(one)
+        What nobody waits for any more ends as this process disconnects.  It is not cancelled before: Ray 2.60
+        ends the process where a task that is cancelled completes meanwhile.
+        """
+        return [self._run.remote(self._home, task, each) for each in arguments]
 
     def execute(self, step: Step) -> None:
         """Run a step of a study on a node, in a process of its own.

@@ -1,4 +1,4 @@
-"""A Ray cluster of two nodes on this machine, each with one processor, on addresses of the loopback."""
+"""Ray clusters of this machine, for tests and timings: nodes of one processor on addresses of the loopback."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-HEAD, SECOND = "127.0.0.2", "127.0.0.3"
+HEAD, SECOND = ADDRESSES = "127.0.0.2", "127.0.0.3"
 """A head bound to 127.0.0.1 would hang: Ray takes that for `whichever address this machine has`."""
 ROOT = Path(__file__).resolve().parents[1]
 WAIT = 60.0
 
 
 @dataclass
-class TwoNodes:
+class Nodes:
     """The cluster, and the processes that hold its nodes."""
 
     address: str
@@ -43,15 +43,15 @@ class TwoNodes:
         )
 
     def wait(self) -> None:
-        """Until the cluster knows both nodes."""
+        """Until the cluster knows all its nodes."""
         from hydro.study.cluster import Cluster
 
         for _ in range(int(WAIT)):
             with Cluster(self.address) as cluster:
-                if cluster.slots == 2:
+                if cluster.slots == len(self.nodes):
                     return
             time.sleep(1.0)
-        raise OSError("the second node has not come")
+        raise OSError("not all nodes have come")
 
     def kill(self, node: str) -> None:
         """End a node at once with all its workers, as a machine that loses its power does."""
@@ -95,17 +95,18 @@ def _wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
 
 
 @contextlib.contextmanager
-def two_nodes() -> Iterator[TwoNodes]:
-    """Start both nodes; end what is left of them."""
+def nodes(count: int = 2) -> Iterator[Nodes]:
+    """Start one node or two; end what is left of them."""
     port = _free_port()
-    cluster = TwoNodes(f"{HEAD}:{port}")
+    cluster = Nodes(f"{HEAD}:{port}")
     # paths of sockets are short: not pytest's own folders
     with tempfile.TemporaryDirectory(prefix="ray", ignore_cleanup_errors=True) as folder:
         try:
             head = ("--head", f"--port={port}", "--include-dashboard=false", f"--temp-dir={folder}")
             cluster.begin(HEAD, *head)
             _wait_for(cluster.address, cluster.nodes[HEAD])
-            cluster.begin(SECOND, f"--address={cluster.address}")
+            for node in ADDRESSES[1:count]:
+                cluster.begin(node, f"--address={cluster.address}")
             yield cluster
         finally:
             for node in list(cluster.nodes):
