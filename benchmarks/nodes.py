@@ -1,4 +1,4 @@
-"""Ray clusters of this machine, for tests and timings: nodes of one processor on addresses of the loopback."""
+"""Ray clusters of this machine, for tests and timings: nodes of one processor, addresses of the loopback."""
 
 from __future__ import annotations
 

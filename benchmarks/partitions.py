@@ -21,15 +21,17 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import polars as pl
+import ray
 
 from benchmarks.nodes import nodes
 from hydro.core import threads
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import VELOCITY, Array
 from hydro.io import partitions, table
 from hydro.io.files import bundled
 from hydro.io.partitions import Dataset, Part
@@ -104,21 +106,23 @@ def memory(folder: Path, vehicle: Path, rounds: int) -> None:
             print(f"{name:16} peak {megabytes:5.0f} MB, {megabytes / base:.2f}; processor {seconds:.1f} s")
 
 
-def timed(part: Part, folder: Path, how: Labelling) -> float:
-    """Label a session; processor time that it took [s]."""
+def timed(part: Part, folder: Path, how: Labelling) -> tuple[str, float]:
+    """Label a session; where, and the processor time that it took [s]."""
     began = time.process_time()
     label_part(part, folder, how)
-    return time.process_time() - began
+    spent = time.process_time() - began
+    return ray.get_runtime_context().get_node_id() if ray.is_initialized() else "here", spent
 
 
-def labelled(engine: Engine, data: Dataset, how: Labelling, scratch: Path) -> tuple[float, float]:
-    """Label all sessions once the nodes are warm; wall time, and the tasks' processor time [s]."""
+def labelled(engine: Engine, data: Dataset, how: Labelling, scratch: Path) -> tuple[float, float, float]:
+    """Label all sessions once the nodes are warm; time, and processor time of all and of the busiest [s]."""
     engine.prepare(partial(warm, data.parts[0], how))
-    room = [(data.parts[0], scratch, how)] * (engine.slots if engine.slots > 1 else 1)
-    list(engine.each(timed, room))  # workers have begun
+    list(engine.each(timed, [(data.parts[0], scratch, how)] * engine.slots))  # workers have begun
     began = time.perf_counter()
-    spent = sum(engine.each(timed, [(part, scratch, how) for part in data.parts]))
-    return time.perf_counter() - began, spent
+    spent = Counter[str]()
+    for node, seconds in engine.each(timed, [(part, scratch, how) for part in data.parts]):
+        spent[node] += seconds
+    return time.perf_counter() - began, spent.total(), max(spent.values())
 
 
 def speed(folder: Path, vehicle: Path, rounds: int) -> None:
@@ -126,7 +130,7 @@ def speed(folder: Path, vehicle: Path, rounds: int) -> None:
     os.environ[threads.VARIABLE] = "1"
     data = partitions.opened(folder, ("raw",))
     how = shared(data, Labelling(vehicle.read_text()))
-    found: dict[str, list[tuple[float, float]]] = {"this process": [], "one node": [], "two nodes": []}
+    found: dict[str, list[tuple[float, float, float]]] = {"this process": [], "one node": [], "two nodes": []}
     with tempfile.TemporaryDirectory(dir=folder.parent) as scratch, nodes(1) as one, nodes(2) as two:
         clusters = {"one node": one, "two nodes": two}
         for cluster in clusters.values():
@@ -136,13 +140,21 @@ def speed(folder: Path, vehicle: Path, rounds: int) -> None:
             for name, cluster in clusters.items():
                 with Cluster(cluster.address) as engine:
                     found[name].append(labelled(engine, data, how, Path(scratch)))
-    walls = {name: np.array(measured)[:, 0] for name, measured in found.items()}
+    each = {name: np.array(measured) for name, measured in found.items()}
+    base = each["one node"]
     print(f"{len(data.parts)} sessions of {data.parts[0].rows:,} rows; medians of {rounds} rounds")
-    for name, measured in found.items():
-        wall, spent = np.median(measured, axis=0)
-        times = walls["one node"] / walls[name]
-        fast = f"{np.median(times):.2f} [{times.min():.2f}, {times.max():.2f}] times as fast as one node"
-        print(f"{name:16} {wall:6.1f} s, {fast}; processor {spent:.1f} s")
+    for name, measured in each.items():
+        wall, spent, busiest = np.median(measured, axis=0)
+        times, shares = base[:, 0] / measured[:, 0], base[:, 2] / measured[:, 2]
+        print(
+            f"{name:13} {wall:6.1f} s, {told(times)} times as fast as one node, by the processor time of the "
+            f"busiest node ({busiest:.1f} of {spent:.1f} s) {told(shares)}"
+        )
+
+
+def told(values: Array) -> str:
+    """The median of some values and their range."""
+    return f"{np.median(values):.2f} [{values.min():.2f}, {values.max():.2f}]"
 
 
 def parser() -> argparse.ArgumentParser:

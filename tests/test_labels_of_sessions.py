@@ -137,6 +137,24 @@ def test_where_labels_of_a_folder_go(tmp_path, capsys):
     assert "sessions of before stay beside these: z" in capsys.readouterr().err
 
 
+def test_a_table_becomes_a_folder_of_its_sessions_and_grows_by_others(tmp_path, capsys):
+    raw, folder = sessions("a", "b/1", noise=False), tmp_path / "dives"
+    table.write(table.make("raw", raw, stage="import"), tmp_path / "raw.parquet")
+    table.write(table.make("raw", sessions("c", noise=False), stage="import"), tmp_path / "more.parquet")
+    table.write(table.make("raw", sessions("z", "a", noise=False), stage="import"), tmp_path / "no.parquet")
+    for name in ("raw", "raw", "more"):
+        assert cli.main(["partition", str(tmp_path / f"{name}.parquet"), "-o", str(folder)]) == 0
+    whole = table.read(folder, "raw")
+    assert whole.frame.head(raw.height).equals(table.conform("raw", raw))
+    assert {one.content for one in whole.provenance.inputs} == {
+        table.read(tmp_path / f"{name}.parquet").provenance.content for name in ("raw", "more")
+    }
+    assert "2 sessions, 2 in all" in capsys.readouterr().err
+    assert cli.main(["partition", str(tmp_path / "no.parquet"), "-o", str(folder)]) == 1
+    assert "has another session a already" in capsys.readouterr().err
+    assert partitions.sessions(folder) == ["a", "b/1", "c"]
+
+
 def test_other_commands_read_a_folder_as_one_recording(tmp_path):
     raw = sessions("a", "b", noise=True)
     assert run(write(tmp_path / "dives", raw), "-o", tmp_path / "labels") == 0
