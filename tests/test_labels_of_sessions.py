@@ -162,3 +162,17 @@ def test_other_commands_read_a_folder_as_one_recording(tmp_path):
     assert table.read(tmp_path / "split.parquet").frame.height == raw.height
     assert cli.main(["check", str(tmp_path / "dives"), str(tmp_path / "labels")]) == 0
     np.testing.assert_array_equal(table.read(tmp_path / "dives").frame["u"], raw["u"])
+
+
+def test_the_query_of_the_page_reads_a_folder(tmp_path, monkeypatch):
+    raw = sessions("monday-1", "monday-2", "tuesday", noise=False)
+    assert run(write(tmp_path / "dives", raw), "-o", tmp_path / "labels") == 0
+    text = (Path(__file__).resolve().parents[1] / "docs" / "scale.md").read_text()
+    query = text.split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, pl.DataFrame] = {}
+    exec(query, found)
+    labels = table.read(tmp_path / "labels").frame
+    fastest = labels.filter(pl.col("session") == "monday-2")["u"].abs().max()
+    assert found["surge"].select("session", "fastest").row(1) == ("monday-2", fastest)
+    assert found["surge"].height == 2
