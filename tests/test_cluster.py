@@ -125,25 +125,31 @@ def test_benchmarks_run_their_tasks_on_the_cluster(nodes):
     assert sorted(done(abs, [(-1,), (2,), (-3,)], chosen)) == [1, 2, 3]
 
 
-def test_a_study_runs_its_steps_on_the_cluster(nodes, tmp_path, capsys):
+def test_a_study_runs_its_steps_on_the_cluster(nodes, dives, tmp_path, capsys):
     from hydro.study.cluster import Cluster
 
-    (tmp_path / "rov.toml").write_bytes(Path(VEHICLE).read_bytes())
+    raw = partitions.place(dives, "a")
+    made = {
+        home: [tmp_path / home / name for name in ("labels.parquet", "split.parquet")] for home in ("h", "t")
+    }
+    steps = {
+        home: [
+            Step(("labels", str(raw), "--vehicle", VEHICLE, "-o", str(labels)), (raw,), (labels,)),
+            Step(("split", str(labels), "-o", str(split)), (labels,), (split,)),
+        ]
+        for home, (labels, split) in made.items()
+    }
     bad = Step(("check", str(tmp_path / "none.toml")), (), (tmp_path / "x",))
-    steps = [
-        Step(
-            ("fit", "--help"),
-            (tmp_path / "rov.toml",),
-            (),
-        )
-    ]
     with Cluster(nodes.address) as cluster:
-        assert Runner(tmp_path, cluster.execute).run(steps, cluster.slots) == 1
-        assert "Usage: hydro fit" in capsys.readouterr().out
+        assert Runner(tmp_path, cluster.execute).run(steps["t"], cluster.slots) == 2
         with pytest.raises(StepFailed) as failed:
             cluster.execute(bad)
     assert failed.value.exit_code == 1
     assert "none.toml: no such file" in capsys.readouterr().err
+    for step in steps["h"]:
+        step.writes[0].parent.mkdir(exist_ok=True)
+        assert cli.main(list(step.line)) == 0
+    assert [path.read_bytes() for path in made["t"]] == [path.read_bytes() for path in made["h"]]
 
 
 @pytest.mark.parametrize(
