@@ -162,6 +162,8 @@ def test_other_commands_read_a_folder_as_one_recording(tmp_path):
     assert table.read(tmp_path / "split.parquet").frame.height == raw.height
     assert cli.main(["check", str(tmp_path / "dives"), str(tmp_path / "labels")]) == 0
     np.testing.assert_array_equal(table.read(tmp_path / "dives").frame["u"], raw["u"])
+    partitions.place(tmp_path / "dives", "b").write_bytes(b"PAR1")
+    assert cli.main(["check", str(tmp_path / "dives")]) == 1
 
 
 def test_the_query_of_the_page_reads_a_folder(tmp_path, monkeypatch):

@@ -173,7 +173,7 @@ class Cluster:
                 raise DataError(
                     f"a node cannot run hydro ({error.cause}): install it on every node"
                 ) from error
-            raise
+            raise (error.cause if isinstance(error.cause, Exception) else error) from None
         except errors.RayError as error:
             reason = str(error).strip().partition("\n")[0]
             raise DataError(
