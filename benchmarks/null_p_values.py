@@ -31,7 +31,7 @@ from benchmarks.hidden_effects import cases
 from benchmarks.hidden_effects.flights import scaled
 from benchmarks.hidden_effects.scoring import rate
 from benchmarks.hidden_effects.study import Flown, fly
-from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_base.work import Results, add_workers, done
 from benchmarks.imperfect_logs.sensors import replaced
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from hydro.core.columns import POSE, VELOCITY, Array
@@ -117,7 +117,7 @@ def run(chosen: argparse.Namespace) -> None:
         for seconds in chosen.seconds or LENGTHS:
             if wanted := tuple(noise for noise in NOISES if (seed, seconds, noise) not in known):
                 tasks.append((seed, seconds, wanted, chosen.out.parent))
-    for number, rows in enumerate(done(run_one, tasks, chosen.workers), 1):
+    for number, rows in enumerate(done(run_one, tasks, chosen), 1):
         results.add(*rows)
         print(f"{number}/{len(tasks)} {line(rows)}", flush=True)
 
@@ -240,7 +240,7 @@ def main() -> None:
     one.add_argument("--studies", type=int, default=60, help="seeds")
     one.add_argument("--first-seed", type=int, default=90_000)
     one.add_argument("--seconds", type=float, action="append", help="repeat for several; 120 and 300")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("null_p_values.parquet"))
     one.set_defaults(action=run)
     two = commands.add_parser("report", help="sum up results, as Markdown")

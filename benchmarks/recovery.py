@@ -16,7 +16,6 @@ import argparse
 import time
 import zlib
 from collections.abc import Callable, Mapping
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ import polars as pl
 from scipy.stats import beta
 
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
+from benchmarks.imperfect_base.work import add_workers, done
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.baseline import allowing_for_waves, refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
@@ -353,27 +353,22 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=180.0, help="length of a recording")
     parser.add_argument("--vehicle", action="append", help="preset; repeat for several")
     parser.add_argument("--effect", action="append", help="only these effects, or forms of one")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
+    add_workers(parser)
     parser.add_argument("--out", type=Path, default=Path("recovery.parquet"))
     chosen = parser.parse_args()
     presets = chosen.vehicle or PRESETS
     rows = pl.read_parquet(chosen.out).to_dicts() if chosen.out.exists() else []
-    done = {(row["effect"], row["seed"]) for row in rows}
+    finished = {(row["effect"], row["seed"]) for row in rows}
     jobs = [
         (name, seed, presets[seed % len(presets)], chosen.seconds)
         for seed in range(chosen.first_seed, chosen.first_seed + chosen.trials)
         for name in chosen.effect or (*TRUTHS, *FORMS, *WRITTEN)
-        if (name, seed) not in done
+        if (name, seed) not in finished
     ]
-    with get_context("spawn").Pool(chosen.workers) as pool:
-        for row in pool.imap_unordered(job, jobs):
-            rows.append(row)
-            pl.DataFrame(rows, infer_schema_length=None).write_parquet(chosen.out)
+    for row in done(trial, jobs, chosen):
+        rows.append(row)
+        pl.DataFrame(rows, infer_schema_length=None).write_parquet(chosen.out)
     summary(pl.DataFrame(rows, infer_schema_length=None))
-
-
-def job(arguments: tuple[str, int, str, float]) -> dict[str, Any]:
-    return trial(*arguments)
 
 
 if __name__ == "__main__":

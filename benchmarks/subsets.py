@@ -30,7 +30,7 @@ import polars as pl
 
 from benchmarks.hidden_effects import cases, flights
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, preset
-from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_base.work import Results, add_workers, done
 from benchmarks.imperfect_logs.study import clean
 from benchmarks.recovery import interval, true_values
 from hydro.core.columns import POSE, VELOCITY
@@ -153,7 +153,7 @@ def run(chosen: argparse.Namespace) -> None:
         for subset in chosen.subset or SUBSETS
     ]
     tasks = [key for key in wanted if key not in known]
-    for number, row in enumerate(done(trial, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(trial, tasks, chosen), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
@@ -196,7 +196,7 @@ def run_pairs(chosen: argparse.Namespace) -> None:
     known = set(results.table["seed"].to_list())
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.trials)
     tasks = [(seed, chosen.seconds, chosen.out.parent) for seed in seeds if seed not in known]
-    for row in done(pair, tasks, chosen.workers):
+    for row in done(pair, tasks, chosen):
         results.add(row)
         told = row["failure"] or f"{row['complete']} {row['asynchronous']} {np.round(row['differences'], 1)}"
         print(f"{row['seed']} {row['preset']}, {row['title']} {row['hidden']}: {told}", flush=True)
@@ -285,14 +285,14 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--trials", type=int, default=3, help="seeds")
     one.add_argument("--first-seed", type=int, default=0)
     one.add_argument("--seconds", type=float, default=150.0)
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("subsets.parquet"))
     one.set_defaults(action=run)
     other = commands.add_parser("pairs", help="diagnose complete flights and the same with slow sensors")
     other.add_argument("--trials", type=int, default=6, help="seeds")
     other.add_argument("--first-seed", type=int, default=0)
     other.add_argument("--seconds", type=float, default=180.0)
-    other.add_argument("--workers", type=int, default=1)
+    add_workers(other)
     other.add_argument("-o", "--out", type=Path, default=Path("pairs.parquet"))
     other.set_defaults(action=run_pairs)
     two = commands.add_parser("report", help="sum up results, as CSV")

@@ -49,6 +49,7 @@ LEVELS = {
         ("thrust_curves",),
         ("columns",),
         ("toml_text", "seeds"),
+        ("threads",),
         ("errors", "compiled", "progress"),
     ),
     "hydro.sim": (
@@ -72,6 +73,7 @@ ONLY_IN = {
     "tensordict": {"rl"},
     "mujoco": {"sim"},
     "casadi": {"export"},
+    "ray": {"study/cluster.py"},
     "typer": {"cli.py", "commands"},
     "rich": {"cli.py", "commands", "report"},
     "matplotlib": {"report"},
@@ -88,6 +90,7 @@ HEAVY = {
     "matplotlib",
     "plotly",
     "filterpy",
+    "ray",
     "rich",
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))

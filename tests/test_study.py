@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -61,6 +63,24 @@ def test_side_by_side_no_step_begins_before_what_it_reads_is_there(chain, worker
     assert (folder / "c").read_text() == "data!!"
     (folder / "b").unlink()
     assert run(chain, workers) == ["b"], "what it made again is what it was"
+
+
+def test_side_by_side_no_two_steps_hold_one_folder(chain):
+    """Commands hold a folder of figures while they run: a second one would be refused."""
+    folder, steps = chain
+    figures = (folder / "figures",)
+    both = [replace(steps[0], holds=figures), replace(steps[2], holds=figures)]
+    held, most = list[Step](), list[int]()
+
+    def execute(step: Step) -> None:
+        held.append(step)
+        most.append(len(held))
+        time.sleep(0.05)
+        here(Copier())(step)
+        held.remove(step)
+
+    assert Runner(folder, execute, message).run(both, 2) == 2
+    assert most == [1, 1]
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -34,7 +34,7 @@ import polars as pl
 from benchmarks.discovery.laws import KINDS
 from benchmarks.discovery.study import SCHEMA, study
 from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.work import Results, add_report, done
+from benchmarks.imperfect_base.work import Results, add_report, add_workers, done
 
 SEEN = 1.2
 """Mean squared residual, in units of the noise, that the file's own effects must leave, or nothing shows."""
@@ -50,7 +50,7 @@ def run(chosen: argparse.Namespace) -> None:
         for kind in chosen.kind or ("law", "none")
         if (seed, kind == "none") not in known
     ]
-    for number, row in enumerate(done(study, wanted, chosen.workers), 1):
+    for number, row in enumerate(done(study, wanted, chosen), 1):
         results.add(row)
         words = row["failure"] or f"form {row['form']}, {row['terms']}"
         names = ("before", "catalogue", "after", "oracle", "floor")
@@ -88,7 +88,7 @@ def main() -> None:
     one.add_argument("--studies", type=int, default=60, help="per kind")
     one.add_argument("--first-seed", type=int, default=0)
     one.add_argument("--seconds", type=float, default=240.0, help="to diagnose, in four sessions")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("discovery.parquet"))
     one.set_defaults(action=run)
     add_report(commands, summary, ("kind", "seed", "seconds"))

@@ -24,7 +24,7 @@ import polars as pl
 
 from benchmarks.flown_advice import study
 from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.work import Results, add_report, done
+from benchmarks.imperfect_base.work import Results, add_report, add_workers, done
 from benchmarks.kept_tables import Row, keep, markdown, origin
 from hydro.core.diagnosis.findings import SURE
 
@@ -38,7 +38,7 @@ def run(chosen: argparse.Namespace) -> None:
     known = set(results.table.select(KEY).rows())
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.studies)
     tasks = [(seed, chosen.seconds) for seed in seeds if (seed, chosen.seconds) not in known]
-    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(study.run, tasks, chosen), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
         if chosen.tied and results.table.filter(pl.col("open") != "").height >= chosen.tied:
@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--first-seed", type=int, default=0)
     one.add_argument("--tied", type=int, default=0, help="end at so many open studies; 0: at the last seed")
     one.add_argument("--seconds", type=float, default=120.0, help="of the first recording, in four sessions")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("flown_advice.parquet"))
     one.set_defaults(action=run)
     add_report(commands, summary, KEY)

@@ -23,7 +23,7 @@ import polars as pl
 
 from benchmarks.hidden_effects import cases, report, study, vehicles
 from benchmarks.hidden_effects.scoring import score
-from benchmarks.imperfect_base.work import Results, done, together
+from benchmarks.imperfect_base.work import Results, add_workers, done, together
 
 KEY = ("kind", "seed", "source", "seconds")
 
@@ -43,7 +43,7 @@ def run(chosen: argparse.Namespace) -> None:
     ]
     for name in sorted({case.preset for case, *_ in tasks if case.source == "teacher"}):
         vehicles.of_teacher(name, folder)  # before the workers begin, so that only one of them makes it
-    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(study.run, tasks, chosen), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
@@ -84,7 +84,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--only", help="only studies whose hidden effects' names contain this")
     one.add_argument("--source", choices=list(cases.SOURCES), help="fly all cases in this simulator")
     one.add_argument("--least", type=float, default=0.0, help="share that each hidden effect is to make")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("--no-oracle", action="store_true", help="do not fit the true effects")
     one.add_argument(
         "--folder", type=Path, help="of the teacher's base models; by default beside the results"

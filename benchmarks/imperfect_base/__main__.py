@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.imperfect_base import base, changes, report, study
-from benchmarks.imperfect_base.work import Results, add_report, done, said
+from benchmarks.imperfect_base.work import Results, add_report, add_workers, done, said
 
 KEY = ("kind", "seed", "seconds", "unchanged_seconds", "with_before")
 
@@ -42,13 +42,13 @@ def run(chosen: argparse.Namespace) -> None:
     cases = [case for case in cases if (case.kind, case.seed, *how) not in known]
     hulls = {(case.preset, case.seed // base.GROUP * base.GROUP) for case in cases}
     fits = [(preset, seed, chosen.unchanged, folder) for preset, seed in sorted(hulls)]
-    for one in done(base.of, fits, chosen.workers):  # before the studies, so that each is made once
+    for one in done(base.of, fits, chosen):  # before the studies, so that each is made once
         print(f"base {one.unchanged.stem}", flush=True)
     tasks = [
         (case, chosen.seconds, chosen.unchanged, folder, not chosen.no_oracle, chosen.before)
         for case in cases
     ]
-    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(study.run, tasks, chosen), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
@@ -86,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("--folder", type=Path, help="of fitted files; by default `bases` beside the results")
     one = commands.add_parser("run", help="run studies", parents=[common])
     one.add_argument("--studies", type=int, default=30, help="per kind")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("--no-oracle", action="store_true", help="do not fit the true change")
     one.add_argument(
         "--before", action="store_true", help="with the unchanged flights as the recording before"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,14 +14,30 @@ import polars as pl
 Result = TypeVar("Result")
 
 
-def done(task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], workers: int) -> Iterator[Result]:
-    """Results of a task with each of the arguments, as they end."""
-    if workers == 1:
+def done(
+    task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], chosen: argparse.Namespace
+) -> Iterator[Result]:
+    """Results of a task with each of the arguments, as they end, where `add_workers` said."""
+    if chosen.engine == "ray":
+        from hydro.study.cluster import Cluster
+
+        with Cluster(chosen.address) as cluster:
+            cluster.prepare()
+            yield from cluster.as_they_end(task, arguments)
+        return
+    if chosen.workers == 1:
         yield from (task(*each) for each in arguments)
         return
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(chosen.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for future in as_completed([pool.submit(task, *each) for each in arguments]):
             yield future.result()
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Options that say where tasks run; on a Ray cluster every node has this checkout under the same path."""
+    parser.add_argument("--workers", type=int, default=1, help="processes of this machine")
+    parser.add_argument("--engine", choices=("here", "ray"), default="here", help="or the nodes of a cluster")
+    parser.add_argument("--address", help="HOST:PORT of the cluster's head")
 
 
 def said(row: Mapping[str, Any]) -> str:

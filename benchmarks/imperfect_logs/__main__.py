@@ -19,7 +19,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from benchmarks.imperfect_base.work import Results, add_report, done, said
+from benchmarks.imperfect_base.work import Results, add_report, add_workers, done, said
 from benchmarks.imperfect_logs import report, study
 
 KEY = ("kind", "seed", "condition", "seconds")
@@ -36,7 +36,7 @@ def run(chosen: argparse.Namespace) -> None:
         for condition in chosen.condition or study.CONDITIONS
     ]
     tasks = [(*key, chosen.out.parent) for key in wanted if key not in known]
-    for number, row in enumerate(done(study.run, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(study.run, tasks, chosen), 1):
         results.add(row)
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--studies", type=int, default=10, help="seeds per kind")
     one.add_argument("--first-seed", type=int, default=0)
     one.add_argument("--seconds", type=float, default=300.0, help="to diagnose, in four sessions")
-    one.add_argument("--workers", type=int, default=1)
+    add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("imperfect_logs.parquet"))
     one.set_defaults(action=run)
     add_report(commands, report.summary, KEY)

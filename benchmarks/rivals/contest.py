@@ -21,7 +21,7 @@ from benchmarks.hidden_effects.scoring import rate
 from benchmarks.hidden_effects.study import Flown
 from benchmarks.imperfect_base import base, changes
 from benchmarks.imperfect_base import study as on_base
-from benchmarks.imperfect_base.work import Results, done
+from benchmarks.imperfect_base.work import Results, add_workers, done
 from benchmarks.imperfect_logs import study as on_logs
 from hydro.core.evaluation.replay_error import AHEAD, Ahead
 from hydro.core.vehicle.description import Vehicle
@@ -149,7 +149,7 @@ def main(name: str, rival: Rival, about: str) -> None:
     parser.add_argument("--studies", type=int, default=30, help="per kind")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=300.0)
-    parser.add_argument("--workers", type=int, default=1)
+    add_workers(parser)
     parser.add_argument("-o", "--out", type=Path, default=Path("rivals.parquet"))
     chosen = parser.parse_args()
     results = Results(chosen.out, SCHEMA)
@@ -161,7 +161,7 @@ def main(name: str, rival: Rival, about: str) -> None:
         for seed in range(chosen.first_seed, chosen.first_seed + chosen.studies)
     ]
     tasks = [(name, rival, *key[1:], chosen.out.parent) for key in keys if key not in known]
-    for number, row in enumerate(done(run, tasks, chosen.workers), 1):
+    for number, row in enumerate(done(run, tasks, chosen), 1):
         results.add(row)
         said = row["failure"] or (
             f"-> {row['named'] or '-'} | before {row['before']:.3g} after {row['after']:.3g}, "

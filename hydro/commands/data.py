@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.places import FILE, Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
+from hydro.commands.places import FILE, Output, SessionsOutput
+from hydro.commands.recordings import (
+    Definitions,
+    Logs,
+    MapFile,
+    Measured,
+    called,
+    dataset,
+    tell_strangers,
+)
 from hydro.commands.shell import (
     STREAM,
     NoiseSpec,
@@ -15,14 +26,22 @@ from hydro.commands.shell import (
     about,
     left_out,
     noise_for,
+    progress,
     read,
     refuse_terminal,
     report,
     report_gaps,
     tell_voltage,
     vehicle_for,
+    vehicle_or,
     write,
 )
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from hydro.study.engine import Engine
 
 Labels = Annotated[
     str, typer.Argument(metavar="LABELS", show_default=False, help="Labels table; nothing or - is stdin.")
@@ -63,7 +82,10 @@ def labels(
     vehicle: VehicleFile = None,
     map_: MapFile = None,
     msg: Definitions = None,
-    output: Output = STREAM,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
+    output: SessionsOutput = STREAM,
 ) -> None:
     """Compute the force on the vehicle that its known physics does not explain.
 
@@ -75,34 +97,62 @@ def labels(
     Of a recording with nulls, a smoother of pose and velocity fuses what samples there are, and every value
     has a standard deviation. A row has a label where attitude (0.05 rad), velocity and acceleration are all
     determined to the bounds; one line on stderr says how many rows have none, and what they lack.
-    """
-    from hydro.core.distillation.labels import labels as compute
-    from hydro.core.distillation.labels import subtracted
-    from hydro.core.distillation.labels_of_samples import Bounds, has_nulls, unlabelled
-    from hydro.io import table
 
-    refuse_terminal(output)
-    parameters: dict[str, Any] = {"acceleration": acceleration, "subtract": subtract}
-    deviations = None
+    Of a folder with a file session=NAME/part.parquet for each session, labels go to another such folder, one
+    session after another: memory is that of one. The filter of the noise is found once from all of them.
+    With --engine ray the nodes of a Ray cluster share the sessions; every byte is the same.
+
+        hydro labels dives -o labels
+        hydro labels dives -o labels --engine ray --address 10.0.0.1:6379
+    """
+    from hydro.core.distillation.labels_of_samples import Bounds
+    from hydro.study.labelling import Labelling, label
+
+    limits = Bounds(max_sd_velocity, max_sd_acceleration)
+    how: dict[str, Any] = {"acceleration": acceleration, "subtract": subtract, "limits": limits}
     if noise is not None:
         given = noise_for(noise)
-        deviations = parameters["noise"] = [given.velocity] * 3 + [given.rate] * 3
+        how["noise"] = (*[given.velocity] * 3, *[given.rate] * 3)
+    if (folder := dataset(raw)) is not None:
+        _labels_of_sessions(folder, vehicle, how, output, engine_for(engine, address, threads))
+        return
+    refuse_engine(engine, "labels are shared out by sessions: give a folder of them")
+    refuse_terminal(output)
     name, source = called(raw), Logs(map_, msg, vehicle).read(raw)
     known, text = vehicle_for(source, vehicle)
     tell_voltage(known, source.frame)
     with about(name):
-        parameters["subtracted"] = subtracted(known, subtract)
-        limits = Bounds(max_sd_velocity, max_sd_acceleration)
-        how: dict[str, Any] = {"acceleration": acceleration, "noise": deviations, "subtract": subtract}
-        frame = compute(known, source.frame, limits=limits, **how)
-        report_gaps(name, frame)
-        if has_nulls(source.frame):
-            parameters |= {"max_sd_velocity": limits.velocity, "max_sd_acceleration": limits.acceleration}
-            report(name, unlabelled(frame, limits))
-    made = table.make(
-        "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=text
-    )
+        made, notes = label(source, Labelling(text, **how))
+    for words in notes:
+        report(name, words)
     write(made, output)
+
+
+def _labels_of_sessions(
+    folder: str,
+    vehicle: Path | None,
+    how: dict[str, Any],
+    output: str,
+    where: AbstractContextManager[Engine],
+) -> None:
+    """Labels of a dataset, session by session."""
+    from hydro.io import partitions
+    from hydro.study.labelling import Labelling, label_part, shared, warm
+
+    if output == STREAM:
+        raise UsageError(f"the labels of {folder} are a folder, too: add -o FOLDER")
+    data = partitions.opened(folder, ("raw",))
+    _, text = vehicle_or(None if vehicle else data.vehicle, data.kind, vehicle)
+    labelling = shared(data, Labelling(text, **how))
+    tasks = [(part, Path(output), labelling) for part in data.parts]
+    with where as engine, progress("labels") as update:
+        engine.prepare(partial(warm, data.parts[0], labelling))
+        done = engine.each(label_part, tasks)
+        for number, (part, labelled) in enumerate(zip(data.parts, done, strict=True)):
+            update(number + 1, len(data.parts), part.session)
+            for words in labelled.notes:
+                report(str(part.path), words)
+    tell_strangers(output, (part.session for part in data.parts))
 
 
 def split(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +12,17 @@ import typer
 
 from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Discover, Network, learnt
-from hydro.commands.places import FILE, Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.engines import HERE, Address, EngineName, Threads, engine_for, refuse_engine
+from hydro.commands.places import FILE, EachOutput, Output
+from hydro.commands.recordings import (
+    Definitions,
+    Logs,
+    MapFile,
+    Measured,
+    called,
+    dataset,
+    tell_strangers,
+)
 from hydro.commands.shell import (
     STREAM,
     Known,
@@ -23,13 +33,17 @@ from hydro.commands.shell import (
     read,
     tell_duration,
     tell_not_shown,
+    vehicle_held,
     vehicle_to_fit,
     write,
 )
 from hydro.commands.tables import person
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from contextlib import AbstractContextManager
+
     import polars as pl
     from rich.console import Console
 
@@ -40,6 +54,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.provenance import Provenance
     from hydro.io.table import Artefact
+    from hydro.study.engine import Engine
 
 
 CHI2 = ("given", "own_effects", "found")
@@ -55,7 +70,14 @@ def diagnose(
     discover: Discover = False,
     map_: MapFile = None,
     msg: Definitions = None,
-    output: Output = STREAM,
+    each: Annotated[
+        bool,
+        typer.Option("--each", help="Diagnose every session of a folder by itself; -o is a folder."),
+    ] = False,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
+    output: EachOutput = STREAM,
     as_json: Json = False,
     fly: Annotated[
         Path | None,
@@ -126,6 +148,12 @@ def diagnose(
     that are expected. Record it, and diagnose both recordings as sessions of one raw table.
 
         hydro diagnose vehicle.toml raw.parquet --fly next.parquet --depth 2 8 --space 10 --thrust 0.6
+
+    With --each, of a folder with a file session=NAME/part.parquet for each session, every session is
+    diagnosed by itself: what was missing in which dive. Findings go to such a folder. With --engine ray the
+    nodes of a Ray cluster share the sessions; every byte is the same.
+
+        hydro diagnose vehicle.toml dives --each -o findings --engine ray --address 10.0.0.1:6379
     """
     from hydro.core.diagnosis.diagnose import diagnose_log
     from hydro.core.diagnosis.log_faults import preprocess
@@ -135,6 +163,12 @@ def diagnose(
     from hydro.io import vehicle as vehicles
 
     vehicles.read(vehicle)
+    if each:
+        _refuse_beside_each(before=before, model=model, discover=discover, fly=fly, json=as_json)
+        connect = partial(engine_for, engine, address, threads)
+        _diagnose_each(vehicle, dataset(measured), known, output, connect)
+        return
+    refuse_engine(engine, "sessions are shared out where each is diagnosed by itself: add --each")
     limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
     logs, name = Logs(map_, msg, vehicle), called(measured)
     source = logs.read(measured)
@@ -178,6 +212,47 @@ def diagnose(
         _print_flight(flight, fly, person(as_json))
         made = table.make("commands", flight.table(), stage="diagnose", inputs=inputs, vehicle_text=text)
         write(made, str(fly))
+
+
+def _refuse_beside_each(**given: object) -> None:
+    """Refuse what is of one diagnosis, not of many.
+
+    Raises:
+        UsageError: It is given.
+    """
+    if named := [name for name, there in given.items() if there]:
+        raise UsageError(f"--each diagnoses every session by itself, without --{named[0]}: leave one out")
+
+
+def _diagnose_each(
+    file: Path,
+    folder: str | None,
+    known: list[str] | None,
+    output: str,
+    connect: Callable[[], AbstractContextManager[Engine]],
+) -> None:
+    """Diagnose every session of a dataset by itself."""
+    from hydro.io import partitions
+    from hydro.study.diagnosing import diagnose_part, warm
+
+    if folder is None or output == STREAM:
+        raise UsageError(f"--each needs a folder of sessions ({partitions.LAYOUT}), and -o FOLDER")
+    data = partitions.opened(folder, ("raw",))
+    start, text = vehicle_held(file, known)
+    tasks, failed, console = [(part, Path(output), start, text) for part in data.parts], 0, person()
+    with connect() as engine, progress("diagnose") as update:
+        engine.prepare(partial(warm, data.parts[0], start))
+        for number, one in enumerate(engine.each(diagnose_part, tasks)):
+            update(number + 1, len(tasks), one.session)
+            if one.findings is None:
+                failed += 1
+                typer.echo(f"hydro: {one.error}", err=True)
+                continue
+            console.print(f"{one.session}:", style="bold")
+            print_findings(one.findings, console)
+    tell_strangers(output, (part.session for part in data.parts))
+    if failed:
+        raise DataError(f"{folder}: {failed} of {len(tasks)} sessions could not be diagnosed, see above")
 
 
 def add(

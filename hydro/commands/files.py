@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
 
 Files = Annotated[
-    list[str], typer.Argument(metavar="FILE", help="Artefacts, vehicle files and maps; - is stdin.")
+    list[str],
+    typer.Argument(
+        metavar="FILE", help="Artefacts, folders of sessions, vehicle files and maps; - is stdin."
+    ),
 ]
 File = Annotated[
     str, typer.Argument(metavar="FILE", show_default=False, help="An artefact; nothing or - is stdin.")
@@ -39,7 +42,7 @@ def check(files: Files) -> None:
     types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise
     one line for each file that does not. Of a recording with nulls, a line says how many samples each such
     column has; of a vehicle file, which values lie beyond what physics leaves to them, and which are likely
-    in another unit.
+    in another unit. Of a folder of sessions each is checked by itself.
     """
     unsound = 0
     for file in files:
@@ -58,9 +61,7 @@ def _check(file: str) -> str:
     """Read one file as what it is, by its suffix a vehicle file or a map, else an artefact; say which."""
     from hydro.core import effects
     from hydro.core.effects.catalogue import implausible
-    from hydro.core.recording import segments
-    from hydro.core.vehicle import likely_units
-    from hydro.io import logmap, vehicle
+    from hydro.io import logmap, partitions, table, vehicle
 
     if Path(file).suffix == ".toml":
         if logmap.is_map(file):
@@ -72,14 +73,28 @@ def _check(file: str) -> str:
             typer.echo(f"{file}: {words}", err=True)
         named = ", ".join(str(table["name"]) for table in known.effect) or "none"
         return f"the vehicle {known.name}, {len(known.thruster)} thrusters; effects: {named}"
+    if partitions.is_dataset(file):
+        data = partitions.opened(file)
+        for part in data.parts:
+            _check_table(str(part.path), table.read_part(part))
+        rows = sum(part.rows for part in data.parts)
+        return f"{len(data.parts)} sessions of kind {data.kind}, {rows:,} rows"
     artefact = read(file)
+    _check_table(file, artefact)
+    return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
+
+
+def _check_table(file: str, artefact: Artefact) -> None:
+    """What there is to say of the rows of a recording; nothing of another table."""
+    from hydro.core.recording import segments
+    from hydro.core.vehicle import likely_units
+
     if artefact.kind == "raw":
         segments.segments(artefact.frame)
         if odd := likely_units.sampling(segments.sample_time(artefact.frame)):
             typer.echo(f"{file}: {odd}", err=True)
         if rare := _rare(artefact):
             typer.echo(f"{file}: {rare}", err=True)
-    return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
 
 
 def _rare(artefact: Artefact) -> str:

@@ -28,9 +28,19 @@ class Writes:
 
     Attributes:
         folder: Into a folder, which is made where it is missing; else one file, in a folder that is there.
+        like: An argument: where it is a dataset, a folder of sessions, the command writes one too.
+        where: And that only where this option is given; always by default.
     """
 
     folder: bool = False
+    like: str = ""
+    where: str = ""
+
+    def to_folder(self, given: Mapping[str, Any]) -> bool:
+        """Whether it is a folder that a command writes into which is called like this."""
+        if self.folder or not self.like or (self.where and not given[self.where]):
+            return self.folder
+        return any(_is_dataset(one) for one in _each(given[self.like]))
 
 
 FILE, FOLDER = Writes(), Writes(folder=True)
@@ -40,6 +50,30 @@ Output = Annotated[
         "--output", "-o", metavar="FILE", show_default=False, help="Where to write; nothing or - is stdout."
     ),
     FILE,
+]
+
+
+SessionsOutput = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        show_default=False,
+        help="Where to write; nothing or - is stdout. Of a folder of sessions, a folder of them.",
+    ),
+    Writes(like="raw"),
+]
+EachOutput = Annotated[
+    str,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        show_default=False,
+        help="Where to write; nothing or - is stdout. With --each, a folder.",
+    ),
+    Writes(like="measured", where="each"),
 ]
 
 
@@ -72,9 +106,12 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
 
     marks = _marks(command)
     outputs = {name: given[name] for name in marks if given.get(name) not in (None, STREAM)}
+    folders = {name for name, mark in marks.items() if mark.to_folder(given)}
     for name, place in outputs.items():
-        (check_folder if marks[name].folder else check_file)(place)
-    files = {name: os.path.realpath(place) for name, place in outputs.items() if not marks[name].folder}
+        (check_folder if name in folders else check_file)(place)
+        if name in folders and any(_is_dataset(one) and same(one, place) for one in _inputs(given, outputs)):
+            raise UsageError(f"{place}: this is the input, and would be lost: name another folder")
+    files = {name: os.path.realpath(place) for name, place in outputs.items() if name not in folders}
     for name, path in files.items():
         if os.path.exists(path) and not os.path.isfile(path):
             continue  # a device or a pipe takes as much as it is given
@@ -86,7 +123,10 @@ def refuse(command: Callable[..., None], given: Mapping[str, Any]) -> None:
 
 def _folders(command: Callable[..., None], given: Mapping[str, Any]) -> list[str]:
     """The folders that a command is to write into, each once."""
-    named = [given[name] for name, mark in _marks(command).items() if mark.folder and given.get(name)]
+    marked = {
+        name: mark for name, mark in _marks(command).items() if given.get(name) not in (None, STREAM, "")
+    }
+    named = [given[name] for name, mark in marked.items() if mark.to_folder(given)]
     return list({os.path.realpath(one): str(one) for one in named}.values())
 
 
@@ -110,6 +150,20 @@ def _inputs(given: Mapping[str, Any], outputs: Mapping[str, Any]) -> Iterator[st
     for name, value in given.items():
         if name not in outputs:
             yield from (str(one) for one in _each(value) if isinstance(one, str | Path))
+
+
+def _is_dataset(place: object) -> bool:
+    """See `io.partitions.is_dataset`; imported for folders alone."""
+    if not isinstance(place, str | Path) or not os.path.isdir(place):
+        return False
+    from hydro.io.partitions import is_dataset
+
+    return is_dataset(place)
+
+
+def same(one: str | Path, other: str | Path) -> bool:
+    """Whether two paths lead to one place."""
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 def _each(value: Any) -> list[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,8 @@ Measured = Annotated[
     typer.Argument(
         metavar="MEASURED...",
         show_default=False,
-        help="Raw table, or with --map a log, or the files of one dive; nothing or - is stdin.",
+        help="Raw table, a folder of them by session (session=NAME/part.parquet), or with --map a log or the "
+        "files of one dive; nothing or - is stdin.",
     ),
 ]
 MapFile = Annotated[
@@ -67,7 +68,7 @@ class Logs:
         """Read a recording; of logs it is told on stderr what the import found.
 
         Args:
-            sources: A table or a log, or the logs of one dive; nothing is stdin.
+            sources: A table, a dataset's folder or a log, or the logs of one dive; nothing is stdin.
             kinds: The kinds of table that will do; `raw` where none is named.
 
         Raises:
@@ -75,8 +76,10 @@ class Logs:
                 is no map or one that does not fit it.
             UsageError: there are several files that are not logs, or stdin is meant but is a terminal.
         """
-        from hydro.io import recordings
+        from hydro.io import recordings, table
 
+        if (folder := dataset(sources)) is not None:
+            return table.read(folder, kinds or ("raw",))
         with opened(sources or [STREAM], self.definitions) as files:
             tables = [file for file in files if recordings.is_artefact(file)]
             if len(files) > 1 and (tables or self.map is None):
@@ -90,6 +93,31 @@ class Logs:
             return recordings.imported(
                 files, self.map, message, vehicle_file=self.vehicle, fill=self.fill, progress=reading
             )
+
+
+def dataset(sources: Sequence[str] | None) -> str | None:
+    """The folder of sessions that a command is given; None where it is something else.
+
+    Raises:
+        UsageError: There is one beside other recordings.
+    """
+    from hydro.io import partitions
+
+    if not sources or not any(partitions.is_dataset(one) for one in sources):
+        return None
+    if len(sources) > 1:
+        raise UsageError("several recordings, one of them a folder of sessions: give the folder alone")
+    return sources[0]
+
+
+def tell_strangers(folder: str, sessions: Iterable[str]) -> None:
+    """Say on stderr which sessions of a folder were there before and are none of those just written."""
+    from hydro.io import partitions
+
+    strangers = sorted(set(partitions.sessions(folder)) - set(sessions))
+    if strangers:
+        named = ", ".join(strangers[:3]) + (f" and {len(strangers) - 3} more" if len(strangers) > 3 else "")
+        message(f"hydro: {folder}: sessions of before stay beside these: {named}")
 
 
 def called(sources: Sequence[str] | None) -> str:

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
 from hydro.commands.places import FOLDER
-from hydro.commands.shell import ModelFile, message, runner
+from hydro.commands.shell import ModelFile, message
 from hydro.commands.tables import print_table
 
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the study."), FOLDER]
@@ -41,6 +42,9 @@ def study(
     workers: Annotated[int, typer.Option(min=1, help="Steps side by side, each a process.")] = 1,
     recipe: Recipe = "paper",
     choices: Choices = None,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
 ) -> None:
     """Train every condition with several seeds, fly every policy in both simulators, and compare.
 
@@ -48,7 +52,8 @@ def study(
     vehicle file's effects. Each training goes through the curriculum and is then tested in the student and
     in the teacher on the same tasks, which a pilot by hand flies besides. Every step is an ordinary command,
     printed as it runs; seeds come before conditions, so that a study that is stopped has something of each.
-    One that was interrupted goes on where it stopped, inside a training too.
+    One that was interrupted goes on where it stopped, inside a training too. With --engine ray steps run on
+    the nodes of a Ray cluster, as many as have room, and --workers does not count.
 
     DIR gets a folder per training, tests.parquet with all tests and curves.png. What is not run, for want of
     a model, is said.
@@ -69,7 +74,8 @@ def study(
     )
     runs, left = policies.runs(known)
     plan = policies.steps(known, runs)
-    ran = runner(context, output, workers).run(plan, workers)
+    with runner(context, output, workers, engine, address, threads) as (steps_of, together):
+        ran = steps_of.run(plan, together)
     message(f"{ran} of {len(plan)} steps run, the others were done")
     shown = policies.summarise(runs, output).select(
         "condition", "flown_by", "seed", "steps", "plant", "task", "level",

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
     from hydro.io.table import Artefact
-    from hydro.study.steps import Runner, Step
+    from hydro.study.steps import Step
 
 STREAM = "-"
 PREDICTION_TITLE = "Predicted wrench, RMSE: X Y Z [N], K M N [N m]; RMSE, MAE over all six"
@@ -130,6 +130,18 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
     Raises:
         DataError: the file is invalid, or has nothing of a name.
     """
+    from hydro.io import vehicle
+
+    found, text = vehicle_held(file, known)
+    return vehicle.without_errors_from(found, source.provenance.content), text
+
+
+def vehicle_held(file: Path, known: Sequence[str] | None) -> tuple[Vehicle, str]:
+    """The same with all standard errors, wherever they come from.
+
+    Raises:
+        DataError: the file is invalid, or has nothing of a name.
+    """
     from hydro.core import effects
     from hydro.io import covariance, vehicle
 
@@ -141,7 +153,7 @@ def vehicle_to_fit(file: Path, known: Sequence[str] | None, source: Artefact) ->
         effects.validate(found)
     if estimates is not None:
         found = covariance.with_errors(found, estimates)
-    return vehicle.without_errors_from(found, source.provenance.content), text
+    return found, text
 
 
 def estimates_beside(file: str | Path, vehicle: Vehicle | None = None) -> Estimates | None:
@@ -160,16 +172,26 @@ def vehicle_for(artefact: Artefact, file: Path | None) -> tuple[Vehicle, str]:
     Raises:
         DataError: neither says what the vehicle is, or the file is invalid.
     """
+    return vehicle_or(artefact.provenance.vehicle if file is None else None, artefact.kind, file)
+
+
+def vehicle_or(footer: str | None, kind: str, file: Path | None) -> tuple[Vehicle, str]:
+    """The same by the text in the footer of a table of some kind, where it has one.
+
+    Raises:
+        DataError: neither says what the vehicle is, or the file is invalid.
+    """
     from hydro.core import effects
     from hydro.io import vehicle
 
     if file is not None:
         known, text = vehicle.read(file)
-    elif (text := artefact.provenance.vehicle or "") != "":
+    elif footer:
+        text = footer
         known = vehicle.parse(text)
         vehicle.warn(known, text, "the vehicle in the footer")
     else:
-        raise DataError(f"this {artefact.kind} table carries no vehicle in its footer: add --vehicle FILE")
+        raise DataError(f"this {kind} table carries no vehicle in its footer: add --vehicle FILE")
     effects.validate(known)
     return known, text
 
@@ -281,13 +303,12 @@ def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False)
     """
     if not sys.stderr.isatty():
         return
-    import os
-
     from hydro.core.effects.catalogue import own_effects
     from hydro.core.identification.parameters import free
     from hydro.core.recording import extent
+    from hydro.core.threads import available
 
-    own, processors = own_effects(vehicle), os.cpu_count() or 1
+    own, processors = own_effects(vehicle), available()
     values = len(free(vehicle, own).entries) if own else 0
     seconds = extent.diagnosis_seconds(frame.height, values, processors)
     seconds *= extent.EXPLAINED if steps else 1.0
@@ -301,13 +322,6 @@ def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False)
 def here(root: Any) -> Callable[[Step], None]:
     """Run steps of a study in this process, by a Click command."""
     return lambda step: root.main(list(step.line), prog_name="hydro", standalone_mode=False)
-
-
-def runner(context: typer.Context, folder: Path, workers: int) -> Runner:
-    """What runs the steps of a study: in this process, or each of several side by side in one of its own."""
-    from hydro.study.steps import Runner, apart
-
-    return Runner(folder, here(context.find_root().command) if workers == 1 else apart, message)
 
 
 def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from hydro.commands.engines import HERE, Address, EngineName, Threads, runner
 from hydro.commands.places import FOLDER
-from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, Device, message, noise_for, runner
+from hydro.commands.shell import PREDICTION_TITLE, REPLAY_TITLE, Device, message, noise_for
 from hydro.commands.tables import print_table
 
 if TYPE_CHECKING:
@@ -82,6 +83,9 @@ def study(
     effects: Fitted = None,
     device: Device = "cpu",
     workers: Workers = 1,
+    engine: EngineName = HERE,
+    address: Address = None,
+    threads: Threads = 1,
     quick: Quick = False,
 ) -> None:
     """Train, evaluate and replay all residual models, several seeds each, and compare how they rank.
@@ -90,6 +94,8 @@ def study(
     open-loop replay by segment without and with conditioning, and Kendall's tau between both errors: does the
     model that predicts best also replay best? Every step is an ordinary command, printed as it runs. A step
     whose inputs have not changed is not run again: a study that was interrupted resumes where it stopped.
+    With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and --workers does not
+    count.
 
     Networks are trained seed by seed, and after every seed DIR gets the results so far: evaluation.parquet,
     errors.parquet, conditioning.parquet, ranking.parquet and minutes.parquet (means over seeds, with the
@@ -109,10 +115,10 @@ def study(
         device=device,
         conditionings=() if quick else CONDITIONINGS,
     )
-    steps = runner(context, folder, workers)
-    if noise != "none":
-        disturb(known, steps, noise_for(noise))
-    result = carry_out(known, steps, workers)
+    with runner(context, folder, workers, engine, address, threads) as (steps, together):
+        if noise != "none":
+            disturb(known, steps, noise_for(noise))
+        result = carry_out(known, steps, together)
     message(f"{result.ran} of {result.steps} steps run, the others were done")
     show(result.summary)
 

@@ -6,7 +6,6 @@ The record holds no clock and no host name: the same inputs give the same bytes.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
@@ -18,6 +17,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
+from hydro.core.threads import available
 from hydro.io.schema import storage_type
 
 FOOTER_KEY = b"hydro"
@@ -199,7 +199,7 @@ def content_hash(frame: pl.DataFrame) -> str:
         `sha256:` and 64 hexadecimal digits.
     """
     names = sorted(frame.columns)
-    with ThreadPoolExecutor(min(len(names), os.cpu_count() or 1) or 1) as pool:  # hashlib releases the GIL
+    with ThreadPoolExecutor(min(len(names), available()) or 1) as pool:  # hashlib releases the GIL
         digests = pool.map(lambda name: _column_digest(frame[name]), names)
         whole = hashlib.sha256()
         for name, digest in zip(names, digests, strict=True):

@@ -301,6 +301,15 @@ def with_columns(rules: list[Schema], names: Iterable[str]) -> Schema:
     return min(rules, key=lambda one: len(given - one.columns(given).keys()))
 
 
+def fitting(wanted: Iterable[str], columns: Mapping[str, str]) -> str:
+    """The kind, of those wanted, whose columns differ least from these."""
+
+    def unlike(kind: str) -> int:
+        return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in versions(kind))
+
+    return min(wanted, key=unlike)
+
+
 def storage_type(dtype: pl.DataType) -> str:
     """The name by which schema files call a polars type, such as `float32` or `list<int64>`."""
     if isinstance(dtype, pl.List):

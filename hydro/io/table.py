@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 from msgspec import structs
 
 from hydro.core.errors import DataError
-from hydro.io import mistaken, provenance, schema, vehicle
+from hydro.io import mistaken, parquet, partitions, provenance, schema, vehicle
 from hydro.io.files import Source, name_of, read_bytes, shown, write_bytes
+from hydro.io.partitions import Dataset, Part
 from hydro.io.provenance import Input, Provenance
 
 ROWS_PER_GROUP = 131_072
 """Rows of a Parquet row group: fixed, so that the same table is the same bytes."""
-
-_MAGIC = b"PAR1"
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,8 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     """Read a table and hold it to its schema.
 
     Args:
-        source: path of a Parquet file, or a binary stream, read to its end.
+        source: path of a Parquet file or of a dataset's folder (`io.partitions`), whose sessions come one
+            after another, sorted by name; or a binary stream, read to its end.
         kind: the kind, or kinds, of table that will do; any by default.  A file without hydro's footer is
             taken as the first of them whose columns it has.
 
@@ -108,19 +110,21 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     """
     name = name_of(source)
     wanted = (kind,) if isinstance(kind, str) else tuple(kind or schema.KINDS)
+    if isinstance(source, str | Path) and partitions.is_dataset(source):
+        return _together(partitions.opened(source, wanted))
     content = read_bytes(source)
     try:
-        file = _open(content, name)
+        file = parquet.opened(content, name)
     except DataError as error:
         raise mistaken.explained(error, name, mistaken.RECORDING) from error
-    columns = _columns(file, name)
+    columns = parquet.columns(file, name)
     footer = (file.metadata.metadata or {}).get(provenance.FOOTER_KEY)
     record = provenance.from_json(footer, name) if footer is not None else None
-    kind = record.kind if record is not None else _fitting(wanted, columns)
+    kind = record.kind if record is not None else schema.fitting(wanted, columns)
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
     schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
-    frame = _decode(file, name)
+    frame = parquet.decode(file, name)
     rules = schema.suited(kind, frame)
     frame = rules.check(frame, name)
     digest = provenance.content_hash(frame)
@@ -131,6 +135,58 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
             f"{name}: its rows are not those that its footer was written for: make the file again"
         )
     return Artefact(kind, frame, record)
+
+
+def read_part(part: Part) -> Artefact:
+    """Read one session of a dataset.
+
+    Raises:
+        DataError: as for `read`, or rows are of another session than its folder says.
+    """
+    artefact = read(part.path, part.kind)
+    others = artefact.frame.filter(pl.col("session") != part.session)["session"]
+    if others.len():
+        raise DataError(
+            f"{name_of(part.path)}: {others.len()} of {artefact.frame.height} rows are of session "
+            f"{shown(others[0])}, but its folder says {shown(part.session)}: write each session to its own"
+        )
+    return artefact
+
+
+def _together(dataset: Dataset) -> Artefact:
+    """All sessions of a dataset as one table; of the stage that made every one of them.
+
+    Raises:
+        DataError: as for `read_part`; or tables that were made, such as labels, were not made alike.
+    """
+    parts = [read_part(part) for part in dataset.parts]
+    frame = pl.concat([part.frame for part in parts], rechunk=True)
+    records = [part.provenance for part in parts]
+    whole = Provenance(
+        kind=dataset.kind,
+        schema=schema.suited(dataset.kind, frame).digest,
+        content=provenance.content_hash(frame),
+        inputs=_once(record.as_input() for record in records),
+        vehicle=dataset.vehicle,
+    )
+    first = records[0]
+    made = first.stage, first.parameters
+    odd = [number for number, one in enumerate(records) if (one.stage, one.parameters) != made]
+    if not odd and first.stage is not None:
+        inputs = _once(each for record in records for each in record.inputs)
+        whole = structs.replace(whole, stage=first.stage, parameters=first.parameters, inputs=inputs)
+    elif odd and dataset.kind != "raw":
+        one, other = (shown(dataset.parts[number].session) for number in (0, odd[0]))
+        raise DataError(
+            f"{name_of(dataset.folder)}: sessions {one} and {other} were not made alike, see `hydro show` of "
+            "each: make the folder again"
+        )
+    return Artefact(dataset.kind, frame, whole)
+
+
+def _once(inputs: Iterable[Input]) -> tuple[Input, ...]:
+    """Inputs in their order, each once."""
+    return tuple({msgspec.json.encode(each, order="sorted"): each for each in inputs}.values())
 
 
 def write(artefact: Artefact, destination: Source) -> None:
@@ -157,79 +213,3 @@ def _encode(artefact: Artefact) -> memoryview:
         writer.write_table(arrow, row_group_size=ROWS_PER_GROUP)
         writer.add_key_value_metadata({provenance.FOOTER_KEY: artefact.provenance.to_json()})
     return memoryview(sink.getvalue())
-
-
-def _open(content: bytes, name: str) -> pq.ParquetFile:
-    """The Parquet file in these bytes."""
-    if not content.startswith(_MAGIC):
-        raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
-    if not content.endswith(_MAGIC) or len(content) < 12:
-        raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
-    try:
-        return pq.ParquetFile(pa.BufferReader(content))
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-
-
-def _columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
-    """Name and storage type of every column."""
-    try:
-        fields = list(file.schema_arrow)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-    names = [field.name for field in fields]
-    twice = sorted({column for column in names if names.count(column) > 1})
-    if twice:
-        raise DataError(f"{name}: column {shown(twice[0])} appears twice: leave one out")
-    return {field.name: _storage_type(field.type) for field in fields}
-
-
-def _storage_type(arrow: pa.DataType) -> str:
-    """The name by which schema files call an Arrow type, such as `float32`."""
-    if pa.types.is_dictionary(arrow):
-        return _storage_type(arrow.value_type)
-    if pa.types.is_string(arrow) or pa.types.is_large_string(arrow) or pa.types.is_string_view(arrow):
-        return "string"
-    if pa.types.is_list(arrow) or pa.types.is_large_list(arrow):
-        return f"list<{_storage_type(arrow.value_type)}>"
-    return {"float": "float32", "double": "float64", "halffloat": "float16", "bool": "boolean"}.get(
-        str(arrow), str(arrow)
-    )
-
-
-def _fitting(wanted: Sequence[str], columns: Mapping[str, str]) -> str:
-    """The kind, of those wanted, whose columns differ least from these."""
-
-    def unlike(kind: str) -> int:
-        return min(len(rules.columns(columns).keys() ^ columns.keys()) for rules in schema.versions(kind))
-
-    return min(wanted, key=unlike)
-
-
-def _decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
-    """All rows, as polars; Arrow's memory is shared where it is in one piece."""
-    try:
-        arrow = file.read()
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(name, error) from error
-    for column, values in zip(arrow.column_names, arrow.columns, strict=True):
-        try:
-            values.validate(full=True)
-        except pa.ArrowException as error:
-            raise DataError(
-                f"{name}: {column} contains text that is not UTF-8: write it again ({error})"
-            ) from error
-    bare = pa.Table.from_arrays(
-        arrow.columns, names=arrow.column_names
-    )  # polars panics on odd field metadata
-    frame = pl.from_arrow(bare, rechunk=True)
-    assert isinstance(frame, pl.DataFrame)
-    return frame
-
-
-def _damaged(name: str, error: Exception) -> DataError:
-    """The error line for a file that Arrow cannot decode."""
-    reason = (str(error) or type(error).__name__).splitlines()[0]
-    return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")

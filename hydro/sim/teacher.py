@@ -12,7 +12,6 @@ the true state.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -40,6 +39,7 @@ from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.pilot import Pilot
 from hydro.core.simulation.sensor_noise import Noise, disturb
 from hydro.core.simulation.steady_motion import wrench_limits
+from hydro.core.threads import available
 from hydro.core.vehicle.control_allocation import Mixing, mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.ellipsoid import added_mass_matrix
@@ -207,7 +207,7 @@ def collect(
 
     frames: list[pl.DataFrame] = []
     done = 0
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads or available()) as pool:
         for frame in pool.map(fly_one, sessions):
             frames.append(frame)
             done += frame.height

@@ -277,6 +277,7 @@ def _together(study: Study) -> list[Step]:
         reads,
         (beside, side, figures / "velocities.png", figures / "errors.png"),
         kind,
+        (figures,),
     )
     steps = [_drawn(study, models), together]
     for name in study.conditionings:
@@ -299,4 +300,5 @@ def _drawn(study: Study, models: Sequence[Path]) -> Step:
         ),
         (*models, table),
         (predicted, *(figures / f"{name}.png" for name in names)),
+        holds=(figures,),
     )

@@ -27,12 +27,14 @@ class Step:
         reads: Files it depends on.
         writes: Files it makes.
         kind: Steps of one kind take about as long: the command, and what else matters, such as a model.
+        holds: Folders that it writes into and that no other may meanwhile.
     """
 
     line: tuple[str, ...]
     reads: tuple[Path, ...]
     writes: tuple[Path, ...]
     kind: tuple[str, ...] = ()
+    holds: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:
@@ -197,11 +199,35 @@ def apart(step: Step) -> None:
         raise StepFailed(step, code)
 
 
+_BOUND = """
+import ctypes, runpy, signal, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+runpy.run_module("hydro.cli", run_name="__main__", alter_sys=True)
+"""
+"""A command line that ends with the process which has begun it, however that ends."""
+
+
+def captured(step: Step) -> tuple[int, str, str]:
+    """Run a step in a process of its own; its exit code, and what it wrote to stdout and stderr.
+
+    It does not outlive this process: the step is run again elsewhere then, and would find its folder in use.
+    """
+    line = [sys.executable, "-c", _BOUND, *step.line]
+    done = subprocess.run(line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
 def _ready(waiting: Sequence[Step], running: Iterable[Step], workers: int) -> list[Step]:
-    """Steps that may begin: no other that is still to end writes what they read."""
+    """Steps that may begin: no other that is still to end writes what they read, or holds their folders."""
     busy = list(running)
     to_come = {path for step in (*waiting, *busy) for path in step.writes}
-    ready = [step for step in waiting if to_come.isdisjoint(step.reads)]
+    held = {folder for step in busy for folder in step.holds}
+    ready = list[Step]()
+    for step in waiting:
+        if to_come.isdisjoint(step.reads) and held.isdisjoint(step.holds):
+            ready.append(step)
+            held.update(step.holds)
     return ready[: workers - len(busy)]
 
 

@@ -19,8 +19,7 @@ A simulator that computes fluid forces at t_k and holds them until t_k+1 lags ha
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
@@ -46,9 +45,19 @@ from hydro.core.effects import current, effect_forces, sensor, thruster_table, v
 from hydro.core.effects.catalogue import entries
 from hydro.core.effects.columns import through_water
 from hydro.core.errors import DataError
-from hydro.core.recording.segments import resumes, sample_time, segments
-from hydro.core.recording.smoothing import Design, acceleration_noise, estimate, gains, reach, smooth
+from hydro.core.recording.segments import Clock, common_sample_time, resumes, sample_time, segments
+from hydro.core.recording.smoothing import (
+    Design,
+    acceleration_noise,
+    estimate,
+    estimate_in,
+    gains,
+    reach,
+    smooth,
+    windows,
+)
 from hydro.core.recording.supply import recorded_commands
+from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
@@ -129,7 +138,7 @@ def labels(
             forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
         label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(available()) as pool:
         list(pool.map(lambda batch: work(*batch), _batches(bounds)))
     _require_finite(raw, out)
     return raw.with_columns(pl.Series(name, column) for name, column in zip(names(count), out, strict=True))
@@ -161,6 +170,37 @@ def filter_design(raw: pl.DataFrame, noise: Sequence[float] | None = None) -> De
     """
     likeliest = estimate(columns(raw, VELOCITY), segments(raw), sample_time(raw), noise)
     return likeliest.following(FOLLOWING)
+
+
+def filter_design_of_sessions(
+    clocks: Mapping[str, Clock],
+    velocity: Callable[[str], pl.DataFrame],
+    noise: Sequence[float] | None = None,
+) -> Design:
+    """The same filter for sessions that are not in one table, of which one at a time is read.
+
+    Args:
+        clocks: When the rows of each session were taken, in the order of the sessions.
+        velocity: Gives a session with `u` ... `r`; called only for those in which there is a window that the
+            noise is estimated from.
+        noise: As for `filter_design`.
+
+    Raises:
+        DataError: A session is sampled at another rate than most, or `noise` is not six numbers of at least
+            0.
+    """
+    dt, ends = common_sample_time(clocks), np.cumsum([clock.rows for clock in clocks.values()])
+    starts = ends - [clock.rows for clock in clocks.values()]
+    every = [clock.bounds + start for clock, start in zip(clocks.values(), starts, strict=True)]
+    chosen, pieces = windows(np.concatenate(every)), list[Array]()
+    for session, start, end in zip(clocks, starts, ends, strict=True):
+        own = chosen[(chosen[:, 0] >= start) & (chosen[:, 0] < end)] - start
+        if len(own):
+            nu = columns(velocity(session), VELOCITY)
+            pieces += [nu[first:last] for first, last in own]
+    edges = np.concatenate([[0], np.cumsum(chosen[:, 1] - chosen[:, 0])])
+    within = np.stack([edges[:-1], edges[1:]], axis=1)
+    return estimate_in(np.concatenate(pieces), within, dt, noise).following(FOLLOWING)
 
 
 def labelled(labels: pl.DataFrame) -> pl.DataFrame:

@@ -15,7 +15,6 @@ where its id, read as a fraction of 2^256, is below the test share.
 from __future__ import annotations
 
 import hashlib
-import os
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
@@ -28,6 +27,7 @@ from hydro.core.compiled import jit
 from hydro.core.distillation.labels import labelled, smoother_reach
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
+from hydro.core.threads import available
 
 CONTENT = ("t", *MOTION)
 CHUNK = 32_768  # rows hashed at once
@@ -127,7 +127,7 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
         ]
 
     chunks = np.array_split(bounds, min(len(bounds), 1 + labels.height // CHUNK))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(available()) as pool:
         return bounds, [digest for ids in pool.map(digests, chunks) for digest in ids]
 
 

@@ -7,7 +7,6 @@ prediction runs from the first row of every session to its last.
 from __future__ import annotations
 
 import itertools
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
@@ -33,6 +32,7 @@ from hydro.core.identification.multiple_shooting import (
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
+from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states
 
@@ -197,7 +197,7 @@ def _predictions(
             floor[rows] += change
             sums[part, draw] = change.sum(axis=1)
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(available()) as pool:
         ends = list(pool.map(predict, _batches(lengths)))
         open_, done = np.ones(len(starts), bool), 0
         for most in DRAWS:

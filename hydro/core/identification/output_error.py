@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free
 from hydro.core.recording.shots import Shots, evenly
+from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
@@ -62,7 +62,7 @@ class OutputError:
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
             return multiple_shooting.prepare(candidate(other), self.shots, prepared)
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        with ThreadPoolExecutor(available()) as pool:
             others = list(pool.map(beside, moved))
         return sensitivity.linearise(prepared, others, steps, self.shots)
 

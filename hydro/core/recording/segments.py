@@ -6,7 +6,8 @@ time by 1 %.  Filters, lags and differences never reach across the end of a segm
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -45,6 +46,50 @@ def sessions(frame: pl.DataFrame) -> pl.DataFrame:
     """
     listed = frame.group_by("session", maintain_order=True).agg(rows=pl.len().cast(pl.Int64))
     return listed.with_columns(sample_time=pl.lit(sample_time(frame)))
+
+
+class Clock(NamedTuple):
+    """When the rows of a session were taken.
+
+    Attributes:
+        rows: How many there are.
+        dt: Sample time [s].
+        bounds: First and past-the-last row of each unbroken run, shape (S, 2).
+    """
+
+    rows: int
+    dt: float
+    bounds: Rows
+
+
+def clock(frame: pl.DataFrame) -> Clock:
+    """The clock of a session, or of a whole recording.
+
+    Args:
+        frame: A table with `session` and `t` [s].
+
+    Raises:
+        DataError: As for `segments`.
+    """
+    return Clock(frame.height, sample_time(frame), segments(frame))
+
+
+def common_sample_time(clocks: Mapping[str, Clock]) -> float:
+    """Sample time [s] of sessions that lie apart: the median of theirs.
+
+    Raises:
+        DataError: One of them differs from it by more than 1 %.
+    """
+    each = np.array([clock.dt for clock in clocks.values()])
+    dt = float(np.sort(each)[len(each) // 2])
+    odd = np.flatnonzero(np.abs(each - dt) > JITTER * dt)
+    if odd.size:
+        first = f"{list(clocks)[odd[0]]}, every {each[odd[0]]:g} s"
+        raise DataError(
+            f"{odd.size} of {len(each)} sessions are not sampled every {dt:g} s (first: {first}): resample "
+            "them to one rate, or keep each rate in a folder of its own"
+        )
+    return dt
 
 
 def segments(frame: pl.DataFrame) -> Rows:

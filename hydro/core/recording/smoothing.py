@@ -258,6 +258,21 @@ def estimate(
     Raises:
         DataError: `noise` is not six finite numbers of at least 0, or no segment has eight rows.
     """
+    return estimate_in(velocity, windows(np.asarray(bounds, np.int64)), dt, noise)
+
+
+def estimate_in(velocity: ArrayLike, within: Rows, dt: float, noise: Sequence[float] | None = None) -> Design:
+    """The same of some windows alone, so that of many sessions no more is read than these.
+
+    Args:
+        velocity: Measured nu, shape (N, 6) [m/s, rad/s].
+        within: The windows, as rows [first, last) of it, shape (W, 2); see `windows`.
+        dt: Sample time [s].
+        noise: As for `estimate`.
+
+    Raises:
+        DataError: `noise` is not six finite numbers of at least 0.
+    """
     known = None if noise is None else np.asarray(noise, float)
     if known is not None and (known.shape != (6,) or not np.isfinite(known).all() or (known < 0).any()):
         raise DataError(
@@ -265,9 +280,8 @@ def estimate(
         )
     z = np.ascontiguousarray(velocity, dtype=np.float64)
     scores = np.empty((len(RATIOS), 6, 3))
-    windows = _windows(np.asarray(bounds, np.int64))
     for k, ratio in enumerate(RATIOS):
-        _innovations_kernel(z, windows, _unit_design(ratio, WINDOW), scores[k])
+        _innovations_kernel(z, within, _unit_design(ratio, WINDOW), scores[k])
     squares, logs = scores[:, :, 0] / scores[:, :, 2], scores[:, :, 1] / scores[:, :, 2]
     smallest = np.finfo(float).tiny  # an axis that never moves has no innovations at all
     variance = np.maximum(squares if known is None else np.broadcast_to(known**2, squares.shape), smallest)
@@ -277,8 +291,12 @@ def estimate(
     return Design(float(dt), tuple(RATIOS[best].tolist()), tuple(noise_found.tolist()))
 
 
-def _windows(bounds: Rows) -> Rows:
-    """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2)."""
+def windows(bounds: Rows) -> Rows:
+    """At most WINDOWS pieces of at most WINDOW rows, evenly spread over the segments, shape (W, 2).
+
+    Raises:
+        DataError: No segment has eight rows.
+    """
     pieces = [
         (at, min(at + WINDOW, stop)) for start, stop in bounds.tolist() for at in range(start, stop, WINDOW)
     ]

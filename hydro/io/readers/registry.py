@@ -82,7 +82,10 @@ def reader_of(path: Path, name: str) -> Reader:
             return _named("MCAP file")
         if (path / "metadata.yaml").is_file():
             return _named("ROS 2 recording")
-        raise DataError(f"{name}: a folder without metadata.yaml is no ROS 2 recording: name a file in it")
+        raise DataError(
+            f"{name}: a folder without metadata.yaml is no ROS 2 recording, and without "
+            "session=NAME/part.parquet no dataset: name a file in it"
+        )
     with path.open("rb") as file:
         head = file.read(HEAD)
     for start, what, remedy in _FOREIGN:

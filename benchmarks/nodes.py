@@ -1,0 +1,113 @@
+"""Ray clusters of this machine, for tests and timings: nodes of one processor, addresses of the loopback."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HEAD, SECOND = ADDRESSES = "127.0.0.2", "127.0.0.3"
+"""A head bound to 127.0.0.1 would hang: Ray takes that for `whichever address this machine has`."""
+ROOT = Path(__file__).resolve().parents[1]
+WAIT = 60.0
+
+
+@dataclass
+class Nodes:
+    """The cluster, and the processes that hold its nodes."""
+
+    address: str
+    nodes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    def begin(self, node: str, *options: str) -> None:
+        """Start a node; `ray start --block` ends with it."""
+        line = [sys.executable, "-m", "ray.scripts.scripts", "start", *options, f"--node-ip-address={node}"]
+        line += ["--num-cpus=1", "--object-store-memory=80000000", "--disable-usage-stats", "--block"]
+        quiet = {"RAY_USAGE_STATS_ENABLED": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        paths = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+        environment = os.environ | quiet | {"PYTHONPATH": paths}
+        self.nodes[node] = subprocess.Popen(
+            line,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+
+    def wait(self) -> None:
+        """Until the cluster knows all its nodes."""
+        from hydro.study.cluster import Cluster
+
+        for _ in range(int(WAIT)):
+            with Cluster(self.address) as cluster:
+                if cluster.slots == len(self.nodes):
+                    return
+            time.sleep(1.0)
+        raise OSError("not all nodes have come")
+
+    def kill(self, node: str) -> None:
+        """End a node at once with all its workers, as a machine that loses its power does."""
+        process = self.nodes.pop(node)
+        for one in _descendants(process.pid):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
+        process.kill()
+        process.wait()
+
+
+def _descendants(process: int) -> list[int]:
+    """Processes that a process has begun, and those that they have."""
+    listed = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
+    of = [tuple(map(int, line.split())) for line in listed.splitlines()]
+    found = [process]
+    for parent in found:
+        found += [pid for pid, above in of if above == parent]
+    return found[1:]
+
+
+def _free_port() -> int:
+    """A port that nobody listens at, outside those that Ray gives to its workers."""
+    for port in range(20000 + os.getpid() % 5000, 32000):
+        with socket.socket() as one, contextlib.suppress(OSError):
+            one.bind((HEAD, port))
+            return port
+    raise OSError("no free port")
+
+
+def _wait_for(address: str, process: subprocess.Popen[bytes]) -> None:
+    host, port = address.split(":")
+    for _ in range(int(WAIT / 0.2)):
+        with contextlib.suppress(OSError):
+            socket.create_connection((host, int(port)), timeout=1.0).close()
+            return
+        if process.poll() is not None:
+            break
+        time.sleep(0.2)
+    raise OSError(f"no head at {address}")
+
+
+@contextlib.contextmanager
+def nodes(count: int = 2) -> Iterator[Nodes]:
+    """Start one node or two; end what is left of them."""
+    port = _free_port()
+    cluster = Nodes(f"{HEAD}:{port}")
+    # paths of sockets are short: not pytest's own folders
+    with tempfile.TemporaryDirectory(prefix="ray", ignore_cleanup_errors=True) as folder:
+        try:
+            head = ("--head", f"--port={port}", "--include-dashboard=false", f"--temp-dir={folder}")
+            cluster.begin(HEAD, *head)
+            _wait_for(cluster.address, cluster.nodes[HEAD])
+            for node in ADDRESSES[1:count]:
+                cluster.begin(node, f"--address={cluster.address}")
+            yield cluster
+        finally:
+            for node in list(cluster.nodes):
+                cluster.kill(node)

@@ -1,0 +1,91 @@
+"""`--engine`: where the work of a command is done, in this process or on the nodes of a Ray cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from hydro.commands.shell import here, message
+from hydro.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from hydro.study.engine import Engine
+    from hydro.study.steps import Runner, Step
+
+HERE: Literal["here"] = "here"
+EngineName = Annotated[
+    Literal["here", "ray"],
+    typer.Option(help="Where the work is done: in this process, or on the nodes of a Ray cluster."),
+]
+Address = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HOST:PORT",
+        show_default=False,
+        help="Head of the Ray cluster; by default that of RAY_ADDRESS or of this machine, or a new one that "
+        "ends with the command.",
+    ),
+]
+Threads = Annotated[
+    int, typer.Option(min=1, help="Processors of each task on a cluster; nodes run as many as have room.")
+]
+
+
+def engine_for(
+    name: str,
+    address: str | None,
+    threads: int,
+    execute: Callable[[Step], None] | None = None,
+) -> AbstractContextManager[Engine]:
+    """What does the work, as long as a `with` block holds it.
+
+    Args:
+        name: `here` or `ray`.
+        address: Of the cluster.
+        threads: Processors of each task there.
+        execute: What runs steps of a study here; each in a process of its own by default.
+
+    Raises:
+        UsageError: Ray is not installed or not at the address, or an address is given without `ray`.
+    """
+    if name == HERE:
+        from hydro.study.engine import Here
+        from hydro.study.steps import apart
+
+        if address is not None:
+            raise UsageError(f"--address {address}: is of a Ray cluster: add --engine ray")
+        return nullcontext(Here(execute or apart))
+    from hydro.study.cluster import Cluster
+
+    return Cluster(address, threads)
+
+
+@contextmanager
+def runner(
+    context: typer.Context, folder: Path, workers: int, name: str, address: str | None, threads: int
+) -> Iterator[tuple[Runner, int]]:
+    """What runs the steps of a study, and how many at a time.
+
+    Here it is this process, or each of several side by side in one of its own; a cluster runs as many as it
+    has room for.
+    """
+    from hydro.study.steps import Runner, apart
+
+    execute = here(context.find_root().command) if workers == 1 else apart
+    with engine_for(name, address, threads, execute) as engine:
+        engine.prepare()
+        yield Runner(folder, engine.execute, message), workers if name == HERE else engine.slots
+
+
+def refuse_engine(name: str, why: str) -> None:
+    """Refuse a cluster where there is nothing to share out.
+
+    Raises:
+        UsageError: One is asked for.
+    """
+    if name != HERE:
+        raise UsageError(f"--engine {name}: {why}")

@@ -1,0 +1,64 @@
+"""`partition`: a table of sessions as a folder with a file for each, a dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hydro.commands.places import FOLDER
+from hydro.commands.shell import STREAM, message, read
+
+KINDS = ("raw", "labels", "split")
+"""Kinds of table that have sessions and are worth keeping apart."""
+
+Table = Annotated[
+    str,
+    typer.Argument(
+        metavar="TABLE",
+        show_default=False,
+        help="Raw, labels or split table; nothing or - is stdin.",
+    ),
+]
+Folder = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="DIR", show_default=False, help="Folder of sessions."),
+    FOLDER,
+]
+
+
+def partition(output: Folder, table: Table = STREAM) -> None:
+    """Write each session of a table to a file of its own, DIR/session=NAME/part.parquet.
+
+    A folder of sessions is given to other commands as a table is, and sessions may be added to it one dive
+    after another. hydro labels reads one session of it at a time, polars and DuckDB only the columns and
+    sessions that a query asks for. A session that DIR has already is refused unless it is the same.
+
+        hydro partition dive-1.parquet -o dives
+        hydro partition dive-2.parquet -o dives
+        hydro labels dives -o labels
+    """
+    from hydro.core.errors import DataError, shown
+    from hydro.io import partitions, provenance
+    from hydro.io import table as tables
+
+    source = read(table, *KINDS)
+    parts = source.frame.partition_by("session", maintain_order=True)
+    named = {str(part["session"][0]): part for part in parts}
+    there = set(partitions.sessions(output)) & named.keys()
+    for session in sorted(there):
+        kept = tables.read(partitions.place(output, session)).provenance.content
+        if kept != provenance.content_hash(named[session]):
+            raise DataError(
+                f"{output}: has another session {shown(session)} already: name another folder, or call it "
+                "otherwise"
+            )
+    for session, part in named.items():
+        target = partitions.place(output, session)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        tables.write(tables.make(source.kind, part, stage="partition", inputs=[source]), target)
+    message(f"hydro: {output}: {len(named)} sessions, {len(partitions.sessions(output))} in all")
+
+
+COMMANDS = {partition: "hydro partition datasets/stonefish/sample.parquet -o dives"}

@@ -1,0 +1,79 @@
+"""Parquet bytes as Arrow and polars see them: every failure is one line that names the file."""
+
+from __future__ import annotations
+
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from hydro.core.errors import DataError
+from hydro.io.files import shown
+
+MAGIC = b"PAR1"
+
+
+def opened(content: bytes, name: str) -> pq.ParquetFile:
+    """The Parquet file in these bytes."""
+    if not content.startswith(MAGIC):
+        raise DataError(f"{name}: not a Parquet file: convert it, with the columns of a raw table")
+    if not content.endswith(MAGIC) or len(content) < 12:
+        raise DataError(f"{name}: this Parquet file is cut short: write or copy it again")
+    try:
+        return pq.ParquetFile(pa.BufferReader(content))
+    except UnicodeDecodeError as error:
+        raise DataError(f"{name}: column names must be UTF-8 text: rename them ({error})") from error
+    except (pa.ArrowException, OSError) as error:
+        raise damaged(name, error) from error
+
+
+def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
+    """Name and storage type of every column."""
+    try:
+        fields = list(file.schema_arrow)
+    except (pa.ArrowException, OSError) as error:
+        raise damaged(name, error) from error
+    names = [field.name for field in fields]
+    twice = sorted({column for column in names if names.count(column) > 1})
+    if twice:
+        raise DataError(f"{name}: column {shown(twice[0])} appears twice: leave one out")
+    return {field.name: stored_as(field.type) for field in fields}
+
+
+def stored_as(arrow: pa.DataType) -> str:
+    """The name by which schema files call an Arrow type, such as `float32`."""
+    if pa.types.is_dictionary(arrow):
+        return stored_as(arrow.value_type)
+    if pa.types.is_string(arrow) or pa.types.is_large_string(arrow) or pa.types.is_string_view(arrow):
+        return "string"
+    if pa.types.is_list(arrow) or pa.types.is_large_list(arrow):
+        return f"list<{stored_as(arrow.value_type)}>"
+    return {"float": "float32", "double": "float64", "halffloat": "float16", "bool": "boolean"}.get(
+        str(arrow), str(arrow)
+    )
+
+
+def decode(file: pq.ParquetFile, name: str) -> pl.DataFrame:
+    """All rows, as polars; Arrow's memory is shared where it is in one piece."""
+    try:
+        arrow = file.read()
+    except (pa.ArrowException, OSError) as error:
+        raise damaged(name, error) from error
+    for column, values in zip(arrow.column_names, arrow.columns, strict=True):
+        try:
+            values.validate(full=True)
+        except pa.ArrowException as error:
+            raise DataError(
+                f"{name}: {column} contains text that is not UTF-8: write it again ({error})"
+            ) from error
+    bare = pa.Table.from_arrays(
+        arrow.columns, names=arrow.column_names
+    )  # polars panics on odd field metadata
+    frame = pl.from_arrow(bare, rechunk=True)
+    assert isinstance(frame, pl.DataFrame)
+    return frame
+
+
+def damaged(name: str, error: Exception) -> DataError:
+    """The error line for a file that Arrow cannot decode."""
+    reason = (str(error) or type(error).__name__).splitlines()[0]
+    return DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again")

@@ -1,0 +1,92 @@
+"""Each session of a dataset diagnosed by itself: what was missing in which dive."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hydro.core.diagnosis.baseline import refit, stable_start
+from hydro.core.diagnosis.diagnose import diagnose_log
+from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import sample_time
+from hydro.io import covariance, memory, partitions, table, vehicle
+from hydro.io.files import name_of
+from hydro.io.partitions import Part
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hydro.core.vehicle.description import Vehicle
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """What became of a session.
+
+    Attributes:
+        session: Its name.
+        findings: Findings as a table; None where it could not be diagnosed.
+        error: Why not.
+    """
+
+    session: str
+    findings: pl.DataFrame | None = None
+    error: str = ""
+
+
+def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str) -> Diagnosed:
+    """Diagnose one session; its findings, and their covariance beside them, go into another folder.
+
+    What is wrong with a session is said of it and ends nothing: other dives have their diagnosis.
+
+    Args:
+        part: The session.
+        folder: Where findings go, into a folder for each session.
+        start: The vehicle, with what is known of its values.
+        text: Its file.
+    """
+    try:
+        findings = _written(part, partitions.place(folder, part.session), start, text)
+    except DataError as error:
+        where, words = name_of(part.path), str(error)
+        return Diagnosed(part.session, error=words if words.startswith(where) else f"{where}: {words}")
+    memory.give_back()
+    return Diagnosed(part.session, findings)
+
+
+def _written(part: Part, target: Path, start: Vehicle, text: str) -> pl.DataFrame:
+    """Diagnose a session and write what is found."""
+    source = table.read_part(part)
+    known = vehicle.without_errors_from(start, source.provenance.content)
+    found = diagnose_log(known, preprocess(known, source.frame))
+    made = table.make(
+        "diagnosis",
+        found.frame(),
+        stage="diagnose",
+        parameters={"chi2": [round(value, 4) for value in found.chi2]},
+        inputs=[source],
+        vehicle_text=text,
+    )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    table.write(made, target)
+    if found.estimates is not None:
+        covariance.write(found.estimates, target, stage="diagnose", inputs=[source], vehicle_text=text)
+    return made.frame
+
+
+def warm(part: Part, start: Vehicle) -> None:
+    """Compile what a diagnosis begins with, on the first rows of a session."""
+    rows = partitions.scan(part.path)
+    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+        dt = sample_time(rows.select("session", "t").head(FEW).collect())
+        head = table.conform(part.kind, rows.head(round(WARM / dt)).collect())
+        log = preprocess(start, head)
+        begun, problem = stable_start(start, log)
+        refit(start, log, problem, begun)
+
+
+FEW, WARM = 100, 40.0
+"""Rows that tell the sample time, and seconds that are enough for a fit."""

@@ -1,0 +1,181 @@
+"""Labels of a recording, and of each session of a dataset on its own, wherever it is worked on.
+
+What sessions share, the filter of a log's noise, is found once for all of them; each is then read, labelled,
+written and forgotten.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import polars as pl
+
+from hydro.core.columns import MOTION, VELOCITY
+from hydro.core.distillation.labels import filter_design_of_sessions, labels, subtracted
+from hydro.core.distillation.labels_of_samples import Bounds, has_nulls, labels_of_samples, unlabelled
+from hydro.core.errors import DataError
+from hydro.core.recording.segments import Clock, clock, gaps
+from hydro.core.recording.smoothing import Design
+from hydro.core.recording.supply import unknown_voltage
+from hydro.io import memory, partitions, table, vehicle
+from hydro.io.files import name_of
+from hydro.io.partitions import Dataset, Part
+from hydro.io.table import Artefact
+
+BOUNDS = Bounds()
+WARM = 64
+"""Rows that are enough to compile every kernel."""
+
+
+@dataclass(frozen=True)
+class Labelling:
+    """How labels are made; see `core.distillation.labels.labels`.
+
+    Attributes:
+        vehicle: Text of the vehicle file.
+        acceleration: Method of the smoother.
+        subtract: Which effects are taken from tau_res.
+        noise: Standard deviation of each velocity, six numbers [m/s, rad/s]; None to find it.
+        limits: Standard deviations up to which a row of a recording with nulls has a label.
+        design: The filter, where sessions share one; None to find it in the recording.
+        of_samples: Whether rows are labelled by the samples that there are, even where there are all.
+    """
+
+    vehicle: str
+    acceleration: str = "rts"
+    subtract: Literal["inertia", "effects"] = "inertia"
+    noise: tuple[float, ...] | None = None
+    limits: Bounds = BOUNDS
+    design: Design | None = None
+    of_samples: bool = False
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """What has become of a session.
+
+    Attributes:
+        session: Its name.
+        notes: What there is to say of it, a line each.
+    """
+
+    session: str
+    notes: tuple[str, ...]
+
+
+def label(source: Artefact, how: Labelling) -> tuple[Artefact, tuple[str, ...]]:
+    """The labels of a recording, and what there is to say of it, a line each.
+
+    Raises:
+        DataError: As for `core.distillation.labels.labels`.
+    """
+    known, raw, sparse = vehicle.parse(how.vehicle), source.frame, has_nulls(source.frame)
+    parameters = _parameters(how) | {"subtracted": subtracted(known, how.subtract)}
+    if sparse or how.of_samples:
+        parameters |= {
+            "max_sd_velocity": how.limits.velocity,
+            "max_sd_acceleration": how.limits.acceleration,
+        }
+    if how.of_samples and not sparse:
+        frame = labels_of_samples(known, raw, noise=how.noise, subtract=how.subtract, limits=how.limits)
+    else:
+        frame = labels(
+            known,
+            raw,
+            acceleration=how.acceleration,
+            noise=how.noise,
+            design=how.design,
+            subtract=how.subtract,
+            limits=how.limits,
+        )
+    notes = gaps(frame), unlabelled(frame, how.limits) if sparse else ""
+    made = table.make(
+        "labels", frame, stage="labels", parameters=parameters, inputs=[source], vehicle_text=how.vehicle
+    )
+    return made, tuple(filter(None, notes))
+
+
+def _parameters(how: Labelling) -> dict[str, Any]:
+    """What the footer says of how labels were made."""
+    found: dict[str, Any] = {"acceleration": how.acceleration, "subtract": how.subtract}
+    if how.noise is not None:
+        found["noise"] = list(how.noise)
+    if how.design is not None:
+        found["filter"] = {"dt": how.design.dt, "ratio": list(how.design.ratio)}
+    return found
+
+
+def shared(dataset: Dataset, how: Labelling) -> Labelling:
+    """The same with what all sessions of a dataset share: whether any has nulls, else the filter.
+
+    Memory holds one session's times, or its velocities, at a time.
+
+    Raises:
+        DataError: As for `core.recording.segments.segments` of a session; or sessions are sampled at
+            different rates, or one has nulls and labels are not to be smoothed by `rts`.
+    """
+    sparse = [part for part in dataset.parts if part.nulls.intersection(MOTION)]
+    if sparse:
+        if how.acceleration != "rts":
+            raise DataError(
+                f"{name_of(sparse[0].path)}: a recording with nulls needs its smoother, so --acceleration "
+                "rts; for another import the log with `hydro import --fill`"
+            )
+        return replace(how, of_samples=True)
+    clocks = dict[str, Clock]()
+    for part in dataset.parts:
+        try:
+            clocks[part.session] = clock(_columns(part, "session", "t"))
+        except DataError as error:
+            raise DataError(f"{name_of(part.path)}: {error}") from error
+    paths = {part.session: part for part in dataset.parts}
+    design = filter_design_of_sessions(clocks, lambda session: _columns(paths[session], *VELOCITY), how.noise)
+    memory.give_back()
+    return replace(how, design=design)
+
+
+def _columns(part: Part, *names: str) -> pl.DataFrame:
+    """Some columns of a session, the others left unread."""
+    try:
+        return partitions.scan(part.path).select(names).collect()
+    except (pl.exceptions.PolarsError, OSError) as error:
+        reason = str(error).partition("\n")[0]
+        raise DataError(
+            f"{name_of(part.path)}: this Parquet file is damaged ({reason}): write or copy it again"
+        ) from error
+
+
+def label_part(part: Part, folder: Path, how: Labelling) -> Labelled:
+    """Read, label and write one session of a dataset into another folder.
+
+    Raises:
+        DataError: As for `label`, with the file's name before it.
+    """
+    target = partitions.place(folder, part.session)
+    notes = _written(part, target, how)
+    memory.give_back()
+    return Labelled(part.session, notes)
+
+
+def warm(part: Part, how: Labelling) -> None:
+    """Compile what labels need, on the first rows of a session."""
+    head = partitions.scan(part.path).head(WARM).collect()
+    rows = table.make(part.kind, head, stage="warm")
+    with contextlib.suppress(DataError):  # said of the whole session, if it is so there
+        label(rows, how)
+
+
+def _written(part: Part, target: Path, how: Labelling) -> tuple[str, ...]:
+    """Write the labels of a session; what there is to say.  All its memory is free when this has ended."""
+    source = table.read_part(part)
+    try:
+        voltage = unknown_voltage(vehicle.parse(how.vehicle), source.frame)
+        made, notes = label(source, how)
+    except DataError as error:
+        raise DataError(f"{name_of(part.path)}: {error}") from error
+    target.parent.mkdir(parents=True, exist_ok=True)
+    table.write(made, target)
+    return tuple(filter(None, (voltage, *notes)))
