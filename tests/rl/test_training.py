@@ -260,6 +260,33 @@ def test_arrivals_are_counted(auv151):
     assert found["time_to_goal"] == pytest.approx(0.04)
 
 
+def test_an_examination_ends_with_the_failure_that_decides_it(auv151):
+    """What it has flown by then is as it would be without an end; what can be passed is flown whole."""
+    fleets = Builder(TrainingConfig(), auv151[0])
+
+    def flown(spare):
+        fleet = fleets(12, 5)
+        fleet.set_level("slalom", 1)
+        return fly(helmsman, fleet, spare)
+
+    whole, stopped = flown(None), flown(2)
+    failed = whole.filter(pl.col("outcome") != "success").sort("duration")
+    last = failed["duration"][2]
+    assert failed.height > 3
+    assert stopped["episode"].to_list() == whole.filter(pl.col("duration") <= last)["episode"].to_list()
+    same = [name for name in whole.columns if name != "tracking_error"]
+    assert stopped.select(same).equals(whole.filter(pl.col("duration") <= last).select(same))
+    assert flown(failed.height).equals(whole)
+
+
+@pytest.mark.parametrize(
+    ("share", "window", "spare"), [(0.97, 150, 4), (1.0, 8, 0), (0.5, 4, 2), (0.9, 10, 1)]
+)
+def test_as_many_may_fail_as_the_share_leaves(share, window, spare):
+    assert Curriculum(share=share, window=window).spare == spare
+    assert (window - spare) / window >= share > (window - spare - 1) / window
+
+
 def way(*points):
     """A flight along straight lines between points north and east, 5 m deep."""
     legs = [np.linspace(a, b, 50) for a, b in pairwise(points)]

@@ -124,6 +124,12 @@ class Curriculum:
             raise UsageError(f"curriculum.examine is {self.examine}; give a number of steps, or 0")
 
     @property
+    def spare(self) -> int:
+        """Episodes of an examination that may fail: with one more the level is not passed."""
+        few = (ok for ok in range(self.window, -1, -1) if ok / self.window < self.share)
+        return self.window - next(few) - 1
+
+    @property
     def levels(self) -> tuple[tuple[str, int], ...]:
         """Task and level of every level, in order."""
         if self.task:

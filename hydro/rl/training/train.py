@@ -192,12 +192,16 @@ class Training:
             self._fleet.set_level(*self.curriculum.level)
 
     def _evaluate(self, purpose: Literal["curve", "exam"], episodes: int, seed: int) -> float:
-        """Share of episodes at the present level that succeed without exploration."""
+        """Share of episodes at the present level that succeed without exploration.
+
+        An examination ends with the failure that decides it.
+        """
         task, level = self.curriculum.level
         fleet = self._build(episodes, seed)
         fleet.set_level(task, level)
         with self._part("evaluating"):
-            found = summary(fly(self._learner.best, fleet))
+            spare = self.config.curriculum.spare if purpose == "exam" else None
+            found = summary(fly(self._learner.best, fleet, spare))
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
         why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "task": task, "level": level}
         why |= {"setting": NOMINAL}
