@@ -159,6 +159,9 @@ class TrainingConfig:
         demonstrations: Vehicles that a pilot by hand flies, for as long as an episode may last, before a
             level is learnt; 0: none.
         clone: Batches by which the policy is made to do as he did before it flies at a level.
+        corrections: Times at most that as many vehicles are then flown by the policy at a level it has not
+            passed, for as long, and it is made to do what he would have done where it came to.  Of all
+            levels then, and the last policy is to pass the last level of every task.
         curriculum: When it goes on.
         sac: The learner.
         settings: The environment.
@@ -176,6 +179,7 @@ class TrainingConfig:
     pilot: float = 0.8
     demonstrations: int = 0
     clone: int = 0
+    corrections: int = 0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
     settings: Settings = field(default_factory=Settings)
@@ -196,6 +200,8 @@ class TrainingConfig:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
             raise UsageError("there is nothing to clone without demonstrations; give some")
+        if self.corrections < 0 or (self.corrections and not self.clone):
+            raise UsageError("corrections are cloned, 0 or more times: give clone a number of batches")
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
@@ -207,7 +213,9 @@ RECIPES = {
     "paper": TrainingConfig(),
     "demos": TrainingConfig(
         demonstrations=40,
-        clone=3_000,
+        clone=1_500,
+        corrections=20,
+        evaluate=100_000,
         curriculum=Curriculum(examine=10_000),
         sac=SACConfig(layers=(128, 128), norm=True, batch=256, random=0),
     ),

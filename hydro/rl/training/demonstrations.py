@@ -1,6 +1,7 @@
 """What a pilot by hand, who has the map, would do: episodes to learn from before and beside one's own.
 
 Reinforcement learning with prior data: half of every batch is of demonstrations (Ball et al. 2023, RLPD).
+Where the policy flies itself, he says what he would do there (`training.advice`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 from hydro.core.columns import Array32
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
-from hydro.rl.training.pilots import WithMap
+from hydro.rl.training.pilots import Actor, WithMap
 from hydro.rl.training.returns import Transition
 
 
@@ -26,9 +27,26 @@ def demonstrations(fleet: Fleet) -> Iterator[Transition]:
         fleet: Vehicles that have not flown yet, its task and level set.
     """
     once = np.ones(fleet.count, dtype=np.int64)
-    for observations, actions, step in _flown(fleet):
+    for observations, actions, _, step in _flown(fleet):
         ended = step.terminated | step.truncated
         yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
+
+
+def corrections(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
+    """Let somebody else fly, likewise, and tell at every step what the pilot would do in his place.
+
+    Args:
+        fleet: As for `demonstrations`.
+        actor: Who flies.
+    """
+    for observations, said, _, _ in _flown(fleet, actor):
+        yield observations, said
+
+
+def habits(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:
+    """Let somebody else fly, likewise, and tell at every step what he does."""
+    for observations, _, done, _ in _flown(fleet, actor):
+        yield observations, done
 
 
 def mastered(fleet: Fleet) -> float:
@@ -38,7 +56,7 @@ def mastered(fleet: Fleet) -> float:
         fleet: As for `demonstrations`.
     """
     first, reached = np.ones(fleet.count, dtype=np.bool_), 0
-    for _, _, step in _flown(fleet):
+    for *_, step in _flown(fleet):
         reached += int((first & step.info.success).sum())
         first &= ~(step.terminated | step.truncated)
         if not first.any():
@@ -46,12 +64,17 @@ def mastered(fleet: Fleet) -> float:
     return reached / fleet.count
 
 
-def _flown(fleet: Fleet) -> Iterator[tuple[Array32, Array32, Step]]:
-    """What is seen (N, O), what the pilot does (N, 6) and what comes of it, for one episode's time."""
+def _flown(fleet: Fleet, actor: Actor | None = None) -> Iterator[tuple[Array32, Array32, Array32, Step]]:
+    """Fly for one episode's time, the pilot himself by default.
+
+    Yields:
+        What is seen (N, O), what the pilot would do and what is done (N, 6), and what comes of it.
+    """
     pilot, observations = WithMap(fleet), fleet.reset()
     for _ in range(fleet.task.steps(fleet.settings)):
-        actions = np.clip(pilot(observations), -1.0, 1.0)
-        step = fleet.step(actions)
+        said = np.clip(pilot(observations), -1.0, 1.0)
+        done = said if actor is None else actor(observations)
+        step = fleet.step(done)
         pilot.begun = step.terminated | step.truncated
-        yield observations, actions, step
+        yield observations, said, done, step
         observations = step.obs

@@ -61,7 +61,7 @@ def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
             errors[:] = _off(Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths)
     frame = pl.DataFrame([{"task": fleet.task.name, "level": fleet.level} | rows[k] for k in ended])
     weaved = [alternating(flown[: lengths[k], k], pillars[k]) for k in ended]
-    columns = {"tracking_error": errors[ended], "alternating": weaved}
+    columns: dict[str, Any] = {"tracking_error": errors[ended], "alternating": weaved}
     columns |= {f"start_{axis}": starts[ended, i] for i, axis in enumerate(POSITION)}
     columns |= {f"goal_{axis}": goals[ended, i] for i, axis in enumerate(POSITION)}
     return frame.with_columns(

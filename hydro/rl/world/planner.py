@@ -65,7 +65,7 @@ class Grid:
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:
         """Cells whose centre keeps a share of the margins from all pillars (P, 2) and walls."""
-        x, y = (self.cell * (np.arange(count) + 0.5) for count in self.shape)
+        x, y = (self.cell * (np.arange(count, dtype=np.float64) + 0.5) for count in self.shape)
         wall = share * self.wall
         inside = ((x >= wall) & (x <= self.length - wall))[:, None] & ((y >= wall) & (y <= self.width - wall))
         _clear_of(inside, x, y, np.asarray(pillars, float), radius + share * self.margin)
