@@ -55,13 +55,13 @@ class Advice:
     def batches(self, count: int, generator: torch.Generator) -> Iterator[tuple[Tensor, Tensor]]:
         """Observations (ROWS, O) and actions (ROWS, A), drawn so many times.
 
-        Half of them are of the level that was spoken of last, the others evenly of all levels before.
+        As much of each level as was said there, but of the one that was spoken of last at least half.
         """
         seen, done = (torch.cat(parts) for parts in zip(*self._said.values(), strict=True))
         sizes = torch.tensor([len(each) for each, _ in self._said.values()])
         first = sizes.cumsum(0) - sizes
-        shares = torch.full((len(sizes),), 0.5 / max(len(sizes) - 1, 1))
-        shares[-1] = 0.5
+        shares = sizes.float()
+        shares[-1] = shares[-1].maximum(shares[:-1].sum())
         for _ in range(count):
             level = torch.multinomial(shares, ROWS, replacement=True, generator=generator)
             row = first[level] + (torch.rand(ROWS, generator=generator) * sizes[level]).long()

@@ -162,6 +162,8 @@ class TrainingConfig:
         corrections: Times at most that as many vehicles are then flown by the policy at a level it has not
             passed, for as long, and it is made to do what he would have done where it came to.  Of all
             levels then, and the last policy is to pass the last level of every task.
+        push: Standard deviation of demands in roll and pitch, a third of it in the others, that are added to
+            what the policy does with every other vehicle then: a hull in other water trims otherwise.
         curriculum: When it goes on.
         sac: The learner.
         settings: The environment.
@@ -180,6 +182,7 @@ class TrainingConfig:
     demonstrations: int = 0
     clone: int = 0
     corrections: int = 0
+    push: float = 0.0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
     settings: Settings = field(default_factory=Settings)
@@ -196,6 +199,8 @@ class TrainingConfig:
         _counted({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
+        if not 0.0 <= self.push < math.inf:
+            raise UsageError(f"push is {self.push:g}; give 0 or more")
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
@@ -213,10 +218,11 @@ RECIPES = {
     "paper": TrainingConfig(),
     "demos": TrainingConfig(
         demonstrations=40,
-        clone=1_500,
-        corrections=20,
+        clone=3_000,
+        corrections=30,
+        push=0.6,
         evaluate=100_000,
-        curriculum=Curriculum(examine=10_000),
+        curriculum=Curriculum(baffles=(4,), examine=10_000),
         sac=SACConfig(layers=(128, 128), norm=True, batch=256, random=0),
     ),
 }

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hydro.core.columns import Array32
+from hydro.core.columns import Array, Array32
+from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.training.pilots import Actor, WithMap
@@ -30,6 +31,39 @@ def demonstrations(fleet: Fleet) -> Iterator[Transition]:
     for observations, actions, _, step in _flown(fleet):
         ended = step.terminated | step.truncated
         yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
+
+
+PUSHED = np.array([1.0, 1.0, 1.0, 3.0, 3.0, 1.0]) / 3.0
+"""Shares of a push by axis: what the file does not know of a hull turns it most about its level axes."""
+WANDER = 50
+"""Control steps in which a push becomes another."""
+
+
+class Pushed:
+    """Somebody who flies, and every other vehicle of whose is pushed about (Laskey et al. 2017).
+
+    A hull in other water trims and rolls as none does in the simulator that is learnt in; what to do then is
+    to be seen before.
+    """
+
+    def __init__(self, actor: Actor, size: float, seed: int) -> None:
+        """Take a seat beside him.
+
+        Args:
+            actor: Who flies.
+            size: Standard deviation of the demand in roll and pitch that is added; see `PUSHED`.
+            seed: Of the pushes, which wander over `WANDER` steps.
+        """
+        self._actor, self._size, self._rng = actor, size, np.random.default_rng([seed, 1 << 33])
+        self._push: Array | None = None
+
+    def __call__(self, observations: Array32) -> Array32:
+        """Demands (N, 6) at observations (N, O), with the pushes in them."""
+        new = self._rng.standard_normal((len(observations), ACTIONS))
+        kept = 1.0 - 1.0 / WANDER
+        self._push = new if self._push is None else kept * self._push + np.sqrt(1.0 - kept**2) * new
+        pushed = self._size * PUSHED * self._push * (np.arange(len(new)) % 2)[:, None]
+        return (self._actor(observations) + pushed).astype(np.float32)
 
 
 def corrections(fleet: Fleet, actor: Actor) -> Iterator[tuple[Array32, Array32]]:

@@ -21,7 +21,7 @@ from hydro.rl.environment.observation import encoding
 from hydro.rl.training.advice import Level
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
-from hydro.rl.training.demonstrations import corrections, demonstrations, habits
+from hydro.rl.training.demonstrations import Pushed, corrections, demonstrations, habits
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
 from hydro.rl.training.policy import Policy
@@ -140,7 +140,8 @@ class Training:
         with self._part("flying"):
             fleet = self._school(level)
             if self._lessons:
-                learner.heed(corrections(fleet, learner.best), level)
+                flying = Pushed(learner.best, config.push, fleet.seed)
+                learner.heed(corrections(fleet, flying), level)
             else:
                 learner.watch(demonstrations(fleet), level)
         self._lessons += 1

@@ -27,16 +27,18 @@ def advice(*rows):
     return made
 
 
-def test_half_of_a_batch_is_of_the_newest_level_and_the_rest_evenly_of_those_before():
-    """However much was said at each; a level that is spoken of again becomes the newest."""
-    made = advice(40, 4000, 400)
+def test_at_least_half_of_a_batch_is_of_the_newest_level_and_the_rest_of_those_before():
+    """Of these by how much was said; a level that is spoken of again becomes the newest."""
+    made = advice(490, 1500, 400)
     for newest in (2, 0):
         if newest == 0:
             made.add(OPEN, *said(0, 10, seed=1))
         seen = torch.cat([each for each, _ in made.batches(60, RNG().manual_seed(1))])
         assert len(seen) == 60 * ROWS
         shares = [(seen[:, 0] == level).float().mean().item() for level in range(3)]
-        expected = [0.5 if level == newest else 0.25 for level in range(3)]
+        expected = {2: [0.5 * 490 / 1990, 0.5 * 1500 / 1990, 0.5], 0: [0.5, 0.5 * 15 / 19, 0.5 * 4 / 19]}[
+            newest
+        ]
         assert shares == pytest.approx(expected, abs=0.02)
     assert made.levels == [SLALOM, FOREST, OPEN]
 
@@ -63,12 +65,12 @@ def test_who_learns_a_new_level_keeps_an_earlier_one():
 
     first = learnt(advice(300))
     before = error(first)
-    kept = learnt(advice(300, 3000), learnt(advice(300)))
-    alone = advice(300, 3000)
+    kept = learnt(advice(300, 900), learnt(advice(300)))
+    alone = advice(300, 900)
     alone.forget(OPEN)
     lost = learnt(alone, learnt(advice(300)))
     assert before < 0.05
-    assert error(kept) < 0.05
+    assert error(kept) < 0.08
     assert error(lost) > 3.0 * error(kept)
 
 

@@ -10,7 +10,7 @@ from hydro.core.errors import UsageError
 from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.training.build import Builder
 from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
-from hydro.rl.training.demonstrations import corrections, habits
+from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
 from hydro.rl.training.train import Training
 from hydro.rl.world.config import Episode, Settings
 
@@ -113,3 +113,20 @@ def test_a_policy_without_lessons_left_learns_by_itself_and_keeps_its_habits():
 def test_corrections_are_cloned():
     with pytest.raises(UsageError, match="give clone a number of batches"):
         TrainingConfig(demonstrations=3, corrections=1)
+
+
+def test_every_other_vehicle_is_pushed_and_a_push_wanders():
+    """Its size by axis, over many steps, and how alike it is after some of them."""
+
+    def idle(observations):
+        return np.zeros((len(observations), 6), np.float32)
+
+    flying = Pushed(idle, 0.6, seed=2)
+    done = np.array([flying(np.zeros((40, 36), np.float32)) for _ in range(3000)])
+    assert (done[:, ::2] == 0.0).all()
+    pushes = done[:, 1::2]
+    np.testing.assert_allclose(pushes.std(axis=(0, 1)), 0.6 * PUSHED, rtol=0.1)
+    alike = np.corrcoef(pushes[:-50].ravel(), pushes[50:].ravel())[0, 1]
+    assert alike == pytest.approx(np.exp(-1.0), abs=0.1)
+    again = Pushed(idle, 0.6, seed=2)
+    np.testing.assert_array_equal(again(np.zeros((40, 36), np.float32)), done[0])
