@@ -207,7 +207,6 @@ def _foretelling(rows: int, clock: Callable[[], float] = time.monotonic) -> Call
     The first session does not count: it may have waited for a compiler.
     """
     from hydro.core.recording import extent
-    from hydro.core.threads import available
 
     first: list[tuple[int, float]] = []
     told: list[int] = []

@@ -82,8 +82,8 @@ class Plant(Protocol):
     def reset(self, mask: Mask, pose: Array, velocity: Array) -> None:
         """Put some vehicles (N,) at a pose (N, 7) and velocity (N, 6), thrusters at rest, clock at 0."""
 
-    def step(self, commands: Array) -> None:
-        """Fly one control step under held commands (N, n)."""
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
+        """Fly one control step under held commands (N, n); where `flying` (N,) says no, vehicles rest."""
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on."""
@@ -150,11 +150,11 @@ class StudentPlant:
         self.diverged[mask] = False
         self._read(mask)
 
-    def step(self, commands: Array) -> None:
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
         """Fly one control step; see `Plant`."""
         self._ctrl[:] = commands
-        self._student.march(self._steps)
-        self._read(self._all)
+        self._student.march(self._steps, None if flying is None else np.flatnonzero(flying))
+        self._read(self._all if flying is None else flying)
 
     def _read(self, mask: Mask) -> None:
         """Bring the arrays of some vehicles up to date."""

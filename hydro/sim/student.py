@@ -154,10 +154,10 @@ class Student:
         with _warnings_only_counted():
             self.batch.forward(mask)
 
-    def march(self, steps: int) -> None:
-        """Fly on for some physics steps under the controls that the batch holds."""
+    def march(self, steps: int, ids: NDArray[np.int64] | None = None) -> None:
+        """Fly on for some physics steps under the controls that the batch holds; all, or some by number."""
         with _warnings_only_counted():
-            self.batch.step(nstep=steps)
+            self.batch.step(ids, nstep=steps)
 
     def _settle(self, vehicle: int, thruster: int, command: float) -> None:
         """Let one thruster have obeyed a command for long."""

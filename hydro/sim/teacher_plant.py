@@ -85,12 +85,12 @@ class TeacherPlant:
         self._fleet.y[mask, :7], self._fleet.y[mask, 7:BODY] = pose[mask], velocity[mask]
         self._fly(mask, self._pace._replace(steps=0))
 
-    def step(self, commands: Array) -> None:
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
         """Fly one control step; see `Plant`."""
         held = self._fleet.commands
         held[:, :-1] = held[:, 1:]
         held[:, -1] = commands
-        self._fly(~self.diverged, self._pace)
+        self._fly(~self.diverged if flying is None else flying & ~self.diverged, self._pace)
 
     def _fly(self, mask: Mask, pace: Pace) -> None:
         """Fly some vehicles for a control step, or begin, and bring their arrays up to date."""

@@ -151,3 +151,17 @@ def test_a_teacher_beyond_all_numbers_is_told():
     assert np.isfinite(plant.pose).all()
     plant.reset(ALL, pose(ETA), NU[None])
     assert not plant.diverged[0]
+
+
+@pytest.mark.parametrize("kind", [StudentPlant, TeacherPlant])
+def test_who_rests_stays_and_changes_nothing_for_the_others(kind):
+    first, all_, held = pose(ETA).repeat(3, axis=0), np.ones(3, dtype=bool), commands(3)
+    plants = [kind(craft(), count=3) for _ in range(2)]
+    for plant, flying in zip(plants, (None, np.array([True, False, True])), strict=True):
+        plant.reset(all_, first, NU[None].repeat(3, axis=0))
+        for _ in range(3):
+            plant.step(held, flying)
+    whole, some = (np.hstack([plant.pose, plant.velocity, plant.thrust]) for plant in plants)
+    np.testing.assert_array_equal(some[[0, 2]], whole[[0, 2]])
+    np.testing.assert_allclose(some[1, :7], first[1])
+    assert not np.allclose(whole[1, :7], first[1])

@@ -169,13 +169,15 @@ class Fleet:
         self.seed, self._noise = seed, _generator(seed)
         self._episode[:] = -1
 
-    def step(self, actions: ArrayLike, *, renew: bool = True) -> Step:
+    def step(self, actions: ArrayLike, *, renew: bool = True, flying: Mask | None = None) -> Step:
         """Fly one control step.
 
         Args:
             actions: Demands (N, 6), clipped to [-1, 1].
             renew: Whether vehicles whose episode ends begin their next one at once; else it is for the caller
                 to `reset` them.
+            flying: Which vehicles fly (N,); the others rest where they are, and what is said of them here
+                counts for nothing. By default all.
 
         Raises:
             DataError: The actions are of another shape, or not numbers.
@@ -187,7 +189,7 @@ class Fleet:
         self._demands.note(self._all, demands)
         if not command_kernel(*self._mixing, self._demands.seen(), np.empty(ACTIONS), self._commands):
             raise DataError("actions: some are not finite; look at what the policy saw")
-        self.plant.step(self._commands)
+        self.plant.step(self._commands, flying)
 
         self._observe(self._all, 1)
         final = self._visible()

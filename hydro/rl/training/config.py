@@ -124,6 +124,12 @@ class Curriculum:
             raise UsageError(f"curriculum.examine is {self.examine}; give a number of steps, or 0")
 
     @property
+    def spare(self) -> int:
+        """Episodes of an examination that may fail: with one more the level is not passed."""
+        few = (ok for ok in range(self.window, -1, -1) if ok / self.window < self.share)
+        return self.window - next(few) - 1
+
+    @property
     def levels(self) -> tuple[tuple[str, int], ...]:
         """Task and level of every level, in order."""
         if self.task:
@@ -153,6 +159,11 @@ class TrainingConfig:
         demonstrations: Vehicles that a pilot by hand flies, for as long as an episode may last, before a
             level is learnt; 0: none.
         clone: Batches by which the policy is made to do as he did before it flies at a level.
+        corrections: Times at most that as many vehicles are then flown by the policy at a level it has not
+            passed, for as long, and it is made to do what he would have done where it came to.  Of all
+            levels then, and the last policy is to pass the last level of every task.
+        push: Standard deviation of demands in roll and pitch, a third of it in the others, that are added to
+            what the policy does with every other vehicle then: a hull in other water trims otherwise.
         curriculum: When it goes on.
         sac: The learner.
         settings: The environment.
@@ -170,6 +181,8 @@ class TrainingConfig:
     pilot: float = 0.8
     demonstrations: int = 0
     clone: int = 0
+    corrections: int = 0
+    push: float = 0.0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
     settings: Settings = field(default_factory=Settings)
@@ -186,10 +199,14 @@ class TrainingConfig:
         _counted({name: getattr(self, name) for name in counts})
         if self.demonstrations < 0 or self.clone < 0:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
+        if not 0.0 <= self.push < math.inf:
+            raise UsageError(f"push is {self.push:g}; give 0 or more")
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
             raise UsageError("there is nothing to clone without demonstrations; give some")
+        if self.corrections < 0 or (self.corrections and not self.clone):
+            raise UsageError("corrections are cloned, 0 or more times: give clone a number of batches")
         if self.record % self.vehicles or self.evaluate % self.record:
             raise UsageError(
                 f"{self.vehicles} vehicles, a record every {self.record} steps and an evaluation every "
@@ -202,7 +219,10 @@ RECIPES = {
     "demos": TrainingConfig(
         demonstrations=40,
         clone=3_000,
-        curriculum=Curriculum(examine=10_000),
+        corrections=30,
+        push=0.6,
+        evaluate=100_000,
+        curriculum=Curriculum(baffles=(4,), examine=10_000),
         sac=SACConfig(layers=(128, 128), norm=True, batch=256, random=0),
     ),
 }

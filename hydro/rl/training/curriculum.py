@@ -65,6 +65,16 @@ class CurriculumProgress:
         self._window.clear()
         return passed
 
+    def forget(self, level: tuple[str, int]) -> None:
+        """Let a level be ahead again that was passed."""
+        self.passed.remove(level)
+        self._window.clear()
+
+    @property
+    def ends(self) -> dict[str, int]:
+        """The last level of every task, in order."""
+        return dict(self.config.levels)
+
     def state(self) -> dict[str, Any]:
         """Everything that the future depends on."""
         return {"passed": [list(level) for level in self.passed], "window": list(self._window)}

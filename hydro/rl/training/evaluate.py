@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from hydro.core.columns import Array
@@ -24,45 +25,68 @@ RARE = ("tracking_error", "alternating")
 """What not every flight has."""
 
 
-def fly(actor: Actor, fleet: Fleet) -> pl.DataFrame:
-    """Fly one episode with every vehicle of a fleet that has not flown yet.
+def fly(actor: Actor, fleet: Fleet, spare: int | None = None) -> pl.DataFrame:
+    """Fly one episode with every vehicle of a fleet that has not flown yet; it then rests.
 
     Args:
         actor: The policy, or a pilot.
         fleet: As many vehicles as episodes are wanted, its task and level set.
+        spare: Episodes that may fail: the next failure ends the flying. Episodes that have not ended by then
+            are left out, and how far the others were off their way is not asked.
 
     Returns:
         The episodes, a table of kind `episodes`.
     """
     observations = fleet.reset()
     starts, goals, pillars = fleet.starts.copy(), fleet.goals.copy(), fleet.pillars.copy()
-    chart, everybody = Guidance(fleet.settings, fleet.count), np.ones(fleet.count, dtype=np.bool_)
-    chart.reset(everybody, starts, goals, pillars)
-    places, squares = [fleet.plant.pose[:, :3].copy()], np.zeros(fleet.count)
-    weaved = bool(np.isfinite(pillars).any())
-    holds = fleet.task.ends(fleet.settings).settling >= 0.0
-    rows: dict[int, dict[str, Any]] = {}
-    while len(rows) < fleet.count:
-        step = fleet.step(actor(observations))
-        observations = step.obs
-        for k in np.flatnonzero(step.terminated | step.truncated):
-            if k not in rows:
-                ended = _ended(step, int(k), fleet.settings.period)
-                off = np.sqrt(squares[k] / max(int(step.info.episode_length[k]) - 1, 1))
-                error = {"tracking_error": float(step.info.episode_error[k] if holds else off)}
-                weaving = alternating(np.array([at[k] for at in places]), pillars[k]) if weaved else None
-                rows[int(k)] = ended | error | {"alternating": weaving}
-        if weaved:
-            places.append(fleet.plant.pose[:, :3].copy())
-        chart.targets(everybody, fleet.plant.pose[:, :3])
-        squares += chart.off**2
-    level = {"task": fleet.task.name, "level": fleet.level}
-    frame = pl.DataFrame(
-        [level | rows[k] for k in range(fleet.count)], schema_overrides=dict.fromkeys(RARE, pl.Float64)
+    places, failed = [fleet.plant.pose[:, :3].copy()], 0
+    flying, lengths, errors = (
+        np.ones(fleet.count, np.bool_),
+        np.zeros(fleet.count, int),
+        np.zeros(fleet.count),
     )
-    ends = {f"start_{axis}": starts[:, i] for i, axis in enumerate(POSITION)}
-    ends |= {f"goal_{axis}": goals[:, i] for i, axis in enumerate(POSITION)}
-    return frame.with_columns(**{name: pl.Series(values) for name, values in ends.items()})
+    rows: dict[int, dict[str, Any]] = {}
+    while flying.any() and (spare is None or failed <= spare):
+        step = fleet.step(actor(observations), renew=False, flying=flying)
+        observations = step.obs
+        places.append(fleet.plant.pose[:, :3].copy())
+        for k in map(int, np.flatnonzero(flying & (step.terminated | step.truncated))):
+            rows[k] = _ended(step, k, fleet.settings.period)
+            failed += rows[k]["outcome"] != OUTCOMES[0]
+            flying[k], lengths[k], errors[k] = False, step.info.episode_length[k], step.info.episode_error[k]
+    ended, flown = sorted(rows), np.array(places)
+    if fleet.task.ends(fleet.settings).settling < 0.0:
+        errors[:] = np.nan
+        if not flying.any():
+            errors[:] = _off(Guidance(fleet.settings, fleet.count), (starts, goals, pillars), flown, lengths)
+    frame = pl.DataFrame([{"task": fleet.task.name, "level": fleet.level} | rows[k] for k in ended])
+    weaved = [alternating(flown[: lengths[k], k], pillars[k]) for k in ended]
+    columns: dict[str, Any] = {"tracking_error": errors[ended], "alternating": weaved}
+    columns |= {f"start_{axis}": starts[ended, i] for i, axis in enumerate(POSITION)}
+    columns |= {f"goal_{axis}": goals[ended, i] for i, axis in enumerate(POSITION)}
+    return frame.with_columns(
+        pl.Series(name, values, pl.Float64, nan_to_null=True) for name, values in columns.items()
+    )
+
+
+def _off(
+    chart: Guidance, scenes: tuple[Array, Array, Array], flown: Array, lengths: NDArray[np.int64]
+) -> Array:
+    """Root mean square distance of flights from the ways that a planner plans, (N,) [m].
+
+    Args:
+        chart: Plans them.
+        scenes: Starts, goals (N, 3) and pillars (N, P, 2), NED [m].
+        flown: Positions after every step (K + 1, N, 3), the starts first.
+        lengths: Steps of every flight (N,); the last one, behind which it is over, does not count.
+    """
+    every = np.ones(len(lengths), dtype=np.bool_)
+    chart.reset(every, *scenes)
+    squares = np.zeros(len(lengths))
+    for k in range(1, len(flown)):
+        chart.targets(every, flown[k])
+        squares += np.where(k < lengths, chart.off, 0.0) ** 2
+    return np.sqrt(squares / np.maximum(lengths - 1, 1))
 
 
 def alternating(way: Array, pillars: Array) -> float | None:

@@ -29,8 +29,10 @@ def pack(transitions: dict[str, Tensor]) -> Packed:
     if not transitions:
         return {}
     columns = {name: tensor.numpy() for name, tensor in transitions.items()}
+    shapes = {name: list(column.shape[1:]) for name, column in columns.items() if name != FOLLOWING}
+    if FOLLOWING not in columns:
+        return {"shapes": shapes, "columns": _written(columns), "order": list(transitions)}
     link, alone = _linked(columns[SEEN], columns.pop(FOLLOWING))
-    shapes = {name: list(column.shape[1:]) for name, column in columns.items()}
     return {
         "shapes": shapes,
         "columns": _written(columns | {"link": link}),
@@ -45,6 +47,8 @@ def unpack(packed: Packed) -> dict[str, Tensor]:
         return {}
     columns, width = _read(packed["columns"]), packed["shapes"][SEEN]
     made = {name: columns[name].reshape(-1, *shape) for name, shape in packed["shapes"].items()}
+    if FOLLOWING not in packed["order"]:
+        return {name: torch.from_numpy(made[name]) for name in packed["order"]}
     link = columns["link"][:, 0]
     following = made[SEEN][np.maximum(link, 0)]
     following[link == NOWHERE] = _read(packed["alone"])[FOLLOWING].reshape(-1, *width)

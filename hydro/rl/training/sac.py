@@ -27,17 +27,13 @@ from torchrl.objectives import SACLoss, SoftUpdate
 from hydro.core.columns import Array32, Mask
 from hydro.core.errors import DataError
 from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.advice import EVERY, Advice, Level, imitate
 from hydro.rl.training.config import SACConfig
 from hydro.rl.training.memory import pack, unpack
 from hydro.rl.training.policy import Policy, layers, median, network
 from hydro.rl.training.returns import Horizon, Transition
 
 torchrl_logger.setLevel("WARNING")
-
-CLONING = 1e-3
-"""Learning rate of `Learner.clone`."""
-SPREAD = 0.2
-"""Scale of the normal under the tanh of a policy that was cloned."""
 
 
 class Losses(NamedTuple):
@@ -198,6 +194,7 @@ class Learner:
             for _ in range(2)
         )
         self._memories = {"done": self._replay, "shown": self._shown}
+        self._advice = Advice()
         self._horizon = Horizon(config.horizon, config.discount)
 
     @property
@@ -246,26 +243,35 @@ class Learner:
         if (made := self._horizon.add(step)) is not None:
             self._keep(made, self._replay)
 
-    def watch(self, steps: Iterable[Transition]) -> None:
-        """Keep what somebody else has done, step by step of N vehicles, apart from what the policy does."""
+    def watch(self, steps: Iterable[Transition], level: Level) -> None:
+        """Keep what somebody else has done, step by step of N vehicles, apart from what the policy does.
+
+        What he did is also what should be done there, see `heed`.
+        """
         horizon = Horizon(self.config.horizon, self.config.discount)
-        for step in steps:
+        for k, step in enumerate(steps):
+            if k % EVERY == 0:
+                self._advice.add(level, self._encoding(step.observations), step.actions)
             if (made := horizon.add(step)) is not None:
                 self._keep(made, self._shown)
 
-    def clone(self, batches: int) -> None:
-        """Make the policy, and its average, do as was shown: least squares over so many batches.
+    def heed(self, said: Iterable[tuple[Array32, Array32]], level: Level, *, anew: bool = False) -> None:
+        """Keep what should be done at a level, step by step: observations (N, O) and actions (N, A).
 
-        What it explores by is brought to SPREAD besides.
+        Args:
+            said: The steps.
+            level: The level.
+            anew: Whether this counts in place of what was said of it before.
         """
-        optimiser = torch.optim.Adam(self.network.parameters(), CLONING)
-        for _ in range(batches):
-            shown = self._shown.sample(self.config.batch)
-            mean, scale = self.network(shown["observation"])
-            error = (mean.tanh() - shown["action"]).square().mean() + (scale - SPREAD).square().mean()
-            optimiser.zero_grad()
-            error.backward()
-            optimiser.step()
+        if anew:
+            self._advice.forget(level)
+        for k, (observations, actions) in enumerate(said):
+            if k % EVERY == 0:
+                self._advice.add(level, self._encoding(observations), actions)
+
+    def clone(self, batches: int) -> None:
+        """Make the policy, and its average, do what should be done at all levels, see `advice.imitate`."""
+        imitate(self.network, self._advice, batches, self._generators["batches"])
         self._average.module.load_state_dict(self.network.state_dict())
 
     def _keep(self, made: Transition, memory: ReplayBuffer) -> None:
@@ -313,6 +319,7 @@ class Learner:
                 name: (pack(_transitions(memory)), memory.writer.state_dict())
                 for name, memory in self._memories.items()
             },
+            "advice": self._advice.state(),
             "horizon": [[torch.from_numpy(part) for part in step] for step in self._horizon.state()],
             "updates": self.updates,
         }
@@ -342,6 +349,7 @@ class Learner:
                 rows = len(transitions["action"])
                 memory.extend(TensorDict(transitions, rows).unflatten_keys("."))
             memory.writer.load_state_dict(writer)
+        self._advice.restore(state["advice"])
         self._horizon.restore([[part.numpy() for part in step] for step in state["horizon"]])
         self.updates = state["updates"]
 

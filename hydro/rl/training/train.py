@@ -18,9 +18,10 @@ from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.environment.observation import encoding
+from hydro.rl.training.advice import Level
 from hydro.rl.training.config import TrainingConfig
 from hydro.rl.training.curriculum import CurriculumProgress
-from hydro.rl.training.demonstrations import demonstrations
+from hydro.rl.training.demonstrations import Pushed, corrections, demonstrations, habits
 from hydro.rl.training.divergence import Watch
 from hydro.rl.training.evaluate import POLICY, RARE, fly, summary
 from hydro.rl.training.policy import Policy
@@ -29,8 +30,8 @@ from hydro.rl.training.trials import NOMINAL
 
 CURVE_SEED, EXAM_SEED = 900_001, 900_002
 """Of the tasks of evaluations and of examinations: the same for every training."""
-SHOWN_SEED = 500_000
-"""Beyond its own, that of the tasks which a training is shown."""
+SHOWN_SEED, NEXT_SEED = 500_000, 1_000_000
+"""Beyond its own, that of the tasks which a training is shown, and from one lesson to the next."""
 
 
 Build = Callable[[int, int], Fleet]
@@ -47,7 +48,7 @@ class Training:
 
     Attributes:
         config: What it depends on.
-        steps: Control steps of all vehicles together so far.
+        steps: Control steps of all vehicles together so far, but for examinations.
         episodes: Episodes ended so far.
         curriculum: Where it stands in its curriculum.
         watch: Whether it has diverged.
@@ -88,7 +89,7 @@ class Training:
         self._fleet = build(config.vehicles, config.seed)
         self._fleet.set_level(*self.curriculum.level)
         self._observations = self._fleet.reset()
-        self._shown = self._examined = 0
+        self._lessons = self._taught = self._examined = self._recorded = self._evaluated = 0
 
     @property
     def finished(self) -> bool:
@@ -104,47 +105,73 @@ class Training:
         if self.finished:
             return
         while True:
-            self._learn_from_the_pilot()
-            if not self.curriculum.done:
+            if not self._lesson() and not self.curriculum.done:
                 self._step()
-            if not self.curriculum.done and self._due:
-                self._examine()
-            if self.finished or self.steps % self.config.record == 0:
+                if self._due:
+                    self._examine()
+            if self.finished or self._over(self.config.record, self._recorded):
                 self._record()
                 progress(self)
-            if self.finished or self.steps % self.config.evaluate == 0:
+            if self.finished or self._over(self.config.evaluate, self._evaluated):
                 break
         if not self.watch.broken:
+            self._evaluated = self.steps
             self._evaluate("curve", self.config.episodes, CURVE_SEED)
 
-    def _learn_from_the_pilot(self) -> None:
-        """Watch a pilot by hand at a level that is new, do as he does, and be examined at once.
+    def _over(self, period: int, before: int) -> bool:
+        """Whether a multiple of a number of steps lies between a step before and now."""
+        return self.steps // period > before // period
 
-        What is passed by that alone needs no learning, and the next level is begun likewise.
+    def _lesson(self) -> bool:
+        """Learn from a pilot by hand at the present level, as long as there is a lesson left.
+
+        He flies first and the policy does as he does; then the policy flies, and does what he would have done
+        where it came to.  It is examined after each, and once before: what is passed by what was learnt at
+        other levels needs no lesson.
+
+        Returns:
+            Whether that was so; else it is for the policy to learn by itself.
         """
-        while self.config.demonstrations and self._shown == len(self.curriculum.passed):
-            if self.curriculum.done:
-                return
-            self._shown += 1
-            with self._part("flying"):
-                fleet = self._build(self.config.demonstrations, self.config.seed + SHOWN_SEED)
-                fleet.set_level(*self.curriculum.level)
-                self._learner.watch(demonstrations(fleet))
-            if self.config.clone:
-                with self._part("learning"):
-                    self._learner.clone(self.config.clone)
-                self._skilled = True
-                self._examine()
+        config, level, learner = self.config, self.curriculum.level, self._learner
+        if not config.demonstrations or self.curriculum.done or self._lessons > config.corrections:
+            return False
+        if not self._lessons and self._skilled and self._examine():
+            return True
+        with self._part("flying"):
+            fleet = self._school(level)
+            if self._lessons:
+                flying = Pushed(learner.best, config.push, fleet.seed)
+                learner.heed(corrections(fleet, flying), level)
+            else:
+                learner.watch(demonstrations(fleet), level)
+        self._lessons += 1
+        if config.clone:
+            with self._part("learning"):
+                learner.clone(config.clone)
+            self._skilled = True
+            self._examine()
+        return True
+
+    def _school(self, level: Level) -> Fleet:
+        """Vehicles with new tasks of a level, for an episode's time; their steps are counted."""
+        self._taught += 1
+        seed = self.config.seed + SHOWN_SEED + self._taught * NEXT_SEED
+        fleet = self._build(self.config.demonstrations, seed)
+        fleet.set_level(*level)
+        self.steps += fleet.count * fleet.task.steps(fleet.settings)
+        return fleet
 
     @property
     def _due(self) -> bool:
         """Whether it is time for an examination."""
         every = self.config.curriculum.examine
+        if self.curriculum.done:
+            return False
         return self.steps - self._examined >= every if every else self.curriculum.ready
 
-    def policy(self) -> Policy:
-        """What has been learnt so far."""
-        task, level = self.curriculum.level
+    def policy(self, examined: Level | None = None) -> Policy:
+        """What has been learnt so far, for a level, by default the present one."""
+        task, level = examined or self.curriculum.level
         return self._learner.policy(
             {
                 "steps": self.steps,
@@ -181,33 +208,70 @@ class Training:
             self.watch.episodes += int(step.info.diverged[k])
             self.curriculum.note(bool(step.info.success[k]))
 
-    def _examine(self) -> None:
+    def _examine(self) -> bool:
         """Let the policy show without exploration that it has learnt the level, and go on if it has."""
-        share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED)
+        level, config = self.curriculum.level, self.config
+        share = self._evaluate("exam", config.curriculum.window, EXAM_SEED)
         self._examined = self.steps
-        examined, (task, _) = self.policy(), self.curriculum.level
-        if self.curriculum.examined(share):
-            if self.curriculum.behind(task):
-                self.masters[task] = examined
-            self._fleet.set_level(*self.curriculum.level)
+        examined = self.policy(level)
+        if not self.curriculum.examined(share):
+            return False
+        if self.curriculum.behind(level[0]):
+            self.masters[level[0]] = examined
+        if config.corrections and self._lessons > config.corrections:
+            self._keep_habits(level)
+        self._lessons = 0
+        if config.corrections and self.curriculum.done:
+            self._rehearse()
+        self._fleet.set_level(*self.curriculum.level)
+        return True
 
-    def _evaluate(self, purpose: Literal["curve", "exam"], episodes: int, seed: int) -> float:
-        """Share of episodes at the present level that succeed without exploration."""
-        task, level = self.curriculum.level
-        fleet = self._build(episodes, seed)
-        fleet.set_level(task, level)
-        with self._part("evaluating"):
-            found = summary(fly(self._learner.best, fleet))
+    def _keep_habits(self, level: Level) -> None:
+        """Let what the policy does count as what should be done, where it has found out by itself."""
+        with self._part("flying"):
+            best = self._learner.best
+            self._learner.heed(habits(self._school(level), best), level, anew=True)
+
+    def _rehearse(self) -> None:
+        """Examine every task once more, and go back to the first whose last level is not passed any more."""
+        for level in self.curriculum.ends.items():
+            share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED, level)
+            if share < self.config.curriculum.share:
+                self.curriculum.forget(level)
+                self._lessons = 1  # he has been shown it
+                return
+            self.masters[level[0]] = self.policy(level)
+
+    def _evaluate(
+        self, purpose: Literal["curve", "exam"], episodes: int, seed: int, level: Level | None = None
+    ) -> float:
+        """Share of episodes at a level, by default the present one, that succeed without exploration.
+
+        An examination ends with the failure that decides it.  What has been flown at this step is not flown
+        again.
+        """
+        task, number = level or self.curriculum.level
         who = {"condition": self.config.condition, "seed": self.config.seed, "steps": self.steps}
-        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "task": task, "level": level}
-        why |= {"setting": NOMINAL}
+        why = {"flown_by": POLICY, "plant": "student", "purpose": purpose, "task": task, "level": number}
+        why |= {"setting": NOMINAL} | who
+        for one in self.evaluations:
+            if one.items() >= why.items():
+                return float(one["success"])
+        fleet = self._build(episodes, seed)
+        fleet.set_level(task, number)
+        with self._part("evaluating"):
+            spare = self.config.curriculum.spare if purpose == "exam" else None
+            found = summary(fly(self._learner.best, fleet, spare))
         self.evaluations.append(who | why | found)
         if purpose == "curve":
             self.watch.evaluation(found["success"])
         return float(found["success"])
 
     def _record(self) -> None:
-        """Add a point to the curves."""
+        """Add a point to the curves, in place of one at the same step."""
+        self._recorded = self.steps
+        if self.curves and self.curves[-1]["steps"] == self.steps:
+            self.curves.pop()
         task, level = self.curriculum.level
         losses = np.mean(self._losses, axis=0).tolist() if self._losses else [None] * len(Losses._fields)
         self.curves.append(
@@ -266,7 +330,10 @@ class Training:
         self._learner.restore(state["learner"])
 
 
-_COUNTS = ("steps", "episodes", "_overspeed", "_skilled", "_shown", "_examined")
+_COUNTS = (
+    "steps", "episodes", "_overspeed", "_skilled", "_lessons", "_taught", "_examined", "_recorded",
+    "_evaluated",
+)  # fmt: skip
 _NUMBERS = dict.fromkeys(("reward", *Losses._fields), pl.Float64)
 
 

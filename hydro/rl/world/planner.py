@@ -65,13 +65,23 @@ class Grid:
 
     def free(self, pillars: Array, radius: float, share: float = 1.0) -> Cells:
         """Cells whose centre keeps a share of the margins from all pillars (P, 2) and walls."""
-        x, y = (self.cell * (np.arange(count) + 0.5) for count in self.shape)
+        x, y = (self.cell * (np.arange(count, dtype=np.float64) + 0.5) for count in self.shape)
         wall = share * self.wall
         inside = ((x >= wall) & (x <= self.length - wall))[:, None] & ((y >= wall) & (y <= self.width - wall))
-        apart = radius + share * self.margin
-        for px, py in pillars:
-            inside &= (x[:, None] - px) ** 2 + (y - py) ** 2 >= apart**2
+        _clear_of(inside, x, y, np.asarray(pillars, float), radius + share * self.margin)
         return inside
+
+
+@jit
+def _clear_of(free: Cells, x: Array, y: Array, pillars: Array, apart: float) -> None:
+    """Take from `free` (X, Y), of centres x (X,), y (Y,), what is nearer to a pillar (P, 2) than `apart`."""
+    for p in range(len(pillars)):
+        first, last = np.searchsorted(x, pillars[p, 0] - apart), np.searchsorted(x, pillars[p, 0] + apart)
+        low, high = np.searchsorted(y, pillars[p, 1] - apart), np.searchsorted(y, pillars[p, 1] + apart)
+        for i in range(max(first - 1, 0), min(last + 1, len(x))):
+            for j in range(max(low - 1, 0), min(high + 1, len(y))):
+                if (x[i] - pillars[p, 0]) ** 2 + (y[j] - pillars[p, 1]) ** 2 < apart**2:
+                    free[i, j] = False
 
 
 def plan(grid: Grid, start: ArrayLike, goal: ArrayLike, pillars: ArrayLike, radius: float) -> Array:

@@ -90,12 +90,12 @@ class StonefishPlant:
         for k in chosen:
             self._read(k, self._vehicles[k].answers())
 
-    def step(self, commands: Array) -> None:
+    def step(self, commands: Array, flying: Mask | None = None) -> None:
         """Fly one control step; see `Plant`."""
-        flying = np.flatnonzero(~self.diverged).tolist()
-        for k in flying:
+        going = np.flatnonzero(~self.diverged if flying is None else flying & ~self.diverged).tolist()
+        for k in going:
             self._vehicles[k].go_on(commands[k])
-        for k in flying:
+        for k in going:
             self._read(k, self._vehicles[k].answers())
 
     def _read(self, k: int, rows: Iterator[Row]) -> None:

@@ -89,6 +89,19 @@ def test_what_was_passed_stays_passed_in_another_curriculum():
     assert not after.done
 
 
+def test_what_is_forgotten_is_ahead_again_and_then_all_is_behind():
+    curriculum = CurriculumProgress(Curriculum(last=3, baffles=(1, 4), pillars=12))
+    assert curriculum.ends == {"point_to_point": 0, "slalom": 4, "forest": 12}
+    for _ in range(4):
+        curriculum.examined(1.0)
+    assert curriculum.done
+    curriculum.forget(("slalom", 4))
+    assert not curriculum.done
+    assert curriculum.level == ("slalom", 4)
+    assert curriculum.examined(1.0)
+    assert curriculum.done
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

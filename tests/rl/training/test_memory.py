@@ -35,6 +35,12 @@ def test_what_is_packed_comes_back_bit_for_bit():
     same(unpack(pack(given)), given)
 
 
+def test_what_nothing_follows_is_packed_likewise():
+    given = transitions()
+    given = {name: given[name] for name in ("observation", "action")}
+    same(unpack(pack(given)), given)
+
+
 def test_rows_that_nothing_links_and_numbers_that_are_none_come_back():
     given = transitions()
     given["next.observation"] += 100.0

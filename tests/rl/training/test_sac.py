@@ -12,11 +12,12 @@ from torchrl.objectives import SACLoss
 
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.encoding import Encoding
+from hydro.rl.training.advice import SPREAD
 from hydro.rl.training.config import SACConfig
 from hydro.rl.training.memory import unpack
 from hydro.rl.training.policy import Policy
 from hydro.rl.training.returns import Transition
-from hydro.rl.training.sac import SPREAD, Learner, twin
+from hydro.rl.training.sac import Learner, twin
 
 SMALL = SACConfig(layers=(16, 16), batch=32, capacity=500, horizon=3)
 ENCODING = Encoding(
@@ -128,13 +129,16 @@ def shown(count, learn):
         yield Transition(seen, learn(seen), *rest)
 
 
+OPEN = ("point_to_point", 0)
+
+
 def law(seen):
     return np.tanh(seen[:, :2] - 0.5 * seen[:, 2:4]).astype(np.float32)
 
 
 def test_a_clone_does_as_was_shown():
     made = Learner(plain(5), 2, replace(SMALL, layers=(32, 32)), 0)
-    made.watch(shown(300, law))
+    made.watch(shown(300, law), OPEN)
     observations = np.random.default_rng(1).standard_normal((500, 5)).astype(np.float32)
     before = np.abs(made.best(observations) - law(observations)).mean()
     made.clone(1500)
@@ -146,7 +150,7 @@ def test_a_clone_does_as_was_shown():
 def test_a_share_of_every_batch_is_of_what_was_shown():
     """Shown actions are marked by their size; without anything done yet all is of them."""
     made = Learner(ENCODING, 2, replace(SMALL, demonstrated=0.25), 0)
-    made.watch(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)))
+    made.watch(shown(50, lambda seen: np.full((8, 2), 0.999, np.float32)), OPEN)
     assert (made._batch()["action"] == 0.999).all()
     feed(made, 200)
     batch = made._batch()
@@ -156,10 +160,12 @@ def test_a_share_of_every_batch_is_of_what_was_shown():
 
 def test_what_was_shown_is_in_the_state():
     made, other = (Learner(ENCODING, 2, SMALL, seed) for seed in (0, 1))
-    made.watch(shown(30, law))
+    made.watch(shown(30, law), OPEN)
     feed(made, 80)
     made.update()
     other.restore(copy.deepcopy(made.state()))
+    for each in (made, other):
+        each.clone(3)
     assert [made.update() for _ in range(4)] == [other.update() for _ in range(4)]
 
 

@@ -103,3 +103,16 @@ def test_a_grid_needs_cells(wrong):
 def test_places_outside_belong_to_the_nearest_cell():
     assert TANK.of([-3.0, 100.0]) == (0, TANK.shape[1] - 1)
     assert TANK.shape == (480, 240)
+
+
+@given(st.integers(0, 1000), st.sampled_from([0.0, 0.5, 1.0]))
+def test_free_cells_keep_their_distance_from_every_pillar_and_wall(seed, share):
+    """Cell by cell, by the distance itself."""
+    grid = Grid(6.0, 3.0, cell=0.1)
+    pillars = np.random.default_rng(seed).uniform([-1.0, -1.0], [7.0, 4.0], (5, 2))
+    free = grid.free(pillars, 0.25, share)
+    centres = grid.centres(np.argwhere(np.ones(grid.shape, bool)))
+    apart = np.hypot(*(centres[:, None] - pillars).transpose(2, 0, 1)).min(axis=1) - 0.25 - share * 1.2
+    walls = np.minimum(centres, [6.0, 3.0] - centres).min(axis=1) - share * 0.6
+    sure = (np.abs(apart) > 1e-9) & (np.abs(walls) > 1e-9)
+    np.testing.assert_array_equal(free.ravel()[sure], ((apart > 0.0) & (walls > 0.0))[sure])

@@ -1,0 +1,132 @@
+"""A training under a pilot: he corrects what the policy does, level by level, and nothing is unlearnt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fleets import vehicle
+
+from hydro.core.errors import UsageError
+from hydro.rl.environment.helmsman import helmsman
+from hydro.rl.training.build import Builder
+from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
+from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
+from hydro.rl.training.train import Training
+from hydro.rl.world.config import Episode, Settings
+
+OPEN, ONE, FOUR, FOREST = ("point_to_point", 0), ("slalom", 1), ("slalom", 4), ("forest", 12)
+TAUGHT = TrainingConfig(
+    vehicles=4,
+    record=40,
+    evaluate=400,
+    demonstrations=2,
+    clone=2,
+    corrections=2,
+    curriculum=Curriculum(last=3, baffles=(1, 4), window=4, examine=40),
+    sac=SACConfig(layers=(8,), batch=8, capacity=300, random=0),
+    settings=Settings(task=Episode(steps=5)),
+)
+
+
+class Scripted(Training):
+    """A training whose examinations come out as a script says: by level, True as soon as it is through."""
+
+    def begun(self, script):
+        self.script, self.asked = {level: list(words) for level, words in script.items()}, []
+        return self
+
+    def _evaluate(self, purpose, episodes, seed, level=None):
+        level = level or self.curriculum.level
+        if purpose != "exam":
+            return 0.0
+        passed = self.script.get(level) or [True]
+        self.asked.append((level, passed[0]))
+        self.script[level] = passed[1:]
+        return float(passed[0])
+
+
+def trained(script, **more):
+    config = replace(TAUGHT, **more)
+    training = Scripted(config, Builder(config, vehicle())).begun(script)
+    while not training.finished:
+        training.advance()
+    return training
+
+
+def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
+    def idle(observations):
+        return np.zeros((len(observations), 6))
+
+    fleet = Builder(TAUGHT, vehicle())(3, 1)
+    fleet.set_level("point_to_point")
+    told = list(corrections(fleet, idle))
+    assert len(told) == 5
+    for seen, said in told:
+        np.testing.assert_allclose(said, np.clip(helmsman(seen), -1.0, 1.0), atol=1e-6)
+    assert np.linalg.norm(told[-1][0][:, 3:6], axis=1).max() < 0.3  # he has not swum
+    own = list(habits(Builder(TAUGHT, vehicle())(3, 1), idle))
+    assert all((done == 0.0).all() for _, done in own)
+    np.testing.assert_array_equal(own[0][0], told[0][0])
+
+
+def test_what_was_learnt_before_may_pass_a_level_without_a_lesson():
+    training = trained({})
+    assert [level for level, _ in training.asked] == [OPEN, ONE, FOUR, FOREST, OPEN, FOUR, FOREST]
+    assert training.curriculum.done
+    assert training.steps == 2 * 5
+    assert training._learner._advice.levels == [OPEN]
+
+
+def test_lessons_go_on_until_a_level_is_passed():
+    """In the slalom it is examined before, after his flight and after its own, which he corrects."""
+    training = trained({ONE: [False, False, True]})
+    assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
+    assert training.steps == 2 * 5 + 2 * (2 * 10)
+    assert training._learner._advice.levels == [OPEN, ONE]
+
+
+def test_what_the_last_policy_has_unlearnt_is_taught_again():
+    """And whatever it passes is passed by one and the same policy in the end."""
+    training = trained({FOUR: [False, True, False, True], FOREST: [False, True]})
+    assert [level for level, _ in training.asked] == [
+        OPEN, ONE, FOUR, FOUR, FOREST, FOREST, OPEN, FOUR, FOUR, OPEN, FOUR, FOREST
+    ]  # fmt: skip
+    assert training.curriculum.done
+    for task, level in (OPEN, FOUR, FOREST):
+        kept, last = training.masters[task], training.policy()
+        assert (kept.training["task"], kept.training["level"]) == (task, level)
+        assert all(np.array_equal(kept.weights[name], last.weights[name]) for name in last.weights)
+
+
+def test_a_policy_without_lessons_left_learns_by_itself_and_keeps_its_habits():
+    """What it found out counts in place of what the pilot had said, for he did not bring it there."""
+    training = trained({OPEN: [False] * 4}, curriculum=replace(TAUGHT.curriculum, last=1))
+    assert [passed for _, passed in training.asked] == [False, False, False, False, True, True]
+    shown = 3 * 2 * 5
+    assert training.steps > shown + 40
+    observations, said = training._learner._advice._said[OPEN]
+    done = np.tanh(training._learner._average.module(observations)[0].detach().numpy())
+    np.testing.assert_allclose(said.numpy(), done, atol=1e-5)
+    assert len(said) == 2 * 2  # of five steps of two vehicles the first and the fifth
+
+
+def test_corrections_are_cloned():
+    with pytest.raises(UsageError, match="give clone a number of batches"):
+        TrainingConfig(demonstrations=3, corrections=1)
+
+
+def test_every_other_vehicle_is_pushed_and_a_push_wanders():
+    """Its size by axis, over many steps, and how alike it is after some of them."""
+
+    def idle(observations):
+        return np.zeros((len(observations), 6), np.float32)
+
+    flying = Pushed(idle, 0.6, seed=2)
+    done = np.array([flying(np.zeros((40, 36), np.float32)) for _ in range(3000)])
+    assert (done[:, ::2] == 0.0).all()
+    pushes = done[:, 1::2]
+    np.testing.assert_allclose(pushes.std(axis=(0, 1)), 0.6 * PUSHED, rtol=0.1)
+    alike = np.corrcoef(pushes[:-50].ravel(), pushes[50:].ravel())[0, 1]
+    assert alike == pytest.approx(np.exp(-1.0), abs=0.1)
+    again = Pushed(idle, 0.6, seed=2)
+    np.testing.assert_array_equal(again(np.zeros((40, 36), np.float32)), done[0])
