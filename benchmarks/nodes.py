@@ -18,6 +18,12 @@ HEAD, SECOND = ADDRESSES = "127.0.0.2", "127.0.0.3"
 """A head bound to 127.0.0.1 would hang: Ray takes that for `whichever address this machine has`."""
 ROOT = Path(__file__).resolve().parents[1]
 WAIT = 60.0
+BOUND = """
+import ctypes, runpy, signal
+ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+runpy.run_module("ray.scripts.scripts", run_name="__main__", alter_sys=True)
+"""
+"""The command `ray`, which ends, and its node with it, when the process that began it ends, however it does."""
 
 
 @dataclass
@@ -29,7 +35,7 @@ class Nodes:
 
     def begin(self, node: str, *options: str) -> None:
         """Start a node; `ray start --block` ends with it."""
-        line = [sys.executable, "-m", "ray.scripts.scripts", "start", *options, f"--node-ip-address={node}"]
+        line = [sys.executable, "-c", BOUND, "start", *options, f"--node-ip-address={node}"]
         line += ["--num-cpus=1", "--object-store-memory=80000000", "--disable-usage-stats", "--block"]
         quiet = {"RAY_USAGE_STATS_ENABLED": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         paths = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
