@@ -23,7 +23,7 @@ import ctypes, runpy, signal
 ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 runpy.run_module("ray.scripts.scripts", run_name="__main__", alter_sys=True)
 """
-"""The command `ray`, which ends, and its node with it, when the process that began it ends, however it does."""
+"""The command `ray`, which ends, and its node with it, when the process that began it does, however."""
 
 
 @dataclass
