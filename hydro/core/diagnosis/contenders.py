@@ -17,11 +17,12 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, held_at
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import repeated_effects, wholly_known
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
-from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
+from hydro.core.identification.suspects import CURVED, Suspect, of_entries, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress
 from hydro.core.residual.asked_anew import AskedAnew
@@ -123,7 +124,7 @@ def contend(
         progress: Called with a few words and the share of the work done.
     """
     vehicle, log = last.vehicle, compared.log
-    tried = suspects(vehicle, without=chosen, reach=log.track)
+    tried = [*suspects(vehicle, without=chosen, reach=log.track), *_of_file(vehicle, chosen, log.track)]
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
@@ -134,7 +135,7 @@ def contend(
         if name not in always and left <= POOR * floor:
             break
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
-        fine = shapes(vehicle, name, reach=log.track)
+        fine = [] if vehicle.effects(name) else shapes(vehicle, name, reach=log.track)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         try:
             fit = fitted(compared, last, table)
@@ -144,6 +145,13 @@ def contend(
         if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(name)):
             fits[name] = fit
     return fits
+
+
+def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:
+    """Effects of the file that are not linear, about the values that it has: a change of one is as likely."""
+    apart = {*without, *repeated_effects(vehicle)}
+    there = [name for name in CURVED if vehicle.effects(name) and name not in apart]
+    return [of_entries(vehicle, name, reach=reach) for name in there if not wholly_known(vehicle, name)]
 
 
 def stepped(

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import pytest
-from recordings import damped, flown
+from recordings import WEAK, damped, flown
 
-from hydro.core.diagnosis.diagnose import hull_of
+from hydro.core.diagnosis.before import UNTRIED
+from hydro.core.diagnosis.diagnose import diagnose, hull_of
+from hydro.core.diagnosis.findings import SURE
 from hydro.core.errors import DataError
+
+FIN = {
+    "name": "control_surface",
+    "area": 0.002,
+    "position": [-0.5, 0.0, 0.0],
+    "roll": 0.0,
+    "deflection": 0.0,
+    "stall": 0.3,
+}
 
 
 @pytest.fixture(scope="module")
@@ -22,3 +33,19 @@ def test_the_hull_is_learnt(before):
 def test_a_recording_before_that_is_too_short(before):
     with pytest.raises(DataError, match=r"too short|too few"):
         hull_of(damped(), before.head(1000))
+
+
+def test_a_change_of_what_the_file_has_and_is_not_linear_is_named():
+    late = {"name": "command_delay", "d": 0.02}
+    later = late | {"d": 0.2}
+    found = diagnose(damped(late), flown(later, seed=40), before=flown(late, seed=10)).findings[0]
+    assert (found.verdict, found.effect) == ("retune", "command_delay")
+    assert found.confidence >= SURE
+    assert found.parameters["d"] == pytest.approx(0.2, abs=4.0 * found.standard_errors["d"] + 1e-3)
+
+
+def test_beside_several_of_one_effect_which_cannot_be_tried_a_name_is_suspected(before):
+    found = diagnose(damped(FIN, FIN), flown(WEAK, seed=40), before=before).findings[0]
+    assert (found.verdict, found.effect) == ("suspect", "thruster_gain")
+    assert found.confidence <= UNTRIED < SURE
+    assert "not tried, for there are several: control_surface" in found.advice
