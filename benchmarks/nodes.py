@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -18,6 +19,10 @@ HEAD, SECOND = ADDRESSES = "127.0.0.2", "127.0.0.3"
 """A head bound to 127.0.0.1 would hang: Ray takes that for `whichever address this machine has`."""
 ROOT = Path(__file__).resolve().parents[1]
 WAIT = 60.0
+AUTHENTICATION = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
+"""A token of these clusters alone.  Left to itself Ray makes one in the home folder with the first cluster of
+a machine; `ray start` asks for it from then on, and who gives an address has to say that there is one."""
+os.environ.update(AUTHENTICATION)  # before Ray is imported, which reads it once
 BOUND = """
 import ctypes, runpy, signal
 ctypes.CDLL(None).prctl(1, signal.SIGTERM)

@@ -62,7 +62,10 @@ class Cluster:
             )
         except (ConnectionError, ImportError, RuntimeError, ValueError) as error:
             reason = str(error).strip().partition("\n")[0]
-            raise UsageError(f"no Ray cluster at {address or 'this machine'}: {reason}") from error
+            asked = (
+                "" if os.environ.get("RAY_AUTH_MODE") else "; if it asks for a token, set RAY_AUTH_MODE=token"
+            )
+            raise UsageError(f"no Ray cluster at {address or 'this machine'}: {reason}{asked}") from error
         self._run = ray.remote(num_cpus=processors, max_retries=RETRIES)(_run)
         self.slots = sum(room for _, _, room in self._nodes())
         if not self.slots:
