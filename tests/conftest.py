@@ -8,6 +8,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from benchmarks import nodes
+
+# TorchRL imports Ray, which reads its environment once: before any test module is collected.
+os.environ.update(nodes.AUTHENTICATION)
+
 settings.register_profile(
     "ci", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]
 )
