@@ -95,7 +95,9 @@ damping; `hydro check` holds a file to it.
 | sensor | what the velocity log writes down, never the motion |
 
 A value whose table has a `standard_error` of it (`standard_error = {d = 0.01}`) is another estimate in a fit of a new recording; one that is `known` (`known = true`, or
-`known = ["d"]`) is not re-estimated. What is *plausible* bounds no file and no fit: a fit, a diagnosis and `hydro check` say which values lie beyond it.
+`known = ["d"]`) is not re-estimated. A vehicle may have several of `payload`, `tether`, `control_surface`, `offset_drag` and `ocean_waves`: one with a label
+(`label = "rudder"`) is called `control_surface:rudder` in findings and on the command line, those without `control_surface:1`, `control_surface:2` in the order of the file; the
+name alone means all of them. What is *plausible* bounds no file and no fit: a fit, a diagnosis and `hydro check` say which values lie beyond it.
 
 For each effect, *needs* is the motion that a recording must contain to determine its parameters, and *easily taken for* names the effects that explain
 similar data. `hydro effects NAME` prints an entry with a table for a vehicle file.

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, as_written
 from hydro.io import toml
 from hydro.io.vehicle import parse
 
@@ -26,9 +26,9 @@ def rewritten(vehicle: Vehicle, text: str = "") -> str:
     """
     import tomlkit
 
-    document = tomlkit.parse(text)
+    document, vehicle = tomlkit.parse(text), as_written(vehicle)
     if text:
-        _merge(document, parse(text, "source"), vehicle)
+        _merge(document, as_written(parse(text, "source")), vehicle)
     else:
         content = {"format": vehicle.format, **_stated(vehicle)}
         for key in sorted(content, key=lambda key: isinstance(content[key], dict | list)):  # tables last

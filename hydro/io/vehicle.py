@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +17,16 @@ import numpy as np
 from hydro.core import toml_text
 from hydro.core.errors import DataError, HydroWarning
 from hydro.core.vehicle import likely_units
-from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.description import (
+    APART,
+    Thruster,
+    Vehicle,
+    as_written,
+    called,
+    catalogue_name,
+    own_names,
+    told_apart,
+)
 from hydro.io import mistaken, toml
 from hydro.io.files import shown, write_bytes
 
@@ -24,6 +34,9 @@ RELATIVE = 1e-9
 """Tolerance of symmetry, definiteness and the triangle inequality, of the largest entry."""
 
 FORMAT_LINE = 'format = "hydro-vehicle/1"'
+
+LABEL = re.compile("[A-Za-z0-9_-]+")
+"""What a label may be: nothing that is written about it on a command line."""
 
 UNIT = 1e-6
 """Tolerance of the length of a direction."""
@@ -75,7 +88,7 @@ def _idle(vehicle: Vehicle) -> Iterator[str]:
 
 
 def parse(text: str, name: str = "vehicle") -> Vehicle:
-    """The vehicle that a text describes, checked and never changed.
+    """The vehicle that a text describes, checked, its effects told apart by name and nothing else changed.
 
     Args:
         text: TOML.
@@ -84,7 +97,7 @@ def parse(text: str, name: str = "vehicle") -> Vehicle:
     Raises:
         DataError: the text is not TOML or not a vehicle; the line names the path in the file.
     """
-    return toml.parse(text, Vehicle, name, check)
+    return told_apart(toml.parse(text, Vehicle, name, check))
 
 
 def check(vehicle: Vehicle) -> None:
@@ -112,7 +125,7 @@ def vehicle_hash(vehicle: Vehicle) -> str:
     Returns:
         `sha256:` and 64 hexadecimal digits.
     """
-    content = msgspec.json.encode(_canonical(vehicle), order="sorted")
+    content = msgspec.json.encode(_canonical(as_written(vehicle)), order="sorted")
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
@@ -172,7 +185,7 @@ def append_effect(text: str, effect: Mapping[str, Any]) -> str:
     if not isinstance(document.get("effect", tomlkit.aot()), tomlkit.items.AoT):
         raise DataError("effect: write the effects as [[effect]] tables, so that one can be added")
     tables = tomlkit.aot()
-    tables.append(toml.table(effect))
+    tables.append(toml.table({**effect, "name": called(effect)[1]}))
     return f"{text.rstrip()}\n\n{tomlkit.dumps({'effect': tables})}"
 
 
@@ -181,21 +194,28 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
 
     Other keys of the table, and comments, stay; a key whose value is None goes.
 
+    Args:
+        text: a vehicle file.
+        effect: the table's keys and values; its name is the one of `told_apart`.
+
     Raises:
         DataError: there are several effects of that name, so that it is not clear which is meant.
     """
     import tomlkit
 
     document = tomlkit.parse(text)
-    present = [entry for entry in document.get("effect", []) if entry.get("name") == effect["name"]]
-    if not present:
+    tables = document.get("effect", [])
+    names, wanted = own_names(tables), str(effect["name"])
+    several = [name for name in names if wanted in (name, catalogue_name(name))]
+    if not several:
         return append_effect(text, effect)
-    if len(present) > 1:
-        raise DataError(f"effect: {len(present)} are named {effect['name']}: merge them first")
-    for key in [key for key, value in effect.items() if value is None and key in present[0]]:
-        present[0].remove(key)
-    for key, value in toml.table(effect).items():
-        present[0][key] = value
+    if len(several) > 1:
+        raise DataError(f"effect: {len(several)} are named {wanted}: say which of {', '.join(several)}")
+    found = tables[names.index(several[0])]
+    for key in [key for key, value in effect.items() if value is None and key in found]:
+        found.remove(key)
+    for key, value in toml.table({key: value for key, value in effect.items() if key != "name"}).items():
+        found[key] = value
     return tomlkit.dumps(document)
 
 
@@ -268,15 +288,34 @@ def _check_repeated(vehicle: Vehicle) -> None:
     from hydro.core.effects.catalogue import CATALOGUE
 
     places: dict[str, str] = {}
-    for index, table in enumerate(vehicle.effect):
+    *most, last = (one.name for one in CATALOGUE.values() if one.repeatable)
+    several = f"only {', '.join(most)} and {last} may stand in a file several times"
+    for index, (table, own) in enumerate(zip(vehicle.effect, own_names(vehicle.effect), strict=True)):
         name, path = str(table.get("name")), f"effect[{index}]"
-        if name in places and name in CATALOGUE and not CATALOGUE[name].repeatable:
-            *most, last = (one.name for one in CATALOGUE.values() if one.repeatable)
+        if APART in name:
+            plain, _, label = name.partition(APART)
+            raise DataError(f'{path}.name: write name = "{plain}" and label = "{label}"')
+        once = name in CATALOGUE and not CATALOGUE[name].repeatable
+        if name in places and once:
             raise DataError(
-                f"{path}.name: {name} is {places[name]} too: keep one, with the sum of their values (only "
-                f"{', '.join(most)} and {last} may stand in a file several times)"
+                f"{path}.name: {name} is {places[name]} too: keep one, with the sum of their values "
+                f"({several})"
             )
+        _check_label(f"{path}.label", table, several if once else "")
+        if own in places and own != name:
+            raise DataError(f"{path}: {own} is {places[own]} too: give each a label of its own")
         places.setdefault(name, path)
+        places.setdefault(own, path)
+
+
+def _check_label(path: str, table: Mapping[str, Any], only: str) -> None:
+    """A label is a word, of an effect that others of its name may stand beside."""
+    if (label := table.get("label")) is None:
+        return
+    if not (isinstance(label, str) and LABEL.fullmatch(label)):
+        raise DataError(f"{path}: must be letters, digits, - and _, got {label!r}")
+    if only:
+        raise DataError(f"{path}: leave it out ({only})")
 
 
 def _check_thruster(path: str, thruster: Thruster) -> None:

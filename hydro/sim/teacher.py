@@ -41,7 +41,7 @@ from hydro.core.simulation.sensor_noise import Noise, disturb
 from hydro.core.simulation.steady_motion import wrench_limits
 from hydro.core.threads import available
 from hydro.core.vehicle.control_allocation import Mixing, mixing
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, called
 from hydro.core.vehicle.ellipsoid import added_mass_matrix
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler
 from hydro.core.vehicle.panels import Panels, loaded_facets, panels, superellipsoid
@@ -146,7 +146,7 @@ def teacher(
     hull = panels(*surface_of(vehicle, mesh))
     _require_size(hull, vehicle)
     validate(vehicle)
-    kept = [table for table in vehicle.effect if table["name"] not in REPLACED]
+    kept = [table for table in vehicle.effect if called(table)[1] not in REPLACED]
     ellipsoid = {"name": ADDED_MASS.name, "matrix": _ellipsoid_added_mass(vehicle).tolist()}
     believed = msgspec.structs.replace(vehicle, effect=(*kept, ellipsoid))
     actual = msgspec.structs.replace(vehicle, effect=(*believed.effect, *(dict(table) for table in hidden)))
@@ -161,7 +161,7 @@ def teacher(
         facets=facets,
         mixing=replace(crew, authority=np.minimum(crew.authority, limits)),
         log=velocity_log(actual),
-        ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if t["name"] in REPLACED)),
+        ignored=tuple(dict.fromkeys(str(t["name"]) for t in vehicle.effect if called(t)[1] in REPLACED)),
     )
 
 

@@ -293,7 +293,7 @@ def test_an_effect_is_set_where_it_stands_and_comments_stay() -> None:
 def test_an_effect_that_is_not_there_is_added_and_an_unclear_one_refused() -> None:
     assert vehicle.set_effect(TEXT, FITTED) == vehicle.append_effect(TEXT, FITTED)
     twice = vehicle.append_effect(vehicle.append_effect(TEXT, FITTED), FITTED)
-    with pytest.raises(DataError, match="2 are named linear_damping: merge them first"):
+    with pytest.raises(DataError, match="2 are named linear_damping: say which of linear_damping:1, "):
         vehicle.set_effect(twice, FITTED)
 
 

@@ -24,7 +24,7 @@ from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import implausible, repeated_effects
+from hydro.core.effects.catalogue import implausible
 from hydro.core.evaluation.block_resampling import interval, weights
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit
@@ -57,9 +57,8 @@ BEFORE, AFTER = "before", "after"
 FLOOR = "floor"
 """The axis of all channels together, in units of the floor."""
 ERROR_RESAMPLES = 1000
-UNTRIED, FANCIFUL = 0.8, 0.5
-"""Confidence at most in a name where the file has several effects of one name, of which none can be tried,
-and in one whose values physics does not leave to it: it stands for something else."""
+FANCIFUL = 0.5
+"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -240,8 +239,6 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
         * min(1.0, max(beside, 0.0) / GREAT)
         * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
     )
-    if several := [other for other in repeated_effects(file) if other != name]:
-        sure, words = min(sure, UNTRIED), f"{words}; not tried, for there are several: {', '.join(several)}"
     if implausible(fit.vehicle, [name]):
         sure = min(sure, FANCIFUL)
     found = Finding(

@@ -17,12 +17,12 @@ from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, held_at
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import repeated_effects, wholly_known
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
-from hydro.core.identification.suspects import CURVED, Suspect, of_entries, shapes, suspects
+from hydro.core.identification.suspects import Suspect, is_curved, of_entries, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress
 from hydro.core.residual.asked_anew import AskedAnew
@@ -149,9 +149,9 @@ def contend(
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:
     """Effects of the file that are not linear, about the values that it has: a change of one is as likely."""
-    apart = {*without, *repeated_effects(vehicle)}
-    there = [name for name in CURVED if vehicle.effects(name) and name not in apart]
-    return [of_entries(vehicle, name, reach=reach) for name in there if not wholly_known(vehicle, name)]
+    there = dict.fromkeys(str(table["name"]) for table in vehicle.effect)
+    curved = [name for name in there if name not in without and is_curved(name)]
+    return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]
 
 
 def stepped(
@@ -192,7 +192,7 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
     needed the problem about the fit says; so it is done where an effect is linear in its entries.
     """
     model, count = whole.model, len(whole.model.values)
-    if count < 2 or whole.effect in CURVED or CATALOGUE[whole.effect].kind in ASKED:
+    if count < 2 or is_curved(whole.effect) or CATALOGUE[whole.effect].kind in ASKED:
         return whole
     begun = in_file(last.vehicle, model.unknown.entries)
     normal = model.normal.after((begun - model.values) / model.unknown.scales)

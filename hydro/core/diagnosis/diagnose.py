@@ -51,7 +51,6 @@ from hydro.core.diagnosis.model import (
 )
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
-from hydro.core.effects.catalogue import repeated_effects
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -61,7 +60,7 @@ from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
 from hydro.core.identification.normal_equations import block_length, covariance
 from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
-from hydro.core.identification.suspects import CURVED, choice
+from hydro.core.identification.suspects import choice, is_curved
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.vehicle.description import Vehicle
@@ -354,7 +353,7 @@ def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Effects, or entries of them, that no recording or not this one could have shown."""
     log, model, last = baseline.log, outcome.model, outcome.last
     hidden: dict[str, tuple[str, ...]] = {}
-    known = [*baseline.effects, *outcome.effects, *repeated_effects(model.vehicle)]
+    known = [*baseline.effects, *outcome.effects]
     same = aliases(model, known, log.track)
     for name, others in same.items():
         yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
@@ -364,7 +363,7 @@ def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
         if (np.diag(spread) > UNDETERMINED**2).all():
             hidden[name] = ()
-        elif name not in CURVED:
+        elif not is_curved(name):
             entries = free(model.vehicle, [choice(model.vehicle, name)]).entries
             hidden |= undetermined(entries, spread)
     if not hidden:

@@ -32,7 +32,7 @@ from hydro.core.diagnosis.model import (
     not_ruled_out,
     screened,
 )
-from hydro.core.effects.catalogue import CATALOGUE, repeated_effects
+from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
     Problem,
@@ -40,7 +40,7 @@ from hydro.core.identification.levenberg_marquardt import (
     linearised,
 )
 from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.suspects import CURVED, Suspect, shapes, suspects
+from hydro.core.identification.suspects import Suspect, is_curved, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -93,7 +93,7 @@ class Search:
 
     def screen(self, model: Model, chosen: Sequence[str]) -> Screening:
         """Hold all effects that are not in the model against what it leaves."""
-        known = [*self.baseline.effects, *chosen, *repeated_effects(model.vehicle)]
+        known = [*self.baseline.effects, *chosen]
         return self.screened(model, suspects(model.vehicle, without=known, reach=self.baseline.log.track))
 
     def screened(self, model: Model, tried: Sequence[Suspect]) -> Screening:
@@ -202,7 +202,7 @@ class Search:
             if name in known:
                 continue
             all_explained = any(fit.excess < VISIBLE * fit.normal.residuals for fit in fits.values())
-            near = (NEAR_CURVED if name in CURVED and not all_explained else NEAR) * most
+            near = (NEAR_CURVED if is_curved(name) and not all_explained else NEAR) * most
             if screening.gains[name] < near or len(fits) == CONTENDERS:
                 continue
             progress(f"{name} against what is left", 0.6 * len(fits) / CONTENDERS)
@@ -318,7 +318,7 @@ class Search:
     def telling(self, screening: Screening, model: Model) -> bool:
         """Whether any effect promises to matter: of a curved one the shapes of a grid tell but a part."""
         return any(
-            self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if name in CURVED else 1.0), model)
+            self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()
         )
 

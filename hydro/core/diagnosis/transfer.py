@@ -30,7 +30,7 @@ from hydro.core.diagnosis.contenders import FINE
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import repeated_effects, wholly_known, with_role
+from hydro.core.effects.catalogue import wholly_known, with_role
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.identification import multiple_shooting
@@ -318,8 +318,7 @@ def _rival(
 def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, dict[str, Any]]:
     """The table that a fit of each effect begins from: its best shape, as the linearised problem has it."""
     file, own = baseline.vehicle, baseline.effects
-    apart = {*own, *repeated_effects(file)}
-    tried = suspects(file, without=[*apart], reach=baseline.log.track)
+    tried = suspects(file, without=own, reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
     matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
     weight = CORRELATED * known.temper
@@ -333,6 +332,6 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
         tables[name] = {**suspect.begin(step[new:]), "name": name}
     for table in file.effect:  # effects of the file of which no grid tells begin from its values
         name = str(table["name"])
-        if name not in apart and not wholly_known(file, name):
+        if name not in own and not wholly_known(file, name):
             tables.setdefault(name, dict(table))
     return tables

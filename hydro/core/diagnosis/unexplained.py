@@ -21,7 +21,7 @@ from hydro.core.diagnosis.findings import FIT, Finding
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
-from hydro.core.effects.catalogue import repeated_effects, wholly_known
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.surroundings import steady_pull
 from hydro.core.evaluation import failure_regimes
 from hydro.core.evaluation.force_error import force
@@ -98,7 +98,7 @@ def contradicted(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     joined = outcome.found[:1]
     found = max((first.normal.cost - one.rivals[one.effect].normal.cost for one in joined), default=0.0)
     for name in dict.fromkeys(str(table["name"]) for table in baseline.vehicle.effect):
-        if not wholly_known(baseline.vehicle, name) or name in repeated_effects(baseline.vehicle):
+        if not wholly_known(baseline.vehicle, name):
             continue
         open_ = released(first.vehicle, name)
         screening = search.screened(first, [of_entries(open_, name)])

@@ -29,7 +29,7 @@ from hydro.core.effects import (
 from hydro.core.effects.record import Effect, Parameter, Role, Table
 from hydro.core.errors import DataError
 from hydro.core.vehicle import thrusters
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, called, catalogue_name
 
 FAMILIES = (
     inertia,
@@ -44,7 +44,23 @@ FAMILIES = (
     sensor,
     formula,
 )
-CATALOGUE: dict[str, Effect] = {effect.name: effect for family in FAMILIES for effect in family.EFFECTS}
+
+
+class Catalogue(dict[str, Effect]):
+    """Effects by name; one of several of a vehicle, `payload:camera`, by the name before its label."""
+
+    def __missing__(self, name: str) -> Effect:
+        plain = catalogue_name(name)
+        if plain == name or not (plain in self and self[plain].repeatable):
+            raise KeyError(name)
+        return self[plain]
+
+    def __contains__(self, name: object) -> bool:
+        plain = catalogue_name(name) if isinstance(name, str) else name
+        return super().__contains__(plain) and (plain == name or self[str(plain)].repeatable)
+
+
+CATALOGUE = Catalogue({effect.name: effect for family in FAMILIES for effect in family.EFFECTS})
 
 REMEMBERED = 4096
 """Tables of effects whose packed parameters are kept."""
@@ -75,7 +91,7 @@ def entries(vehicle: Vehicle) -> list[Entry]:
     for index, table in enumerate(vehicle.effect):
         name = table.get("name")
         where = f"effect[{index}]"
-        if name not in CATALOGUE:
+        if not isinstance(name, str) or name not in CATALOGUE:
             raise DataError(f"{where}.name: {name!r} is not in the catalogue; it has {', '.join(CATALOGUE)}")
         effect = CATALOGUE[name]
         found.append(Entry(effect, _packed(effect, table, len(vehicle.thruster), where), where))
@@ -173,23 +189,15 @@ def wholly_known(vehicle: Vehicle, name: str) -> bool:
 
 
 def own_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Effects of the file that are fitted anew first: all but inertia, known, repeated and random ones."""
+    """Effects of the file that are fitted anew first: all but inertia, known and random ones."""
     names = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
-    several = repeated_effects(vehicle)
     return tuple(
         name
         for name in names
         if CATALOGUE[name].kind != "inertia"
         and not CATALOGUE[name].is_random
-        and name not in several
         and not wholly_known(vehicle, name)
     )
-
-
-def repeated_effects(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names that several effects of the file share: it is not clear which of them a fit would mean."""
-    names = [str(effect["name"]) for effect in vehicle.effect]
-    return tuple(name for name in dict.fromkeys(names) if names.count(name) > 1)
 
 
 def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
@@ -208,15 +216,16 @@ def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
     held = dict[str, frozenset[str]]()
     for text in names:
         name, _, parameter = text.partition(".")
-        there = {str(table["name"]): CATALOGUE[str(table["name"])] for table in vehicle.effect}
+        there = {one: CATALOGUE[one] for table in vehicle.effect for one in reversed(called(table))}
         choices = [f"{one}.{p.name}" for one, effect in there.items() for p in effect.parameters]
         if text not in (*there, *choices):
             near = difflib.get_close_matches(text, (*there, *choices), 1)
             hint = f"did you mean {near[0]}?" if near else f"its effects are {', '.join(there) or 'none'}"
             raise DataError(f"known: the vehicle has no effect {text}; {hint}")
         every = frozenset(one.name for one in there[name].parameters)
-        before = held.get(name, there[name].known(vehicle.effects(name)[0]))
-        held[name] = before | ({parameter} if parameter else every)
+        for table in vehicle.effects(name):
+            own = str(table["name"])
+            held[own] = held.get(own, there[own].known(table)) | ({parameter} if parameter else every)
     whole = {name: every >= {one.name for one in CATALOGUE[name].parameters} for name, every in held.items()}
     return [{"name": name, "known": whole[name] or sorted(some)} for name, some in held.items()]
 

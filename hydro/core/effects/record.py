@@ -24,7 +24,7 @@ Harmonics = Callable[[Array, float, Array], Array]
 Index = tuple[int, ...]
 Table = dict[str, Any]
 
-BOOKKEEPING = frozenset({"name", "standard_error", "fit", "known"})
+BOOKKEEPING = frozenset({"name", "label", "standard_error", "fit", "known"})
 """Keys of an `[[effect]]` table that are no parameters: what a fit leaves beside values, what is known."""
 
 

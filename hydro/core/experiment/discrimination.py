@@ -22,7 +22,7 @@ from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free, free
-from hydro.core.identification.suspects import CURVED, choice, suspects
+from hydro.core.identification.suspects import choice, is_curved, suspects
 from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 
@@ -177,7 +177,7 @@ def unseen(vehicle: Vehicle, effects: Sequence[str], reach: Array | None = None)
     for one in suspects(vehicle, reach=reach) if effects else ():
         if one.effect not in effects or one.effect in found:
             continue
-        if one.effect in CURVED:
+        if is_curved(one.effect):
             labels = [(f"{one.effect} (in plain sizes)", "1", 1.0)] * len(one.steps)
         else:
             entries = free(vehicle, [choice(vehicle, one.effect)]).entries

@@ -39,7 +39,7 @@ from hydro.core.progress import Progress
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, called
 
 Table = Mapping[str, Any]
 
@@ -142,7 +142,7 @@ def options(step: Step) -> list[dict[str, Table]]:
     fitted = {table["name"] for table in step.tables}
     everyday = list[str]()
     if not missing and (missing := _likely(with_values, fitted)):
-        there = {*missing, *(table["name"] for table in step.vehicle.effect)}
+        there = {*missing, *(name for table in step.vehicle.effect for name in called(table))}
         everyday = [name for name in with_role(Role.EVERYDAY) if name not in there]
     missing = missing or _discovered(with_values)
     retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()

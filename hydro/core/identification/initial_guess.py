@@ -19,7 +19,8 @@ from hydro.core.columns import Array
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Problem, linear_step, moved
 from hydro.core.identification.parameters import Free
-from hydro.core.identification.suspects import CURVED, every_shape
+from hydro.core.identification.suspects import every_shape, is_curved
+from hydro.core.vehicle.description import catalogue_name
 
 KEPT = 4
 """Shapes of one effect that a fit begins from: those that explain most."""
@@ -33,7 +34,7 @@ def initial_guesses(unknown: Free, problem: Problem, reach: Array) -> tuple[Arra
         problem: What is fitted.
         reach: Positions and times of the recording, (N, 4).
     """
-    names = [name for name in CURVED if _open(unknown, name)]
+    names = [name for name in _curved(unknown) if _open(unknown, name)]
     if not names:
         return unknown.starts
     begun = [_begun(unknown, name, problem, reach) for name in names]
@@ -60,12 +61,19 @@ def elsewhere(unknown: Free, values: Array, problem: Problem, reach: Array, cost
         cost: Sum of squares at `values`; only what the linear problem expects to be less is given.
     """
     here, found = replace(unknown, vehicle=unknown.at(values), starts=(values,)), []
-    for name in CURVED:
-        if name in unknown.known and _own(unknown, name).any():
+    for name in _curved(unknown):
+        if name in unknown.known:
             begun = _begun(here, name, problem, reach)
             if begun and begun[0][0] < cost:
                 found.append(begun[0])
     return tuple(unknown.within(values) for _, values in sorted(found, key=lambda pair: pair[0]))
+
+
+def _curved(unknown: Free) -> list[str]:
+    """Effects that are not linear, the last of the catalogue first."""
+    places = {name: place for place, name in enumerate(CATALOGUE)}
+    names = dict.fromkeys(entry.effect for entry in unknown.entries)
+    return sorted(filter(is_curved, names), key=lambda name: -places[catalogue_name(name)])
 
 
 def _own(unknown: Free, name: str) -> NDArray[np.bool_]:
@@ -85,7 +93,7 @@ def _begun(unknown: Free, name: str, problem: Problem, reach: Array) -> list[tup
     rest = replace(rest, vehicle=rest.vehicle.without(name))
     changed, steps = moved(rest, rest.starts[0])
     count, groups = len(changed), []
-    for suspect in every_shape(rest.vehicle, name, reach=reach):
+    for suspect in every_shape(rest.vehicle, catalogue_name(name), reach=reach):
         groups.append((suspect, [*range(count), *range(len(changed), len(changed) + len(suspect.steps))]))
         changed += suspect.changed
         steps += suspect.steps

@@ -23,7 +23,7 @@ from hydro.core.effects.record import BOOKKEEPING, Rest
 from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
 from hydro.core.simulation.estimates import with_numbers
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, catalogue_name
 
 LONGEST_SENSOR_DELAY = sensor.LONGEST_DELAY
 """Greatest delay of a velocity log that is looked for [s]."""
@@ -112,26 +112,26 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         reach: Positions and times of the recording, (N, 4), in which an unknown anchor is looked for.
 
     Raises:
-        DataError: An unknown name, a name given twice, one that the vehicle file has several of, or one
-            that acts by chance.
+        DataError: An unknown name, a name given twice, or one that acts by chance.
     """
     if not effects:
         raise DataError(f"name at least one effect to fit; there are {', '.join(CATALOGUE)}")
     grids: list[list[dict[str, Any]]] = []
     known = set()
-    for wanted in effects:
-        record, alternative, given = _wanted(wanted)
-        if any(grid[0]["name"] == record.name for grid in grids):
-            raise DataError(f"effect {record.name} is named twice; name it once")
+    for wanted in (one for several in effects for one in _each(vehicle, several)):
+        name, alternative, given = _wanted(vehicle, wanted)
+        record = CATALOGUE[name]
+        if any(grid[0]["name"] == name for grid in grids):
+            raise DataError(f"effect {name} is named twice; name it once")
         if record.is_random:
             raise DataError(
-                f"effect {record.name} acts by chance: no prediction shows it, `hydro diagnose` estimates it"
+                f"effect {name} acts by chance: no prediction shows it, `hydro diagnose` estimates it"
             )
-        present = vehicle.effects(record.name)
+        present = vehicle.effects(name)
         if len(present) > 1:
-            raise DataError(f"effect: {len(present)} are named {record.name}: merge them first")
+            raise DataError(f"effect: {len(present)} are named {name}: give each a label")
         if present:
-            known.add(record.name)
+            known.add(name)
         base = {k: v for k, v in present[0].items() if k not in BOOKKEEPING} if present else {}
         if given:
             grid = [base | given]
@@ -141,7 +141,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
             grid = [_converted(record, base, str(alternative))]
         else:
             grid = _beginnings(record, alternative, vehicle, reach)
-        grids.append([_complete(record, table, vehicle) for table in grid])
+        grids.append([_complete(name, table, vehicle) for table in grid])
     others = tuple(e for e in vehicle.effect if e["name"] not in {grid[0]["name"] for grid in grids})
     rest = msgspec.structs.replace(vehicle, effect=others)
     first = {grid[0]["name"]: grid[0] for grid in grids}
@@ -163,11 +163,22 @@ def effect_table(free_: Free, name: str, values: Array) -> dict[str, Any]:
     return {p.name: shaped[p.name] for p in CATALOGUE[name].parameters if p.name in shaped}
 
 
-def _wanted(wanted: str | Mapping[str, Any]) -> tuple[Effect, str | None, dict[str, Any]]:
-    """Record, alternative parameter and given values of what a caller named."""
+def _each(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> list[str | Mapping[str, Any]]:
+    """What a caller named; of a name that several effects of the vehicle share each of them."""
+    name, point, alternative = wanted.partition(".") if isinstance(wanted, str) else ("", "", "")
+    several = vehicle.names(name)
+    return [f"{one}{point}{alternative}" for one in several] if len(several) > 1 else [wanted]
+
+
+def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str | None, dict[str, Any]]:
+    """Name, alternative parameter and given values of what a caller named."""
     given = {} if isinstance(wanted, str) else {k: v for k, v in wanted.items() if k != "name"}
     text = wanted if isinstance(wanted, str) else str(wanted.get("name"))
     name, _, alternative = text.partition(".")
+    there = vehicle.names(catalogue_name(name))
+    if name != catalogue_name(name) and name not in there:
+        hint = f"has {', '.join(there)}" if there else f"has no {catalogue_name(name)}"
+        raise DataError(f"effect {name}: {vehicle.name} {hint}")
     if name not in CATALOGUE:
         near = difflib.get_close_matches(name, CATALOGUE, n=1)
         hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(CATALOGUE)}"
@@ -176,7 +187,7 @@ def _wanted(wanted: str | Mapping[str, Any]) -> tuple[Effect, str | None, dict[s
     if alternative and alternative not in record.one_of:
         choice = ", ".join(record.one_of) or "nothing to choose"
         raise DataError(f"effect {text}: {name} has {choice}")
-    return record, alternative or None, given
+    return name, alternative or None, given
 
 
 def _converted(record: Effect, table: dict[str, Any], alternative: str) -> dict[str, Any]:
@@ -205,9 +216,10 @@ def _beginnings(
     return [{chosen: None}] if chosen else [{}]
 
 
-def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
+def _complete(name: str, table: dict[str, Any], vehicle: Vehicle) -> dict[str, Any]:
     """The table with every parameter that it leaves out, or that is None, as zeros; checked."""
-    full: dict[str, Any] = {"name": record.name} | {
+    record = CATALOGUE[name]
+    full: dict[str, Any] = {"name": name} | {
         words.name: table.get(words.name, [])
         for words in record.words
         if words.name in table or not words.optional
@@ -225,7 +237,7 @@ def _complete(record: Effect, table: dict[str, Any], vehicle: Vehicle) -> dict[s
             value = np.maximum(np.zeros(shape), parameter.low).tolist()
         full[parameter.name] = value
     unknown = {key: value for key, value in table.items() if key not in full}
-    record.pack(full | unknown, thrusters=len(vehicle.thruster), where=f"effect {record.name}")
+    record.pack(full | unknown, thrusters=len(vehicle.thruster), where=f"effect {name}")
     return full
 
 
@@ -248,8 +260,9 @@ def _values(found: Sequence[Entry], choice: Sequence[Mapping[str, Any]]) -> Arra
 
 def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[Entry]:
     """Free entries of a complete table, not known nor of a servo; symmetric ones once."""
-    record, found = CATALOGUE[table["name"]], []
-    known = record.known(next(iter(vehicle.effects(record.name)), {}))
+    name, found = str(table["name"]), list[Entry]()
+    record = CATALOGUE[name]
+    known = record.known(next(iter(vehicle.effects(name)), {}))
     search, others = record.identification, _rest(vehicle, rest)
     for parameter in record.parameters:
         if parameter.name not in table:
@@ -265,7 +278,7 @@ def _entries(table: Mapping[str, Any], vehicle: Vehicle, rest: Vehicle) -> list[
                 low, high = parameter.limits(index, others)
             found.append(
                 Entry(
-                    effect=record.name,
+                    effect=name,
                     parameter=parameter.name,
                     index=index,
                     unit=parameter.unit_at(index),

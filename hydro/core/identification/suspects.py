@@ -24,9 +24,6 @@ from hydro.core.effects.record import Shapes
 from hydro.core.identification.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
 
-CURVED = tuple(name for name in reversed(CATALOGUE) if not CATALOGUE[name].identification.linear)
-"""Effects that are not linear in all of their parameters."""
-
 
 @dataclass(frozen=True)
 class Suspect:
@@ -54,16 +51,21 @@ def suspects(vehicle: Vehicle, *, without: Sequence[str] = (), reach: Array | No
         reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
     """
     found: list[Suspect] = []
-    for name in CATALOGUE:
+    for name in (one for each in CATALOGUE for one in vehicle.names(each) or (each,)):
         if name in without or wholly_known(vehicle, name):
             continue
         if CATALOGUE[name].is_random or (CATALOGUE[name].is_written and not vehicle.effects(name)):
             continue
-        if name in CURVED and not vehicle.effects(name):
+        if is_curved(name) and not vehicle.effects(name):
             found += _shaped(vehicle, name, CATALOGUE[name].identification.coarse, reach)
-        elif name not in CURVED:
+        elif not is_curved(name):
             found.append(of_entries(vehicle, name, reach=reach))
     return found
+
+
+def is_curved(name: str) -> bool:
+    """Whether an effect is not linear in all of its parameters."""
+    return not CATALOGUE[name].identification.linear
 
 
 def choice(vehicle: Vehicle, effect: str) -> str:
@@ -78,7 +80,7 @@ def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list
 
 
 def every_shape(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
-    """All shapes, coarse and fine, of an effect of CURVED that the vehicle has not."""
+    """All shapes, coarse and fine, of a curved effect that the vehicle has not."""
     coarse = _shaped(vehicle, effect, CATALOGUE[effect].identification.coarse, reach)
     return [*coarse, *shapes(vehicle, effect, reach=reach)]
 

@@ -6,6 +6,8 @@ memory and the validator of the TOML file; `io.vehicle` reads and writes it.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -18,6 +20,9 @@ Matrix3 = tuple[Vector3, Vector3, Vector3]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+
+APART = ":"
+"""Between the name of an effect in the catalogue and its label, or its number among those of that name."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -102,7 +107,10 @@ class Thruster(_Part, frozen=True):
 
 
 class Vehicle(_Part, frozen=True):
-    """A vehicle file.  `effect` holds one table per physical effect, in the catalogue's names."""
+    """A vehicle file.  `effect` holds one table per physical effect, in the catalogue's names.
+
+    In memory several effects of one name are told apart, see `told_apart`.
+    """
 
     name: str
     rigid_body: RigidBody
@@ -115,10 +123,54 @@ class Vehicle(_Part, frozen=True):
     effect: tuple[dict[str, Any], ...] = ()
 
     def effects(self, name: str) -> tuple[dict[str, Any], ...]:
-        """All effect tables called `name`."""
-        return tuple(entry for entry in self.effect if entry.get("name") == name)
+        """All effect tables called `name`, or whose name in the catalogue it is."""
+        return tuple(entry for entry in self.effect if name in called(entry))
+
+    def names(self, name: str) -> tuple[str, ...]:
+        """What these are called, each once."""
+        return tuple(dict.fromkeys(str(entry["name"]) for entry in self.effects(name)))
 
     def without(self, name: str) -> Vehicle:
         """The vehicle without the effects called `name`."""
-        kept = tuple(entry for entry in self.effect if entry.get("name") != name)
+        kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
+
+
+def catalogue_name(name: str) -> str:
+    """`control_surface` of `control_surface:rudder`."""
+    return name.partition(APART)[0]
+
+
+def called(table: Mapping[str, Any]) -> tuple[str, str]:
+    """What an effect is called, and its name in the catalogue."""
+    name = str(table.get("name"))
+    return name, catalogue_name(name)
+
+
+def own_names(tables: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
+    """What each of a file's effects is called in memory, where no two have one name.
+
+    An effect with a label is `NAME:LABEL`, several of one name without are `NAME:1`, `NAME:2` in their order.
+    """
+    listed = [(str(table.get("name")), table.get("label")) for table in tables]
+    count = Counter(name for name, _ in listed)
+    met = Counter[str]()
+    found = []
+    for name, label in listed:
+        met[name] += 1
+        apart = label if label is not None else met[name] if count[name] > 1 else None
+        found.append(name if apart is None else f"{name}{APART}{apart}")
+    return tuple(found)
+
+
+def told_apart(vehicle: Vehicle) -> Vehicle:
+    """A vehicle as its file has it, with a name of its own for each effect."""
+    pairs = zip(vehicle.effect, own_names(vehicle.effect), strict=True)
+    effects = tuple(table if table.get("name") == name else {**table, "name": name} for table, name in pairs)
+    return msgspec.structs.replace(vehicle, effect=effects)
+
+
+def as_written(vehicle: Vehicle) -> Vehicle:
+    """A vehicle as a file has it, with its effects by their names in the catalogue."""
+    effects = tuple({**table, "name": called(table)[1]} for table in vehicle.effect)
+    return msgspec.structs.replace(vehicle, effect=effects)

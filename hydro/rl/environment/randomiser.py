@@ -11,7 +11,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import changes, validate
-from hydro.core.effects.catalogue import repeated_effects, wholly_known
+from hydro.core.effects.catalogue import wholly_known
 from hydro.core.errors import DataError, UsageError
 from hydro.core.identification.parameters import Free, free
 from hydro.core.simulation.estimates import Estimates
@@ -155,9 +155,8 @@ def _numbers(vehicle: Vehicle) -> Free:
     Raises:
         UsageError: It has none.
     """
-    several = repeated_effects(vehicle)
     own = dict.fromkeys(str(effect["name"]) for effect in vehicle.effect)
-    names = [name for name in own if name not in several and not wholly_known(vehicle, name)]
+    names = [name for name in own if not wholly_known(vehicle, name)]
     if not names:
         raise UsageError(f"{vehicle.name}: its file has no effects whose numbers could be drawn")
     return free(vehicle, names)

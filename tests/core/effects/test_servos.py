@@ -125,6 +125,28 @@ def test_a_driven_fin_is_fitted(method):
     assert [table["area"], *table["turn"]] == pytest.approx([0.02, 0.3], rel=0.02)
 
 
+@pytest.mark.parametrize("wanted", [["control_surface"], ["control_surface:stern"]])
+def test_fins_are_fitted_each_by_itself(wanted):
+    """All of a name, or the one that is named while the other stays as it is."""
+    held = ["area", "position", "roll", "stall"]
+    rudder = fin(position=[-0.7, 0, 0], roll=np.pi / 2, deflection=0.05)
+    stern = fin(position=[-0.7, 0, 0], deflection=-0.08)
+    drag = {"name": "quadratic_damping", "diagonal": [9.0, 40.0, 40.0, 2.0, 9.0, 9.0]}
+    bare, t = neutral(), np.arange(3000) * 0.02
+    steps = np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, (300, 1)), 10, axis=0)
+    commands = 0.6 + 0.3 * steps
+    motion = trajectory(assemble(equipped(rudder, stern, drag, bare=bare)), commands, t)
+    values = dict(zip((*POSE, *VELOCITY, "cmd_1"), np.hstack([motion, commands]).T, strict=True))
+    raw = pl.DataFrame({"session": ["a"] * 3000, "t": t, **values})
+    known = {"control_surface:rudder": 0.0 if len(wanted[0]) < 16 else 0.05, "control_surface:stern": 0.0}
+    shapes = {"control_surface:rudder": rudder, "control_surface:stern": stern}
+    begun = [shapes[name] | {"name": name, "deflection": d, "known": held} for name, d in known.items()]
+    found = fit(equipped(*begun, drag, bare=bare), raw, wanted, method="equation").vehicle
+    assert [one["deflection"] for one in found.effects("control_surface")] == pytest.approx(
+        [0.05, -0.08], rel=0.05
+    )
+
+
 def test_a_pilot_s_allocation_is_that_of_the_thrusters_alone(datasets):
     vehicle = files.read(datasets / "vehicles" / "auv151.toml")[0]
     with_servo = mixing(steered("rudder", bare=vehicle), np.eye(6))

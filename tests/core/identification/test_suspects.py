@@ -10,7 +10,7 @@ import synthetic
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.parameters import free
-from hydro.core.identification.suspects import CURVED, suspects
+from hydro.core.identification.suspects import is_curved, suspects
 from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
 
@@ -22,7 +22,7 @@ REACH = np.array([[0.0, 0.0, 5.0, 0.0], [8.0, 3.0, 7.0, 20.0], [2.0, -4.0, 6.0, 
 def test_every_effect_is_a_suspect_once_but_for_its_shapes(datasets):
     for known in (synthetic.vehicle(), files.read(datasets / "vehicles" / "remus100.toml")[0]):
         found = suspects(known, reach=REACH)
-        straight = [one.effect for one in found if one.effect not in CURVED]
+        straight = [one.effect for one in found if not is_curved(one.effect)]
         assert len(straight) == len(set(straight))
         assert {one.effect for one in found} == SEARCHED
 
@@ -65,7 +65,7 @@ def test_a_fit_begins_where_the_columns_say(number):
     """The table begun with one column's own amount is the vehicle that the column was made with."""
     known = synthetic.vehicle()
     for one in suspects(known, without=["added_mass"], reach=REACH):
-        if number >= len(one.steps) or (one.effect in CURVED and number > 0):
+        if number >= len(one.steps) or (is_curved(one.effect) and number > 0):
             continue
         amounts = np.zeros(len(one.steps))
         amounts[number] = one.steps[number]
