@@ -27,7 +27,6 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-import ray
 
 from benchmarks.nodes import nodes
 from hydro.core import threads
@@ -111,6 +110,8 @@ def timed(part: Part, folder: Path, how: Labelling) -> tuple[str, float]:
     began = time.process_time()
     label_part(part, folder, how)
     spent = time.process_time() - began
+    import ray  # after `benchmarks.nodes`, which sets the token of its clusters
+
     return ray.get_runtime_context().get_node_id() if ray.is_initialized() else "here", spent
 
 
