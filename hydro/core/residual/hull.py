@@ -43,6 +43,7 @@ class Hull:
         alone: The same of the file alone, (12,).
         given: Mean squared residual of the file alone in units of the noise, and
         left: that of stretches left out.
+        unchanged: The shots without what the law explains of them, left out of its fit in turn.
     """
 
     law: Law
@@ -51,6 +52,7 @@ class Hull:
     alone: Array
     given: float
     left: float
+    unchanged: OutputError
 
 
 def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
@@ -89,7 +91,7 @@ def judged(vehicle: Vehicle, problem: OutputError, corrected: OutputError, law: 
     weight = robust(left.gram[:, -1, -1])
     weight /= weight.mean()
     level, alone = (replace(one, channels=one.channels * weight[:, None]).rms for one in (left, given))
-    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), alone, given.chi2, left.chi2)
+    return Hull(law, problem.shots.sigma, np.maximum(level, 1.0), alone, given.chi2, left.chi2, corrected)
 
 
 def stretches(shots: Shots) -> Rows:

@@ -69,6 +69,16 @@ class Flow:
                 rate[start:stop] = savgol_filter(nu[start:stop], width, 3, deriv=1, delta=record.dt, axis=0)
         return cls(nu, rate, rotation(*shots.eta[:, 3:].T)[:, 2])
 
+    @property
+    def columns(self) -> Array:
+        """All of it, (N, 15)."""
+        return np.hstack([self.nu, self.nu_dot, self.down])
+
+    def within(self, low: Array, high: Array) -> Flow:
+        """The nearest motion between two bounds, (15,) each."""
+        nu, rate, down = np.split(np.clip(self.columns, low, high), [AXES, 2 * AXES], axis=1)
+        return Flow(nu, rate, down)
+
 
 def terms(flow: Flow) -> Array:
     """The library at every row, (N, F)."""

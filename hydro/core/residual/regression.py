@@ -26,7 +26,8 @@ FACTORS = 10.0 ** np.arange(-5.0, 0.01, 0.5)
 """Times the hull's size that coefficients may be."""
 EVERY = 0.06
 """Distance of the samples that are compared [s]: the answer to a force is smooth."""
-
+MARGIN = 0.1
+"""Part of the range of a motion by which another may go beyond it."""
 TAIL = 3.0
 """Median squared residuals at which a shot counts half."""
 
@@ -40,21 +41,29 @@ class Regression:
         left_out: The same of the fits without each stretch, (folds, F, 6).
         factor: Of the hull's size, as chosen.
         errors: Squared residual of stretches left out for every one of FACTORS.
+        low: Least and
+        high: greatest of each number of the motion (`Flow.columns`) in the recording, and a little more, (15,).
     """
 
     coefficients: Array
     left_out: Array
     factor: float
     errors: Array
+    low: Array
+    high: Array
 
     def wrench(self, vehicle: Vehicle, shots: Shots) -> Array:
         """The wrench beside the file's at every row of a recording, (N, 6) [N, N m].
+
+        Beyond the motion that it was learnt from it stays what it is at the edge: products of velocities
+        know no bounds, and what they say there nothing has shown.
 
         Args:
             vehicle: Its current and velocity log say how the water passes.
             shots: Of the recording.
         """
-        found: Array = terms(Flow.of(candidate(vehicle), shots)) @ self.coefficients
+        flow = Flow.of(candidate(vehicle), shots).within(self.low, self.high)
+        found: Array = terms(flow) @ self.coefficients
         return found
 
 
@@ -87,7 +96,15 @@ def learn(vehicle: Vehicle, transitions: Transitions, fold: Rows) -> Regression:
         (prior * fitted[best]).reshape(count, *shape),
         float(FACTORS[best]),
         np.array(errors),
+        *_bounds(Flow.of(candidate(vehicle), transitions.shots).columns),
     )
+
+
+def _bounds(columns: Array) -> tuple[Array, Array]:
+    """Least and greatest of each column, (N, C), a MARGIN of the distance beyond its own, (C,) each."""
+    low, high = columns.min(axis=0), columns.max(axis=0)
+    margin = MARGIN * (high - low)
+    return low - margin, high + margin
 
 
 def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, prior: Array) -> Array:

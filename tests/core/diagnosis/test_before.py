@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from recordings import WEAK, damped, flown
+from recordings import damped, flown
 
-from hydro.core.diagnosis.before import UNTRIED
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.findings import SURE
 from hydro.core.errors import DataError
+from hydro.core.vehicle.description import told_apart
 
 FIN = {
     "name": "control_surface",
-    "area": 0.002,
+    "area": 0.4,
     "position": [-0.5, 0.0, 0.0],
     "roll": 0.0,
     "deflection": 0.0,
@@ -44,8 +45,10 @@ def test_a_change_of_what_the_file_has_and_is_not_linear_is_named():
     assert found.parameters["d"] == pytest.approx(0.2, abs=4.0 * found.standard_errors["d"] + 1e-3)
 
 
-def test_beside_several_of_one_effect_which_cannot_be_tried_a_name_is_suspected(before):
-    found = diagnose(damped(FIN, FIN), flown(WEAK, seed=40), before=before).findings[0]
-    assert (found.verdict, found.effect) == ("suspect", "thruster_gain")
-    assert found.confidence <= UNTRIED < SURE
-    assert "not tried, for there are several: control_surface" in found.advice
+def test_of_two_fins_the_one_that_was_turned_is_named():
+    stern, rudder = FIN | {"label": "stern"}, FIN | {"label": "rudder", "roll": np.pi / 2}
+    file = told_apart(damped(stern, rudder))
+    earlier, later = flown(stern, rudder, seed=10), flown(stern, rudder | {"deflection": 0.2}, seed=40)
+    found = diagnose(file, later, before=earlier).findings[0]
+    assert (found.verdict, found.effect) == ("retune", "control_surface:rudder")
+    assert found.confidence >= SURE

@@ -36,3 +36,17 @@ def test_no_sample_is_left_out_where_samples_are_rarer_than_rows(shots, first):
         learn(VEHICLE, Transitions.of(candidate(VEHICLE), some), stretches(some)) for some in (shots, rare)
     )
     assert np.linalg.norm(found.coefficients) > 0.5 * np.linalg.norm(whole.coefficients)
+
+
+def test_beyond_the_motion_that_it_was_learnt_from_a_wrench_stays_what_it_is_at_the_edge(shots):
+    """Within it nothing changes; of a motion that is all beyond, it is constant."""
+    law = learn(VEHICLE, Transitions.of(candidate(VEHICLE), shots), stretches(shots))
+    whole = law.wrench(VEHICLE, shots)
+    anywhere = dataclasses.replace(law, low=np.full(15, -np.inf), high=np.full(15, np.inf))
+    np.testing.assert_array_equal(whole, anywhere.wrench(VEHICLE, shots))
+    nowhere = dataclasses.replace(law, low=law.high, high=law.high).wrench(VEHICLE, shots)
+    np.testing.assert_allclose(nowhere, np.tile(nowhere[0], (len(nowhere), 1)))
+    fast = dataclasses.replace(shots, nu=3.0 * shots.nu)
+    most = np.abs(whole).max()
+    assert np.abs(law.wrench(VEHICLE, fast)).max() < 1.5 * most
+    assert np.abs(anywhere.wrench(VEHICLE, fast)).max() > 2.5 * most

@@ -1,0 +1,61 @@
+"""What the error of a hull's model makes of a change, against fits of the same to both recordings."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from recordings import damped, moved
+
+from hydro.core.diagnosis.imitation import imitation, widened
+from hydro.core.diagnosis.model import fit_model
+from hydro.core.identification.output_error import OutputError
+from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
+
+FILE = damped()
+HEAVY = {"name": "net_buoyancy", "dB": -6.0}
+
+
+def problem(*effects, seed=0):
+    record = recording(FILE, moved(damped(*effects), rows=3000, seed=seed))
+    return OutputError(make_shots(record, sigma=np.full(12, 1e-3)))
+
+
+@pytest.fixture(scope="module")
+def model():
+    shots = problem(HEAVY)
+    return fit_model(FILE, ["net_buoyancy"], shots, shots.shots.record.track, 12)
+
+
+def test_a_recording_that_the_model_of_the_hull_explains_imitates_nothing(model):
+    found = imitation(problem(seed=1), FILE, model)
+    assert found.step == pytest.approx([0.0], abs=0.02)
+    assert found.part == pytest.approx(0.0, abs=0.01)
+
+
+def test_what_it_leaves_there_is_found_by_its_size(model):
+    """A third of the change, which no change is: in the units of the entry, and as a part of it."""
+    found = imitation(problem({"name": "net_buoyancy", "dB": -2.0}, seed=1), FILE, model)
+    assert found.step == pytest.approx([-2.0], rel=0.03)
+    assert found.part == pytest.approx(1.0 / 3.0, rel=0.03)
+
+
+def test_of_a_change_that_is_not_linear_too():
+    """Of a delay, whose derivatives depend on where it is."""
+    late = {"name": "command_delay", "d": 0.1}
+    shots = problem(late)
+    model = fit_model(FILE, [{"name": "command_delay", "d": 0.08}], shots, shots.shots.record.track, 12)
+    found = imitation(problem({"name": "command_delay", "d": 0.04}, seed=1), FILE, model)
+    assert found.part == pytest.approx(0.4, abs=0.1)
+
+
+def test_standard_errors_hold_what_is_imitated(model):
+    fit = model.estimated()
+    wider = widened(fit, [np.array([3.0]), np.array([-4.0])])
+    assert wider.standard_errors == pytest.approx(np.sqrt(fit.standard_errors**2 + 25.0))
+    assert wider.covariance == pytest.approx(fit.covariance + 25.0)
+    assert dataclasses.replace(wider, covariance=0, standard_errors=0) == dataclasses.replace(
+        fit, covariance=0, standard_errors=0
+    )
