@@ -21,6 +21,7 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted, fitted_together
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
+from hydro.core.diagnosis.imitation import imitation, widened
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is
 from hydro.core.effects import CATALOGUE
@@ -199,7 +200,7 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     removed = -np.diff(left)
     findings = [
-        _finding(change, first.vehicle, compared.log.record.dt, each, each / max(removed.max(), LEAST))
+        _finding(change, first.vehicle, compared, each, each / max(removed.max(), LEAST))
         for change, each in zip(changes, removed, strict=True)
     ]
     return Diagnosis(
@@ -207,18 +208,19 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     )
 
 
-def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: float) -> Finding:
+def _finding(change: Change, file: Vehicle, compared: Compared, removed: float, beside: float) -> Finding:
     """A change as a finding.
 
     Args:
         change: The change.
         file: The file.
-        dt: Sample time of the recording after [s].
+        compared: The recordings.
         removed: What it takes of the residual, in units of the floor,
         beside: and in units of what the greatest change takes.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
-    fit = model.estimated()
+    hulls = imitation(compared.unchanged, file, model)
+    fit = widened(model.estimated(), [hulls.step])
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
@@ -231,7 +233,7 @@ def _finding(change: Change, file: Vehicle, dt: float, removed: float, beside: f
         entries = [entry for entry in model.unknown.entries if entry.effect == name]
         words = f"{advice.retuning(name, greatest_change(file, entries, model.values))}; {words}"
     else:
-        words = f"{advice.adding(name, parameters, dt)}; {words}"
+        words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
     sure = (
         wins[name]
         * min(1.0, change.plain / FURTHER)

@@ -90,6 +90,11 @@ class Compared:
         first = as_it_is(vehicle, compared.corrected(vehicle))
         return replace(compared, weight=robust(first.costs)), first
 
+    @property
+    def unchanged(self) -> OutputError:
+        """The shots of the recording before without what the hull does beside its file, likewise weighed."""
+        return self.hull.unchanged.weighed(self.problem.shots.sigma)
+
     def left_out(self, normal: Normal) -> Array:
         """Weighed squared residual of each shot, predicted by a step to all other folds, (S,)."""
         weighed = replace(normal, gram=normal.gram * self.weight[:, None, None])

@@ -43,8 +43,7 @@ def imitation(unchanged: OutputError, file: Vehicle, model: Model) -> Imitation:
         model: The fit of the recording after.
     """
     changed, steps = moved(model.unknown, model.values)
-    problem = unchanged.at_measured_states(model.vehicle)
-    normal = problem.linearise(model.vehicle, [*changed, file], [*steps, 1.0])
+    normal = unchanged.linearise(model.vehicle, [*changed, file], [*steps, 1.0])
     gram = normal.gram[~normal.lost].sum(axis=0)
     matrix, score, own = gram[:-1, :-1], gram[:-1, -1], slice(0, len(changed))
     beside = score - matrix[:, -1]  # about the file: its predictions are the last column away from the fit's

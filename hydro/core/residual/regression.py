@@ -42,7 +42,7 @@ class Regression:
         factor: Of the hull's size, as chosen.
         errors: Squared residual of stretches left out for every one of FACTORS.
         low: Least and
-        high: greatest of each number of the motion (`Flow.columns`) in the recording, and a little more, (15,).
+        high: greatest of each number of its motion (`Flow.columns`), and a little more, (15,).
     """
 
     coefficients: Array
