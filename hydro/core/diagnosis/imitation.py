@@ -35,7 +35,7 @@ class Imitation:
 
 
 def imitation(unchanged: OutputError, file: Vehicle, model: Model) -> Imitation:
-    """Work it out by one Gauss-Newton step.
+    """Work it out by one Gauss-Newton step, along the motion that the file predicts.
 
     Args:
         unchanged: Shots of the recording before, without what the model of the hull explains of them.
@@ -43,13 +43,13 @@ def imitation(unchanged: OutputError, file: Vehicle, model: Model) -> Imitation:
         model: The fit of the recording after.
     """
     changed, steps = moved(model.unknown, model.values)
-    normal = unchanged.linearise(model.vehicle, [*changed, file], [*steps, 1.0])
+    normal = unchanged.linearise(file, [model.vehicle, *changed], [1.0] * (1 + len(changed)))
     gram = normal.gram[~normal.lost].sum(axis=0)
-    matrix, score, own = gram[:-1, :-1], gram[:-1, -1], slice(0, len(changed))
-    beside = score - matrix[:, -1]  # about the file: its predictions are the last column away from the fit's
-    total = matrix[own, own] + np.eye(len(changed)) * PRIOR**-2
-    step = np.linalg.solve(total, beside[own]) * model.unknown.scales
-    return Imitation(step, float(-beside[-1] / max(matrix[-1, -1], 1e-300)))
+    # Columns are answers of the file's motion to the whole change, and to a little more of each entry.
+    little = np.vstack([-np.ones(len(changed)), np.eye(len(changed))]) / np.array(steps)
+    matrix, score = little.T @ gram[:-1, :-1] @ little, little.T @ gram[:-1, -1]
+    step = np.linalg.solve(matrix + np.eye(len(changed)) * PRIOR**-2, score) * model.unknown.scales
+    return Imitation(step, float(gram[0, -1] / max(gram[0, 0], 1e-300)))
 
 
 def widened(fit: Fit, steps: Sequence[Array]) -> Fit:
