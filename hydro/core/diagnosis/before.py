@@ -60,6 +60,9 @@ FLOOR = "floor"
 ERROR_RESAMPLES = 1000
 FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
+EXACT, LEAD = 1.5, 0.6
+"""Floors that a model which is right leaves at most, and part of what the next best leaves that a name must
+remove where more is left: then none is exactly right, and any that does nearly as well could be it."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -115,6 +118,12 @@ class Change:
     def score(self) -> float:
         """Share of the squared residual left out that the best removes."""
         return float(1.0 - self.best.costs.sum() / self.whole.sum())
+
+    @property
+    def lead(self) -> float:
+        """Part of what the next best leaves that the best removes."""
+        others = [one.costs.sum() for one in self.rivals.values() if one.effect != self.best.effect]
+        return max(float(1.0 - self.best.costs.sum() / min(others)), 0.0) if others else 1.0
 
     @property
     def plain(self) -> float:
@@ -200,7 +209,7 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     removed = -np.diff(left)
     findings = [
-        _finding(change, first.vehicle, compared, each, each / max(removed.max(), LEAST))
+        _finding(change, first.vehicle, compared, each, each / max(removed.max(), LEAST), left[-1])
         for change, each in zip(changes, removed, strict=True)
     ]
     return Diagnosis(
@@ -208,7 +217,9 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
     )
 
 
-def _finding(change: Change, file: Vehicle, compared: Compared, removed: float, beside: float) -> Finding:
+def _finding(
+    change: Change, file: Vehicle, compared: Compared, removed: float, beside: float, left: float
+) -> Finding:
     """A change as a finding.
 
     Args:
@@ -217,6 +228,7 @@ def _finding(change: Change, file: Vehicle, compared: Compared, removed: float, 
         compared: The recordings.
         removed: What it takes of the residual, in units of the floor,
         beside: and in units of what the greatest change takes.
+        left: What all changes leave, in units of the floor.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
     hulls = imitation(compared.unchanged, file, model)
@@ -226,21 +238,15 @@ def _finding(change: Change, file: Vehicle, compared: Compared, removed: float, 
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; some of the recording would rather have {', '.join(rivals)}"
-    # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
-    absorbs = CATALOGUE[name].identification.absorbs
+    if left > EXACT:
+        words += f"; {left:.3g} times the squared residual of before is left, which nothing here explains"
     known = bool(file.effects(name))
     if known:
         entries = [entry for entry in model.unknown.entries if entry.effect == name]
         words = f"{advice.retuning(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = (
-        wins[name]
-        * min(1.0, change.plain / FURTHER)
-        * min(1.0, max(removed, 0.0) / PLAIN)
-        * min(1.0, max(beside, 0.0) / GREAT)
-        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
-    )
+    sure = _confidence(change, wins[name], removed, beside, left)
     if implausible(fit.vehicle, [name]):
         sure = min(sure, FANCIFUL)
     found = Finding(
@@ -258,6 +264,20 @@ def _finding(change: Change, file: Vehicle, compared: Compared, removed: float, 
     if known and found.confidence < SURE:
         return replace(found, verdict="suspect", advice=advice.suspecting(name, found.advice))
     return stated(found)
+
+
+def _confidence(change: Change, frequency: float, removed: float, beside: float, left: float) -> float:
+    """Confidence in a name; of the others see `_finding`, and of the frequency `Change.wins`."""
+    # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
+    absorbs = CATALOGUE[change.best.effect].identification.absorbs
+    return (
+        frequency
+        * min(1.0, change.plain / FURTHER)
+        * min(1.0, max(removed, 0.0) / PLAIN)
+        * min(1.0, max(beside, 0.0) / GREAT)
+        * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
+        * (min(1.0, change.lead / LEAD) if left > EXACT else 1.0)
+    )
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
