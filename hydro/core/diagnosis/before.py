@@ -20,9 +20,10 @@ from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted, fitted_together
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
 from hydro.core.diagnosis.imitation import imitation, widened
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.misread import misread, newly_misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import implausible
@@ -32,6 +33,7 @@ from hydro.core.identification.fit import Fit
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
+from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
@@ -75,7 +77,7 @@ def diagnose_change(
     progress: Progress,
     further: bool = False,
 ) -> Diagnosis:
-    """Find what has changed.
+    """Find what has changed: what the velocity log misreads as kinematics shows it, then what forces do.
 
     Args:
         vehicle: The file.
@@ -85,8 +87,19 @@ def diagnose_change(
         progress: Called with a few words and the share of the work done.
         further: Whether the vehicle has changes already, so that more is asked of the next one.
     """
-    compared, first = Compared.of(log, problem, hull, vehicle)
-    return told(compared, first, find(compared, first, progress, further), further)
+    given = Compared.of(log, problem, hull, vehicle)
+    errors = newly_misread(log.sensors, kinematic_tests(hull.unchanged.shots.record), vehicle)
+    if not errors:
+        return told(*given, find(*given, progress, further), further)
+    read = extended(vehicle, [one.table for one in errors])
+    compared, first = Compared.of(log, stable_shots(read, log), hull, read)
+    names = [one.effect for one in errors]
+    found = told(compared, first, find(compared, first, progress, further, names), further)
+    alone = given[0].chi2(given[1])
+    share = 1.0 - compared.chi2(first) / alone
+    misreadings = [misread(one, share, log.record.dt, vehicle) for one in errors]
+    rest = [one for one in found.findings if one.verdict not in ("nothing_missing", "log_fault")]
+    return replace(found, findings=(*log.faults, *misreadings, *rest), chi2=(alone, alone, found.chi2[2]))
 
 
 @dataclass(frozen=True)
@@ -155,7 +168,13 @@ class Change:
         return {names[i]: float(part[i]) for i in order}
 
 
-def find(compared: Compared, first: Model, progress: Progress, further: bool = False) -> list[Change]:
+def find(
+    compared: Compared,
+    first: Model,
+    progress: Progress,
+    further: bool = False,
+    without: Sequence[str] = (),
+) -> list[Change]:
     """The changes, the greatest first.
 
     Args:
@@ -163,12 +182,13 @@ def find(compared: Compared, first: Model, progress: Progress, further: bool = F
         first: The vehicle as its file is.
         progress: Called with a few words and the share of the work done.
         further: Whether the vehicle has changes already, so that more is asked of the next one.
+        without: Effects that are not to be tried.
     """
     last, changes = first, list[Change]()
     while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
         here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
         here(f"{len(changes)} changes found, looking for more", 0.0)
-        rivals = contend(compared, last, [one.best.effect for one in changes], here)
+        rivals = contend(compared, last, [*without, *(one.best.effect for one in changes)], here)
         change = Change.of(compared, last, rivals)
         if change is None or not change.seen(further=further or bool(changes)):
             break

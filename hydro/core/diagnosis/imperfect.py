@@ -16,6 +16,7 @@ import numpy as np
 from hydro.core.diagnosis.baseline import Baseline, Outcome
 from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
+from hydro.core.diagnosis.misread import misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.transfer import Known, Rival, Survey, one_change, resolved, survey, tempered
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -65,15 +66,15 @@ class Named:
 
 def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
     """What is said then, see `diagnosis.imperfect`: after what kinematics alone shows of the velocity log."""
-    misread = list(_misread(baseline, outcome))
-    read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in misread])
-    rest = tuple(name for name in baseline.effects if name not in {one.effect for one in misread})
+    errors = list(_misread(baseline, outcome))
+    read = extended(baseline.vehicle, [{"name": one.effect, **one.parameters} for one in errors])
+    rest = tuple(name for name in baseline.effects if name not in {one.effect for one in errors})
     there = replace(baseline, vehicle=read, effects=rest)
     named = by_transfer(there, part(progress, 0.4, 0.9))
     progress("verdicts", 0.9)
     last = replace(outcome, model=named.model, found=(), fit=named.fit)
     known = contradicted(baseline, outcome)
-    findings = [*misread, *known, *named.findings, *unexplained(baseline, last)]
+    findings = [*errors, *known, *named.findings, *unexplained(baseline, last)]
     if baseline.warnings and findings:
         words = "; ".join(baseline.warnings)
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
@@ -88,24 +89,11 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
 
 def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Errors of the velocity log that joined the search and that kinematics shows, with its values."""
-    dt = baseline.log.record.dt
     for one in outcome.found:
         test = baseline.sensors.get(one.effect)
-        if test is None or not shown(test):
-            continue
-        values = {key: value for key, value in test.table.items() if key != "name"}
-        yield Finding(
-            "retune" if baseline.vehicle.effects(one.effect) else "missing",
-            one.effect,
-            (one.effect,),
-            float(np.clip(baseline.explained(one.rivals[one.effect]), 0.0, 1.0)),
-            confidence=1.0 - test.p_value,
-            p_value=test.p_value,
-            parameters=values,
-            standard_errors=test.errors,
-            advice=f"{advice.adding(one.effect, values, dt)}; kinematics alone shows it, whatever forces act",
-            support=1.0 - test.p_value,
-        )
+        if test is not None and shown(test):
+            share = baseline.explained(one.rivals[one.effect])
+            yield misread(test, share, baseline.log.record.dt, baseline.vehicle)
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:

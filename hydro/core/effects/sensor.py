@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hydro.core.columns import Array
 from hydro.core.effects.record import Advice, Effect, Identification, Index, Kinematics, Parameter, Rest
 from hydro.core.effects.shapes import of_sizes
-from hydro.core.effects.words import CHIRP, DISTANCES, DRIFT, HEADINGS, a_sample_late
+from hydro.core.effects.words import CHIRP, DISTANCES, DRIFT, HEADINGS, a_heading_off, a_sample_late
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.plausible import between, within_box
@@ -216,7 +216,7 @@ EFFECTS = (
         ),
         sensor=sensor_misalignment,
         kinematics=Kinematics("alpha", ANGLES, negligible=0.005),
-        advice=Advice(parted_by=(DISTANCES,)),
+        advice=Advice(parted_by=(DISTANCES,), saying=a_heading_off),
     ),
     SENSOR_DELAY,
     Effect(

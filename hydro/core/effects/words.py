@@ -21,6 +21,7 @@ DISTANCES = "straight runs ahead and sideways, there and back, over distances kn
 COASTING = "a powered step from rest to full speed with the thrusters in turn, then coast down without thrust"
 
 ONE_SAMPLE = 1.05  # samples below which a delay is taken for a convention of the log
+ALONE = 3.0  # times roll and pitch of a velocity log from which its yaw may be the heading's
 
 
 def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
@@ -30,4 +31,15 @@ def a_sample_late(parameters: Mapping[str, Any], dt: float) -> str | None:
     return (
         "no more than one sample: most likely a convention of the log (whether a command is logged "
         "before or after it acts), not the vehicle; settle it in the log before believing lag or delay"
+    )
+
+
+def a_heading_off(parameters: Mapping[str, Any], dt: float) -> str | None:
+    """What a velocity log that is turned in yaw alone is alike to: v turned by alpha, or psi by -alpha."""
+    roll, pitch, yaw = (float(angle) for angle in parameters["alpha"])
+    if abs(yaw) < ALONE * max(abs(roll), abs(pitch)):
+        return None
+    return (
+        f"the velocity log is turned by {yaw:.3g} rad in yaw, or the heading is off by {-yaw:.3g} rad "
+        "(compass, declination): the two read alike; put right what is wrong, or add it with `hydro add`"
     )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import polars as pl
 import pytest
-from recordings import damped, flown
+from recordings import WEAK, damped, flown
 
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.findings import SURE
@@ -52,3 +53,16 @@ def test_of_two_fins_the_one_that_was_turned_is_named():
     found = diagnose(file, later, before=earlier).findings[0]
     assert (found.verdict, found.effect) == ("retune", "control_surface:rudder")
     assert found.confidence >= SURE
+
+
+def test_a_velocity_log_that_was_turned_is_told_by_kinematics(before):
+    """Far below what the model of the hull leaves, and whatever else has changed."""
+    raw, yaw = flown(WEAK, seed=40), 0.06
+    u, v = pl.col("u"), pl.col("v")
+    turned = raw.with_columns(u * np.cos(yaw) + v * np.sin(yaw), v * np.cos(yaw) - u * np.sin(yaw))
+    log, thruster = diagnose(damped(), turned, before=before).findings[:2]
+    assert (log.verdict, log.effect) == ("missing", "sensor_misalignment")
+    assert log.confidence >= SURE
+    assert log.parameters["alpha"] == pytest.approx([0.0, 0.0, yaw], abs=0.005)
+    assert "or the heading is off by -0.0" in log.advice
+    assert (thruster.verdict, thruster.effect) == ("missing", "thruster_gain")

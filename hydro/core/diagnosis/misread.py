@@ -1,0 +1,73 @@
+"""What the velocity log misreads, as pose against velocity shows it, whatever forces act."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.stats import chi2
+
+from hydro.core.columns import Array
+from hydro.core.diagnosis.findings import Finding
+from hydro.core.effects import CATALOGUE
+from hydro.core.experiment import advice
+from hydro.core.preprocessing.sensor_tests import VETO, KinematicTest, shown
+from hydro.core.vehicle.description import Vehicle
+
+
+def misread(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> Finding:
+    """The finding of an error that kinematics shows, with its values.
+
+    Args:
+        test: The error.
+        share: Part of the error of predictions that reading the log so removes.
+        dt: Sample time of the recording [s].
+        vehicle: The file.
+    """
+    values = {key: value for key, value in test.table.items() if key != "name"}
+    sure = 1.0 - test.p_value
+    return Finding(
+        "retune" if vehicle.effects(test.effect) else "missing",
+        test.effect,
+        (test.effect,),
+        float(np.clip(share, 0.0, 1.0)),
+        confidence=sure,
+        p_value=test.p_value,
+        parameters=values,
+        standard_errors=test.errors,
+        advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
+        support=sure,
+    )
+
+
+def newly_misread(
+    after: Mapping[str, KinematicTest], before: Mapping[str, KinematicTest], vehicle: Vehicle
+) -> list[KinematicTest]:
+    """Errors of the velocity log that are new in a recording, and of which the file says nothing.
+
+    Args:
+        after: Kinematic tests of the recording, by effect,
+        before: and of the earlier one; an error that this could not be asked about is no new one.
+        vehicle: The file.
+    """
+    return [
+        test
+        for name, test in after.items()
+        if name in before and shown(test)
+        if test.chance(_stated(vehicle, test)) <= VETO and _differ(test, before[name])
+    ]
+
+
+def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:
+    """What a file says of an error, in packing order, (p,); none by default."""
+    for table in vehicle.effects(test.effect):
+        values = CATALOGUE[test.effect].pack(table, thrusters=len(vehicle.thruster))
+        return np.broadcast_to(values, test.estimate.shape)
+    return np.zeros_like(test.estimate)
+
+
+def _differ(one: KinematicTest, other: KinematicTest) -> bool:
+    """Whether two recordings show an error of different size, by more than chance and than is negligible."""
+    away, spread = one.estimate - other.estimate, one.covariance + other.covariance
+    chance = float(chi2.sf(away @ np.linalg.solve(spread, away), len(away)))
+    return chance <= VETO and bool((np.abs(away) > one.negligible).any())

@@ -1,0 +1,57 @@
+"""Errors of a velocity log that are new in a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import damped
+
+from hydro.core.diagnosis.misread import misread, newly_misread
+from hydro.core.preprocessing.sensor_tests import KinematicTest
+
+FILE = damped()
+
+
+def late(d, error=1e-3):
+    return {"sensor_delay": KinematicTest("sensor_delay", np.array([d]), np.array([[error**2]]), 100, 5e-3)}
+
+
+def names(after, before, vehicle=FILE):
+    return [one.effect for one in newly_misread(after, before, vehicle)]
+
+
+def test_what_one_recording_shows_and_the_other_does_not_is_new():
+    assert names(late(0.1), late(0.0)) == ["sensor_delay"]
+
+
+@pytest.mark.parametrize(
+    ("after", "before"),
+    [
+        (late(0.0), late(0.0)),
+        (late(0.1), late(0.1)),  # it is no change
+        (late(0.1), late(0.08, error=0.02)),  # nor can this be told from none
+        (late(0.008), late(0.004)),  # nor does it matter
+        (late(0.1), {}),  # the one before was not to be asked
+        ({}, late(0.1)),
+    ],
+)
+def test_all_else_is_not(after, before):
+    assert names(after, before) == []
+
+
+def test_what_shows_in_both_and_has_changed_is_new():
+    assert names(late(0.2), late(0.1)) == ["sensor_delay"]
+
+
+def test_what_the_file_says_is_not_news():
+    assert names(late(0.1), late(0.0), damped({"name": "sensor_delay", "d": 0.1})) == []
+    assert names(late(0.2), late(0.0), damped({"name": "sensor_delay", "d": 0.1})) == ["sensor_delay"]
+
+
+def test_the_finding_has_the_values_of_kinematics():
+    (test,) = late(0.1).values()
+    found = misread(test, 0.4, 0.02, FILE)
+    assert (found.verdict, found.effect, found.share) == ("missing", "sensor_delay", 0.4)
+    assert found.parameters == {"d": 0.1}
+    assert found.standard_errors == pytest.approx({"d": 1e-3})
+    assert misread(test, 0.4, 0.02, damped({"name": "sensor_delay", "d": 0.02})).verdict == "retune"
