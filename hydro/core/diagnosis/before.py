@@ -65,6 +65,8 @@ FANCIFUL = 0.5
 EXACT, LEAD = 1.5, 0.6
 """Floors that a model which is right leaves at most, and part of what the next best leaves that a name must
 remove where more is left: then none is exactly right, and any that does nearly as well could be it."""
+FAR, FAR_OFF = 10.0, 0.8
+"""Floors from which what is found is no model of the recording, and confidence at most in names there."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -290,7 +292,7 @@ def _confidence(change: Change, frequency: float, removed: float, beside: float,
     """Confidence in a name; of the others see `_finding`, and of the frequency `Change.wins`."""
     # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
     absorbs = CATALOGUE[change.best.effect].identification.absorbs
-    return (
+    sure = (
         frequency
         * min(1.0, change.plain / FURTHER)
         * min(1.0, max(removed, 0.0) / PLAIN)
@@ -298,6 +300,7 @@ def _confidence(change: Change, frequency: float, removed: float, beside: float,
         * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
         * (min(1.0, change.lead / LEAD) if left > EXACT else 1.0)
     )
+    return min(sure, FAR_OFF) if left > FAR else sure
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
