@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import polars as pl
 import pytest
+import synthetic
 from recordings import WEAK, damped, flown
 
 from hydro.core.diagnosis.before import UNTRIED
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.findings import SURE
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 
 FIN = {
@@ -20,9 +23,19 @@ FIN = {
 }
 
 
+EXCHANGED = {"cmd_1": pl.col("cmd_2"), "cmd_2": pl.col("cmd_1")}
+GAINS = "thruster_gain"
+
+
 @pytest.fixture(scope="module")
 def before():
     return flown(seed=10)
+
+
+@pytest.fixture(scope="module")
+def drag(before):
+    """What the hull does beside a file without any drag."""
+    return hull_of(synthetic.vehicle(), before)
 
 
 def test_the_hull_is_learnt(before):
@@ -49,3 +62,41 @@ def test_beside_several_of_one_effect_which_cannot_be_tried_a_name_is_suspected(
     assert (found.verdict, found.effect) == ("suspect", "thruster_gain")
     assert found.confidence <= UNTRIED < SURE
     assert "not tried, for there are several: control_surface" in found.advice
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (EXCHANGED, "cmd_2 drives thruster 1, cmd_1 drives thruster 2"),
+        ({"cmd_4": -pl.col("cmd_4")}, "minus cmd_4 drives thruster 4"),
+    ],
+)
+def test_an_order_of_the_commands_that_the_hull_hides_is_told(drag, columns, words):
+    raw = flown(seed=40).with_columns(**columns)
+    assert preprocess(synthetic.vehicle(), raw).wiring is None, "the drag is most of what there is"
+    log = preprocess(synthetic.vehicle(), raw, drag)
+    assert log.wiring is not None
+    assert log.wiring.words() == words
+    assert log.raw.equals(flown(seed=40).select(log.raw.columns))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        [WEAK],
+        [{"name": GAINS, "g": [0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]}],
+        [{"name": "ocean_current", "v_N": 0.2, "v_E": 0.1}],
+        [{"name": "thruster_lag", "dT": 0.4}],
+    ],
+)
+def test_no_other_change_is_told_as_an_order_of_the_commands(drag, changes):
+    assert preprocess(synthetic.vehicle(), flown(*changes, seed=40), drag).wiring is None
+
+
+def test_commands_exchanged_since_are_the_first_finding(before):
+    raw = flown(seed=40).with_columns(**EXCHANGED)
+    fault, *others = diagnose(synthetic.vehicle(), raw, before=before).findings
+    assert (fault.verdict, fault.members) == ("log_fault", ("cmd_1", "cmd_2"))
+    assert fault.confidence >= SURE
+    assert GAINS not in [one.effect for one in others], "all else is told as if they were in order"
