@@ -160,22 +160,26 @@ def rewired(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     known = [] if beside is None else [left - _summed(windows, beside @ _accelerated(vehicle, windows))]
     for each in (left, *known):
         problem = _Problem.of(each, answers, free_)
-        if (found := _told(problem, _found(problem))) is not None:
-            return found
+        for order in _orders(problem):
+            if (found := _told(problem, order)) is not None:
+                return found
     return None
 
 
-def _found(problem: _Problem) -> Wiring:
-    """The order that explains most, or one nearer the file's that leaves next to nothing more."""
+def _orders(problem: _Problem) -> Iterator[Wiring]:
+    """The order that explains most, then ever nearer ones to the file's, the best first; not the file's.
+
+    An exchange or reversal too many, which what the file lacks asks for, does not hide the others.
+    """
     guesses = Wiring.plain(len(problem.answers)).guesses()
     found = min((_improved(problem, begun) for begun in guesses), key=problem.unexplained)
     enough = problem.unexplained(found) / REMAINING
     while nearer := [one for one in found.changes() if one.others < found.others]:
         costs = problem.fitted(nearer)[1]
-        if costs.min() > enough:
-            break
-        found = nearer[int(np.argmin(costs))]
-    return found
+        best = int(np.argmin(costs))
+        if costs[best] > enough:
+            yield found
+        found = nearer[best]
 
 
 def _told(problem: _Problem, found: Wiring) -> Rewired | None:
@@ -186,8 +190,6 @@ def _told(problem: _Problem, found: Wiring) -> Rewired | None:
     """
     plain = Wiring.plain(len(found.column))
     other = [one != own for one, own in zip(found.drives(), plain.drives(), strict=True)]
-    if not any(other):
-        return None
     here, there = problem.thrusts(found)[other], problem.thrusts(plain)[other]
     evident = bool((np.abs(here - 1.0) <= NEAR).all() and (there <= LITTLE).all())
     before, after = (
