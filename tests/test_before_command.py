@@ -70,6 +70,18 @@ def test_errors_stand_beside_the_floor_axis_by_axis(capsys) -> None:
     assert python.equals(found["same"].frame)
 
 
+def test_exchanged_commands_are_said_where_errors_are_compared(capsys) -> None:
+    exchanged = hydro.read("same.parquet").with_columns(cmd_1="cmd_2", cmd_2="cmd_1")
+    hydro.write(exchanged, "exchanged.parquet", "raw")
+    assert (
+        run("compare", "vehicle.toml", "exchanged.parquet", "--before", "earlier.parquet", "-o", "x.parquet")
+        == 0
+    )
+    told = capsys.readouterr().err
+    assert "exchanged.parquet: it looks as if cmd_2 drives thruster 1, cmd_1 drives thruster 2" in told
+    assert max(times(table.read("x.parquet", "comparison").frame).values()) < 1.5
+
+
 def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
     line = ["explain", "vehicle.toml", "after.parquet", "--before", "earlier.parquet"]
     line += ["--holdout", "heldout.parquet", "-o", "study"]

@@ -122,7 +122,7 @@ def compare(
     hull = _hull(vehicle, before, model)
     found = measure(vehicle, raw, against=against, progress=progress)
     if hull is not None:
-        found = with_hull(found, vehicle, preprocess(vehicle, raw), hull)
+        found = with_hull(found, vehicle, preprocess(vehicle, raw, hull), hull)
     return conform("comparison", found)
 
 
@@ -160,7 +160,8 @@ def diagnose(
     from hydro.core.discovery.discover import discovered
     from hydro.io.table import conform
 
-    hull, log = _hull(vehicle, before, model, discover=discover), preprocess(vehicle, raw)
+    hull = _hull(vehicle, before, model, discover=discover)
+    log = preprocess(vehicle, raw, hull)
     found = diagnose_log(vehicle, log, hull=hull, progress=progress)
     if discover:
         found = discovered(vehicle, log, found, progress)

@@ -10,7 +10,7 @@ from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import STREAM, ModelFile, about, progress, read, tell_not_shown, write
+from hydro.commands.shell import STREAM, ModelFile, about, progress, read, report, tell_not_shown, write
 from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
@@ -51,7 +51,8 @@ def compare(
     does beside the file is learnt from that one and held fixed. The errors of short predictions with it, in
     the recording after, stand beside those in stretches of the one before that it was not fitted to, the
     floor, and beside those of the file alone. Above the floor something has changed, or the vehicle moves as
-    it did not before; hydro diagnose --before says what, and how sure that is.
+    it did not before; hydro diagnose --before says what, and how sure that is. Where command columns seem to
+    be exchanged or reversed, one line on stderr says so, and these errors are as if they were in order.
 
         hydro compare vehicle.toml after.parquet --before before.parquet
     """
@@ -70,7 +71,7 @@ def compare(
     former = None if against is None else _former(against, source)
     with about(name):
         tell_not_shown(known, source.frame)
-    earlier = learnt(before, model, known, source, logs)
+    earlier, log = learnt(before, model, known, source, logs), None
     with about(name), progress("compare") as update:
         frame = compute(
             known,
@@ -79,7 +80,11 @@ def compare(
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
         if earlier is not None:
-            frame = with_hull(frame, known, preprocess(known, source.frame), earlier.hull)
+            log = preprocess(known, source.frame, earlier.hull)
+            frame = with_hull(frame, known, log, earlier.hull)
+    if log is not None and log.wiring is not None:
+        words = f"it looks as if {log.wiring.words()}: errors with the hull are as if they were in order"
+        report(name, words)
     _print(frame, earlier, person(as_json))
     if as_json:
         print_json(comparison=frame)

@@ -120,7 +120,8 @@ def diagnose(
     learnt from that one, by a regression on a library of forces, and held fixed: the longer it is the better,
     ten minutes of all axes rather than two. The file's effects keep
     their values, and a change of one is a finding like any other. A change is named where it takes
-    10 % or more of the error away from stretches which it was not fitted to.
+    10 % or more of the error away from stretches which it was not fitted to. Command columns exchanged or
+    reversed since are the first finding, and all else is told as if they were in order.
 
         hydro diagnose vehicle.toml after.parquet --before before.parquet
 
@@ -183,7 +184,8 @@ def diagnose(
         def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, words)
 
-        log, hull = preprocess(start, source.frame), earlier.hull if earlier else None
+        hull = earlier.hull if earlier else None
+        log = preprocess(start, source.frame, hull)
         found = diagnose_log(start, log, hull=hull, progress=advance)
         if discover:
             found = discovered(start, log, found, advance)

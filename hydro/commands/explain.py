@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from hydro.core.explanation.ladder import Step
+    from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
@@ -133,14 +134,14 @@ def explain(
             steps.append(step)
             study.save_step(steps)
             _tell(step)
-        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))})
+        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, hull)
         _save_bands(study, best(steps))
     _print(study, steps, best(steps), ending(steps), person(as_json))
     if as_json:
         _print_json(study, steps, best(steps), ending(steps))
 
 
-def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
+def _save_recorded(study: Study, vehicles: dict[int, Vehicle], hull: Hull | None) -> None:
     """Write what these steps make of the recordings, and which sessions those have."""
     import polars as pl
 
@@ -156,7 +157,7 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle]) -> None:
     study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
     why = ""
     try:
-        raw = preprocess(vehicles[0], given[0]).raw
+        raw = preprocess(vehicles[0], given[0], hull).raw
         study.save("leftover", leftover(vehicles, raw))
         grown = growth(list(vehicles.values())[-1], raw)
         if not grown.is_empty():

@@ -116,7 +116,7 @@ def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
         vehicle: The vehicle file, with as many thrusters as there are commands.
     """
     try:
-        found = rewired(vehicle, recording(vehicle, imported.frame), one_reversed=True)
+        found = rewired(vehicle, recording(vehicle, imported.frame))
     except DataError as error:
         yield f"note: the order of the thrusters is not tested: {error}"
         return

@@ -96,7 +96,7 @@ def diagnose(
     if before is not None:
         (progress or silent)("the recording before", 0.0)
         hull = hull_of(vehicle, before)
-    return diagnose_log(vehicle, preprocess(vehicle, raw), hull=hull, progress=progress)
+    return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull, progress=progress)
 
 
 def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:

@@ -10,6 +10,7 @@ import polars as pl
 
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
+from hydro.core.errors import DataError
 from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
 from hydro.core.identification.tracking import tracked
 from hydro.core.logs.axis_faults import axis_faults
@@ -22,7 +23,8 @@ from hydro.core.recording.sensor_faults import (
     without_faults,
     without_outliers,
 )
-from hydro.core.recording.shots import Shots, make_shots
+from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
+from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 
 MOST_SHOTS = 600
@@ -82,21 +84,24 @@ class Preprocessed:
         return self._shots[seconds]
 
 
-def preprocess(vehicle: Vehicle, raw: pl.DataFrame) -> Preprocessed:
+def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) -> Preprocessed:
     """The recording without readings that no motion makes, its commands as the accelerations ask for them.
 
     Args:
         vehicle: The vehicle.
         raw: Raw table.
+        hull: What a recording before has taught: what the hull does beside its file is taken out of the
+            accelerations, where it would hide another order of the commands.
 
     Raises:
         DataError: The recording does not fit the vehicle.
     """
     log = sound(vehicle, raw)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
-    found = rewired(vehicle, log.record)
+    plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults)
+    found = rewired(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None:
-        return Preprocessed(log.raw, tracked(vehicle, log.record), faults)
+        return plain
     raw = in_order(log.raw, found.wiring)
     record = replace(recording(vehicle, raw), sigma=log.record.sigma)
     return Preprocessed(raw, tracked(vehicle, record), (*faults, _exchanged(found)), found.wiring)
@@ -130,6 +135,14 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
         (sign * pl.col(command_column(column))).alias(command_column(i))
         for i, (column, sign) in enumerate(drives)
     )
+
+
+def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
+    """What the hull does beside the file at every row, (N, 6) [N, N m]; None of a log that is too short."""
+    try:
+        return hull.law.wrench(vehicle, log.shots(SHOT_SECONDS))
+    except DataError:
+        return None
 
 
 def _exchanged(found: Rewired) -> Finding:

@@ -5,18 +5,21 @@ added mass and damping bend until they fit best.  So before any effect is though
 recording (equation error, `identification.weak_form`) are held against every exchange of two columns and
 every reversal. A constant wrench, all that the file's own effects could be otherwise, and whatever part of
 its thrust each thruster may lack are free meanwhile, so that a worn or dead thruster is none of this.
+
+Where a recording before has taught what the hull does beside its file, that is taken out in a second trial:
+on a hull that the file describes poorly it may be most of what the accelerations leave.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from hydro.core.columns import Array, command_column
+from hydro.core.columns import Array, Rows, command_column
 from hydro.core.effects.catalogue import own_effects, with_role
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
@@ -33,20 +36,23 @@ MOST_WINDOWS = 200
 """Windows that are looked at, spread evenly."""
 LEAST_WINDOWS, SHORTEST = 24, 5.0
 """Windows, and length of the longest piece without a gap [s], that tell anything."""
-GROSS = 0.5
-"""Part of what the accelerations leave unexplained that another order of the columns must explain."""
+GROSS, PLAIN = 0.5, 0.85
+"""Part of what the file's order leaves unexplained that another may leave; and where the thrusters in
+question push as the file says by that order, and but little by the file's."""
+NEAR, LITTLE = 0.5, 0.5
+"""Relative deviation of a thrust from the file's that is as it says, and multiple of it that is little."""
 MOSTLY = 0.75
-"""Part of the recording's stretches in which it must do so."""
+"""Part of the recording's stretches in which it must leave less."""
 BESIDE = with_role(Role.OFTEN_LACKING)
 """Effects that a file often lacks, so that they do not hide an exchange."""
 REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""
-REVERSED = 0.85
-"""The same for one thruster in reverse, which is a plainer thing: a dead thruster leaves it where it is."""
-NEAR = 0.5
-"""Relative deviation that the thrust of a thruster in reverse may have of the file's."""
-GAINS = (-1.0, 0.5)
-"""Relative deviations of a thrust that are no matter of its column: from dead to half as much again."""
+THRUSTS = (0.0, 1.5)
+"""Multiples of a thrust that are no matter of its column: from dead to half as much again."""
+SWEEPS = 50
+"""Of the least squares for thrusts: each of them once, the others held."""
+NOTHING = 1e-12
+"""Part of the greatest answer below which a thruster does not move at all."""
 BOOTSTRAP_STRETCHES, RESAMPLES = 20, 1000
 WRENCH = 6
 
@@ -87,6 +93,15 @@ class Wiring:
         both = [changed.get(i, pair) for i, pair in enumerate(zip(self.column, self.sign, strict=True))]
         return Wiring(tuple(c for c, _ in both), tuple(s for _, s in both))
 
+    @property
+    def others(self) -> int:
+        """How many thrusters have another column, and how many are reversed, in all."""
+        return sum((column != i) + (sign < 0) for i, (column, sign) in enumerate(self.drives()))
+
+    def drives(self) -> Iterator[tuple[int, int]]:
+        """Column and sign of each thruster."""
+        return zip(self.column, self.sign, strict=True)
+
     def apply(self, commands: Array) -> Array:
         """Commands (N, n) in the order and with the signs that the file means."""
         return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
@@ -115,7 +130,7 @@ class Rewired:
     Attributes:
         wiring: It.
         left: Part of what the file's order leaves unexplained that this one leaves.
-        confidence: Part of the resampled recordings in which that is less than GROSS.
+        confidence: Part of the resampled recordings in which that is little enough.
     """
 
     wiring: Wiring
@@ -123,14 +138,13 @@ class Rewired:
     confidence: float
 
 
-def rewired(vehicle: Vehicle, record: Recording, *, one_reversed: bool = False) -> Rewired | None:
+def rewired(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> Rewired | None:
     """The order of the command columns that the accelerations ask for.
 
     Args:
         vehicle: The vehicle.
         record: The recording.
-        one_reversed: Also where it is one thruster that turns in reverse and less speaks for it: more than
-            for a dead one, though, and with about the thrust of the file.
+        beside: What the hull does beside the file at every row, (N, 6) [N, N m]; None where nobody knows.
 
     Returns:
         None where the file's is as good, or the recording too short to tell or blind on an axis.
@@ -141,31 +155,49 @@ def rewired(vehicle: Vehicle, record: Recording, *, one_reversed: bool = False) 
     windows = Windows.of(record, most=MOST_WINDOWS)
     if len(windows.starts) < LEAST_WINDOWS or not windows.shown.all():
         return None
-    problem = _Problem.of(vehicle, windows)
-    plain = Wiring.plain(count)
-    found = min((_improved(problem, begun) for begun in plain.guesses()), key=problem.unexplained)
-    other = None if found == plain else _told(problem, found, GROSS, GROSS)
-    return other if other is not None or not one_reversed else _one_reversed(problem)
+    left = windows.residuals(vehicle)[:, :WRENCH]
+    answers, free_ = _answers(vehicle, windows), _free(vehicle, windows)
+    known = [] if beside is None else [left - _summed(windows, beside @ _accelerated(vehicle, windows))]
+    for each in (left, *known):
+        problem = _Problem.of(each, answers, free_)
+        for order in _orders(problem):
+            if (found := _told(problem, order)) is not None:
+                return found
+    return None
 
 
-def _one_reversed(problem: _Problem) -> Rewired | None:
-    """The reversal of one thruster that leaves the least, if it leaves enough less."""
-    plain = Wiring.plain(len(problem.answers))
-    single = [plain._with({i: (i, -1)}) for i in range(len(problem.answers))]
-    best = min(range(len(single)), key=lambda i: problem.costs(single[i]).sum())
-    if abs(problem.gains(single[best])[best]) > NEAR:  # of a dead one it is -1
-        return None
-    return _told(problem, single[best], REVERSED, 1.0)
+def _orders(problem: _Problem) -> Iterator[Wiring]:
+    """The order that explains most, then ever nearer ones to the file's, the best first; not the file's.
+
+    An exchange or reversal too many, which what the file lacks asks for, does not hide the others.
+    """
+    guesses = Wiring.plain(len(problem.answers)).guesses()
+    found = min((_improved(problem, begun) for begun in guesses), key=problem.unexplained)
+    enough = problem.unexplained(found) / REMAINING
+    while nearer := [one for one in found.changes() if one.others < found.others]:
+        costs = problem.fitted(nearer)[1]
+        best = int(np.argmin(costs))
+        if costs[best] > enough:
+            yield found
+        found = nearer[best]
 
 
-def _told(problem: _Problem, found: Wiring, part: float, each_part: float) -> Rewired | None:
-    """Another order, where it leaves less than a part of what the file's leaves, in most stretches, too."""
+def _told(problem: _Problem, found: Wiring) -> Rewired | None:
+    """Another order, where it leaves much less, and less nearly everywhere.
+
+    Less of a difference will do where the thrusters in question push about as the file says by that order and
+    but little by the file's: late ones, which columns much alike imitate, push by their own.
+    """
+    plain = Wiring.plain(len(found.column))
+    other = [one != own for one, own in zip(found.drives(), plain.drives(), strict=True)]
+    here, there = problem.thrusts(found)[other], problem.thrusts(plain)[other]
+    evident = bool((np.abs(here - 1.0) <= NEAR).all() and (there <= LITTLE).all())
     before, after = (
         np.array([each.sum() for each in np.array_split(problem.costs(one), BOOTSTRAP_STRETCHES)])
-        for one in (Wiring.plain(len(problem.answers)), found)
+        for one in (plain, found)
     )
-    gained = part * before - after
-    if gained.sum() <= 0.0 or (each_part * before > after).mean() < MOSTLY:
+    gained = (PLAIN if evident else GROSS) * before - after
+    if gained.sum() <= 0.0 or (before > after).mean() < MOSTLY:
         return None
     confidence = float((weights(BOOTSTRAP_STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
     return Rewired(found, float(after.sum() / before.sum()), confidence)
@@ -175,10 +207,12 @@ def _improved(problem: _Problem, begun: Wiring) -> Wiring:
     """The order after every exchange and reversal that explains more, the best first."""
     found, least = begun, problem.unexplained(begun)
     while True:
-        best = min(found.changes(), key=problem.unexplained)
-        if (cost := problem.unexplained(best)) > REMAINING * least:
+        changes = list(found.changes())
+        costs = problem.fitted(changes)[1]
+        best = int(np.argmin(costs))
+        if costs[best] > REMAINING * least:
             return found
-        found, least = best, cost
+        found, least = changes[best], float(costs[best])
 
 
 @dataclass(frozen=True)
@@ -186,18 +220,22 @@ class _Problem:
     """Accelerations over windows, less all that what is free meanwhile explains of them.
 
     Attributes:
-        left: What the file leaves unexplained, (W, 6).
+        needed: What thrusts have to explain, (W, 6).
         answers: What each thruster, by each column and its reverse, makes of it, (n, n, 2, W, 6).
     """
 
-    left: Array
+    needed: Array
     answers: Array
 
     @classmethod
-    def of(cls, vehicle: Vehicle, windows: Windows) -> _Problem:
-        """Work out what every column would do to every thruster."""
-        left, answers = windows.residuals(vehicle)[:, :WRENCH], _answers(vehicle, windows)
-        free_ = _free(vehicle, windows)
+    def of(cls, left: Array, answers: Array, free_: Array) -> _Problem:
+        """Take away what is free meanwhile.
+
+        Args:
+            left: What the file leaves unexplained, (W, 6).
+            answers: What every column would do to every thruster, (n, n, 2, W, 6).
+            free_: What explains accelerations anyway, (P, W, 6).
+        """
         size = _unanswered(left, answers, free_)
         basis, _ = np.linalg.qr((free_ / size).reshape(len(free_), -1).T)
 
@@ -206,43 +244,61 @@ class _Problem:
             cut: Array = flat - flat @ basis @ basis.T
             return cut.reshape(values.shape)
 
-        return cls(projected(left), projected(answers))
+        own = np.arange(len(answers))
+        return cls(projected(left + answers[own, own, 0].sum(axis=0)), projected(answers))
 
     def unexplained(self, wiring: Wiring) -> float:
         """Sum of squares that an order of the columns leaves."""
-        return float((self._residual(wiring) ** 2).sum())
+        return float(self.fitted([wiring])[1][0])
 
     def costs(self, wiring: Wiring) -> Array:
-        """The same of each window, (W,), with the best gains of the thrusters that GAINS allows."""
-        driven = np.stack(list(self._driven(wiring)))
-        left = self._residual(wiring) - np.tensordot(self.gains(wiring), driven, 1)
-        costs: Array = (left**2).sum(axis=1)
+        """The same of each window, (W,)."""
+        made = np.tensordot(self.thrusts(wiring), self.answers[_places([wiring])][0], 1)
+        costs: Array = ((self.needed - made) ** 2).sum(axis=1)
         return costs
 
-    def gains(self, wiring: Wiring) -> Array:
-        """Relative deviations of the thrusts that explain most, (n,)."""
-        driven = np.stack(list(self._driven(wiring)))
-        residual = self._residual(wiring).ravel()
-        fitted: Array = lsq_linear(driven.reshape(len(driven), -1).T, residual, GAINS).x
-        return fitted
+    def thrusts(self, wiring: Wiring) -> Array:
+        """Each thruster's, as a multiple of the file's, that explain most, (n,)."""
+        found: Array = self.fitted([wiring])[0][0]
+        return found
 
-    def _driven(self, wiring: Wiring) -> Iterator[Array]:
-        for i, (column, sign) in enumerate(zip(wiring.column, wiring.sign, strict=True)):
-            yield self.answers[i, column, int(sign < 0)]
+    def fitted(self, wirings: Sequence[Wiring]) -> tuple[Array, Array]:
+        """The thrusts within THRUSTS that explain most by each of many orders, (B, n); what they leave, (B,).
 
-    def _residual(self, wiring: Wiring) -> Array:
-        left = self.left.copy()
-        for new, old in zip(self._driven(wiring), self._driven(Wiring.plain(len(self.answers))), strict=True):
-            left -= new - old
-        return left
+        Least squares of a few unknowns, one after the other: what does not show stays as in the file.
+        """
+        thruster, column, sign = _places(wirings)
+        at = (thruster * len(self.answers) + column) * 2 + sign
+        gram, score, whole = self._squares
+        curved, slope = gram[at[:, :, None], at[:, None, :]], score[at]
+        own = np.maximum(np.einsum("bii->bi", curved), NOTHING * max(float(gram.max()), NOTHING))
+        found = np.ones(at.shape)
+        for _ in range(SWEEPS):
+            for i in range(at.shape[1]):
+                rest = slope[:, i] - np.einsum("bk,bk->b", curved[:, i], found)
+                found[:, i] = np.clip(found[:, i] + rest / own[:, i], *THRUSTS)
+        left = whole - 2.0 * (found * slope).sum(axis=1) + np.einsum("bi,bik,bk->b", found, curved, found)
+        return found, left
+
+    @cached_property
+    def _squares(self) -> tuple[Array, Array, float]:
+        """Products of all answers with one another and with what is needed, and of this with itself."""
+        every, needed = self.answers.reshape(-1, self.needed.size), self.needed.ravel()
+        return every @ every.T, every @ needed, float(needed @ needed)
+
+
+def _places(wirings: Sequence[Wiring]) -> tuple[Rows, Rows, Rows]:
+    """Where the answers of each thruster stand, by its number, column and sign, (B, n) each."""
+    column = np.array([one.column for one in wirings])
+    sign = (np.array([one.sign for one in wirings]) < 0).astype(np.int64)
+    return np.broadcast_to(np.arange(column.shape[1]), column.shape), column, sign
 
 
 def _answers(vehicle: Vehicle, windows: Windows) -> Array:
     """Whitened answer of the windows to each thruster driven by each column, and by its reverse."""
-    model, record = candidate(vehicle), windows.record
-    table, count = model.thrusters, record.commands.shape[1]
-    inverse = constants_of(model.program.flat)[INVERSE_MASS_MATRIX:][:36].reshape(6, 6)
-    pushed = table[:, UNIT_WRENCH] @ inverse.T @ windows.whitener[:WRENCH, :WRENCH].T
+    record, table = windows.record, candidate(vehicle).thrusters
+    count = record.commands.shape[1]
+    pushed = table[:, UNIT_WRENCH] @ _accelerated(vehicle, windows)
     window = windows.rows[windows.starts[:, None] + np.arange(windows.test.size)]
     out = np.empty((count, count, 2, len(window), WRENCH))
     for turn, sign in product(range(count), (0, 1)):
@@ -252,6 +308,18 @@ def _answers(vehicle: Vehicle, windows: Windows) -> Array:
         summed = np.einsum("l,wli->iw", windows.test, force[window])
         out[np.arange(count), columns, sign] = windows.counted(summed[:, :, None] * pushed[:, None, :])
     return out
+
+
+def _accelerated(vehicle: Vehicle, windows: Windows) -> Array:
+    """What a unit of each wrench, from the right, does to the whitened accelerations, (6, 6)."""
+    inverse = constants_of(candidate(vehicle).program.flat)[INVERSE_MASS_MATRIX:][:36].reshape(6, 6)
+    return np.asarray(inverse.T @ windows.whitener[:WRENCH, :WRENCH].T)
+
+
+def _summed(windows: Windows, accelerations: Array) -> Array:
+    """The windows' answer to whitened accelerations at every row of the recording, (N, 6): (W, 6)."""
+    window = windows.rows[windows.starts[:, None] + np.arange(windows.test.size)]
+    return windows.counted(np.einsum("l,wli->wi", windows.test, accelerations[window]))
 
 
 def _free(vehicle: Vehicle, windows: Windows) -> Array:

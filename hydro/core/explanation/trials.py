@@ -73,7 +73,7 @@ class Recordings:
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
-        log, other = preprocess(vehicle, raw), None
+        log, other = preprocess(vehicle, raw, hull), None
         if holdout is not None:
             found = sound(vehicle, holdout)
             ordered = in_order(found.raw, log.wiring)

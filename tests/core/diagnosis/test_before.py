@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 import pytest
+import synthetic
 from recordings import WEAK, damped, flown
 
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.findings import SURE
+from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import told_apart
 
@@ -22,9 +24,19 @@ FIN = {
 }
 
 
+EXCHANGED = {"cmd_1": pl.col("cmd_2"), "cmd_2": pl.col("cmd_1")}
+GAINS = "thruster_gain"
+
+
 @pytest.fixture(scope="module")
 def before():
     return flown(seed=10)
+
+
+@pytest.fixture(scope="module")
+def drag(before):
+    """What the hull does beside a file without any drag."""
+    return hull_of(synthetic.vehicle(), before)
 
 
 def test_the_hull_is_learnt(before):
@@ -66,3 +78,41 @@ def test_a_velocity_log_that_was_turned_is_told_by_kinematics(before):
     assert log.parameters["alpha"] == pytest.approx([0.0, 0.0, yaw], abs=0.005)
     assert "or the heading is off by -0.0" in log.advice
     assert (thruster.verdict, thruster.effect) == ("missing", "thruster_gain")
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (EXCHANGED, "cmd_2 drives thruster 1, cmd_1 drives thruster 2"),
+        ({"cmd_4": -pl.col("cmd_4")}, "minus cmd_4 drives thruster 4"),
+    ],
+)
+def test_an_order_of_the_commands_that_the_hull_hides_is_told(drag, columns, words):
+    raw = flown(seed=40).with_columns(**columns)
+    assert preprocess(synthetic.vehicle(), raw).wiring is None, "the drag is most of what there is"
+    log = preprocess(synthetic.vehicle(), raw, drag)
+    assert log.wiring is not None
+    assert log.wiring.words() == words
+    assert log.raw.equals(flown(seed=40).select(log.raw.columns))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        [WEAK],
+        [{"name": GAINS, "g": [0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]}],
+        [{"name": "ocean_current", "v_N": 0.2, "v_E": 0.1}],
+        [{"name": "thruster_lag", "dT": 0.4}],
+    ],
+)
+def test_no_other_change_is_told_as_an_order_of_the_commands(drag, changes):
+    assert preprocess(synthetic.vehicle(), flown(*changes, seed=40), drag).wiring is None
+
+
+def test_commands_exchanged_since_are_the_first_finding(before):
+    raw = flown(seed=40).with_columns(**EXCHANGED)
+    fault, *others = diagnose(synthetic.vehicle(), raw, before=before).findings
+    assert (fault.verdict, fault.members) == ("log_fault", ("cmd_1", "cmd_2"))
+    assert fault.confidence >= SURE
+    assert GAINS not in [one.effect for one in others], "all else is told as if they were in order"
