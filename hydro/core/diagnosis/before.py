@@ -21,7 +21,6 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted, fitted_together
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
-from hydro.core.diagnosis.imitation import imitation, widened
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.misread import misread, newly_misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is
@@ -36,6 +35,7 @@ from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull
+from hydro.core.residual.imitation import imitation, widened
 from hydro.core.vehicle.description import Vehicle
 
 NAMED = 0.10
@@ -253,7 +253,7 @@ def _finding(
         left: What all changes leave, in units of the floor.
     """
     name, wins, model = change.best.effect, change.wins(), change.best.model
-    hulls = imitation(compared.unchanged, file, model)
+    hulls = imitation(compared.unchanged, file, model.unknown, model.values)
     fit = widened(model.estimated(), [hulls.step])
     parameters, errors = fit.table(name)
     words = f"it removes {change.score:.0%} of the residual of stretches that it was not fitted to"

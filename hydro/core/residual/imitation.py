@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.diagnosis.model import Model
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
 from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.parameters import Free
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -34,21 +34,22 @@ class Imitation:
     part: float
 
 
-def imitation(unchanged: OutputError, file: Vehicle, model: Model) -> Imitation:
+def imitation(unchanged: OutputError, file: Vehicle, unknown: Free, values: Array) -> Imitation:
     """Work it out by one Gauss-Newton step, along the motion that the file predicts.
 
     Args:
         unchanged: Shots of the recording before, without what the model of the hull explains of them.
         file: The vehicle without the change.
-        model: The fit of the recording after.
+        unknown: What was fitted to the recording after,
+        values: and the values that were found, (P,).
     """
-    changed, steps = moved(model.unknown, model.values)
-    normal = unchanged.linearise(file, [model.vehicle, *changed], [1.0] * (1 + len(changed)))
+    changed, steps = moved(unknown, values)
+    normal = unchanged.linearise(file, [unknown.at(values), *changed], [1.0] * (1 + len(changed)))
     gram = normal.gram[~normal.lost].sum(axis=0)
     # Columns are answers of the file's motion to the whole change, and to a little more of each entry.
     little = np.vstack([-np.ones(len(changed)), np.eye(len(changed))]) / np.array(steps)
     matrix, score = little.T @ gram[:-1, :-1] @ little, little.T @ gram[:-1, -1]
-    step = np.linalg.solve(matrix + np.eye(len(changed)) * PRIOR**-2, score) * model.unknown.scales
+    step = np.linalg.solve(matrix + np.eye(len(changed)) * PRIOR**-2, score) * unknown.scales
     return Imitation(step, float(gram[0, -1] / max(gram[0, 0], 1e-300)))
 
 

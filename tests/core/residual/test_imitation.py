@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from recordings import damped, moved
 
-from hydro.core.diagnosis.imitation import imitation, widened
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.identification.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
+from hydro.core.residual.imitation import imitation, widened
 
 FILE = damped()
 HEAVY = {"name": "net_buoyancy", "dB": -6.0}
@@ -30,14 +30,16 @@ def model():
 
 
 def test_a_recording_that_the_model_of_the_hull_explains_imitates_nothing(model):
-    found = imitation(problem(seed=1), FILE, model)
+    found = imitation(problem(seed=1), FILE, model.unknown, model.values)
     assert found.step == pytest.approx([0.0], abs=0.02)
     assert found.part == pytest.approx(0.0, abs=0.01)
 
 
 def test_what_it_leaves_there_is_found_by_its_size(model):
     """A third of the change, which no change is: in the units of the entry, and as a part of it."""
-    found = imitation(problem({"name": "net_buoyancy", "dB": -2.0}, seed=1), FILE, model)
+    found = imitation(
+        problem({"name": "net_buoyancy", "dB": -2.0}, seed=1), FILE, model.unknown, model.values
+    )
     assert found.step == pytest.approx([-2.0], rel=0.03)
     assert found.part == pytest.approx(1.0 / 3.0, rel=0.03)
 
@@ -47,7 +49,9 @@ def test_of_a_change_that_is_not_linear_too():
     late = {"name": "command_delay", "d": 0.1}
     shots = problem(late)
     model = fit_model(FILE, [{"name": "command_delay", "d": 0.08}], shots, shots.shots.record.track, 12)
-    found = imitation(problem({"name": "command_delay", "d": 0.04}, seed=1), FILE, model)
+    found = imitation(
+        problem({"name": "command_delay", "d": 0.04}, seed=1), FILE, model.unknown, model.values
+    )
     assert found.part == pytest.approx(0.4, abs=0.1)
 
 
