@@ -265,7 +265,7 @@ def _finding(
     known = bool(file.effects(name))
     if known:
         entries = [entry for entry in model.unknown.entries if entry.effect == name]
-        words = f"{advice.retuning(name, greatest_change(file, entries, model.values))}; {words}"
+        words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
     sure = _confidence(change, wins[name], removed, beside, left)

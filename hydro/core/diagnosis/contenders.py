@@ -194,10 +194,12 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
     """The contender without entries that are not worth their fine on data left out, the others fitted alone.
 
     One thruster fails, not all of them, and entries that are free follow the hull's own error.  Which are
-    needed the problem about the fit says; so it is done where an effect is linear in its entries.
+    needed the problem about the fit says; so it is done where an effect is linear in its entries, or the
+    file has values to go back to.
     """
     model, count = whole.model, len(whole.model.values)
-    if count < 2 or is_curved(whole.effect) or CATALOGUE[whole.effect].kind in ASKED:
+    curved = is_curved(whole.effect) and not last.vehicle.effects(whole.effect)
+    if count < 2 or curved or CATALOGUE[whole.effect].kind in ASKED:
         return whole
     begun = in_file(last.vehicle, model.unknown.entries)
     normal = model.normal.after((begun - model.values) / model.unknown.scales)

@@ -106,6 +106,19 @@ def retuning(effect: str, change: Change | None = None) -> str:
     )
 
 
+def having_changed(effect: str, change: Change) -> str:
+    """What to do with an effect of the file that has other values than it had.
+
+    Args:
+        effect: Its name.
+        change: The one of its entries that has changed most for what is known of it.
+    """
+    return (
+        f"{effect} has other values than before: {change.entry.name} goes from {change.given:.3g} to "
+        f"{change.value:.3g}; `hydro add` replaces them"
+    )
+
+
 def contradicting(change: Change, share: float) -> str:
     """That a recording contradicts a value which is held as known.
 

@@ -65,6 +65,11 @@ def test_of_two_fins_the_one_that_was_turned_is_named():
     found = diagnose(file, later, before=earlier).findings[0]
     assert (found.verdict, found.effect) == ("retune", "control_surface:rudder")
     assert found.confidence >= SURE
+    assert found.parameters["deflection"] == pytest.approx(0.2, abs=0.03)
+    assert {name: found.parameters[name] for name in ("area", "roll", "stall")} == {
+        name: rudder[name] for name in ("area", "roll", "stall")
+    }, "nothing else of it is free to follow the hull's error"
+    assert "control_surface:rudder.deflection goes from 0 to 0.1" in found.advice
 
 
 def test_a_velocity_log_that_was_turned_is_told_by_kinematics(before):
