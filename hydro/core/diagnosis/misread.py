@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -56,6 +57,17 @@ def newly_misread(
         if name in before and shown(test)
         if test.chance(_stated(vehicle, test)) <= VETO and _differ(test, before[name])
     ]
+
+
+def by_kinematics(table: Mapping[str, Any], tests: Mapping[str, KinematicTest]) -> bool:
+    """Whether an effect is an error of the velocity log with the values that kinematics has of it.
+
+    Args:
+        table: Its `[[effect]]` table.
+        tests: Kinematic tests of the recording, by effect.
+    """
+    test = tests.get(str(table["name"]))
+    return test is not None and shown(test) and all(table.get(k) == v for k, v in test.table.items())
 
 
 def _stated(vehicle: Vehicle, test: KinematicTest) -> Array:

@@ -22,6 +22,7 @@ from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended, tables
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
+from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of
 from hydro.core.diagnosis.transfer import error_ahead, left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
@@ -244,6 +245,9 @@ def _trial(
 ) -> Trial:
     """All that the last step has and what was found, fitted together; perhaps from a quick fit, too.
 
+    With the hull of a recording before, what kinematics shows of the velocity log stays as it shows it: what
+    the model of the hull leaves would only spoil it.
+
     Raises:
         DataError: The fit diverges.
     """
@@ -252,12 +256,16 @@ def _trial(
     every = (*last.tables, *found.values())
     chance = [dict(one) for one in every if CATALOGUE[one["name"]].is_random]
     fit: Fit | None
+    held = list[dict[str, Any]]()
     if recordings.hull is None:
         there = extended(last.vehicle, [bare(one) for one in chance])
         fit = _fit_together(there, recordings, _wanted(last, found), file, tried)
     else:
-        fit = fit_changes(file, recordings.log, recordings.hull, [bare(one) for one in every])
-    fitted = (*(fit.tables() if fit else ()), *chance)
+        held = [dict(one) for one in every if by_kinematics(one, recordings.log.sensors)]
+        rest = [bare(one) for one in every if dict(one) not in held]
+        there = extended(file, [bare(one) for one in held])
+        fit = fit_changes(there, recordings.log, recordings.hull, rest) if rest else None
+    fitted = (*held, *(fit.tables() if fit else ()), *chance)
     return Trial(added, fitted, extended(file, fitted), fit.estimates() if fit else None)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recordings import damped
 
-from hydro.core.diagnosis.misread import misread, newly_misread
+from hydro.core.diagnosis.misread import by_kinematics, misread, newly_misread
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 
 FILE = damped()
@@ -55,3 +55,11 @@ def test_the_finding_has_the_values_of_kinematics():
     assert found.parameters == {"d": 0.1}
     assert found.standard_errors == pytest.approx({"d": 1e-3})
     assert misread(test, 0.4, 0.02, damped({"name": "sensor_delay", "d": 0.02})).verdict == "retune"
+
+
+def test_values_are_of_kinematics_where_they_are_its_own():
+    tests = late(0.1)
+    assert by_kinematics({"name": "sensor_delay", "d": 0.1, "standard_error": {"d": 1e-3}}, tests)
+    assert not by_kinematics({"name": "sensor_delay", "d": 0.12}, tests)
+    assert not by_kinematics({"name": "command_delay", "d": 0.1}, tests)
+    assert not by_kinematics({"name": "sensor_delay", "d": 0.0}, late(0.0)), "nothing is shown"
