@@ -103,7 +103,7 @@ def fly(
         noise = (rng.normal(0, 1, (ROWS, len(whole), 12)) * NOISE)[:, chosen]
         flown = [(each, leg) for each in batch if each.P is not None for leg in each.legs]
         told(f"{kind} with {n} commands: {len(flown)} sessions of {len(whole)}")
-        simulator = Simulator(kind, [each.P for each, _ in flown if each.P is not None])
+        simulator = Simulator(kind, [each.P or {} for each, _ in flown])
         start = np.array([leg.start for _, leg in flown])
         level = np.zeros((len(flown), 3))
         level[:, 2] = start[:, 3]
@@ -111,7 +111,7 @@ def fly(
         out = simulator.run(x, ROWS, Pilot([leg for _, leg in flown], ROWS), noise)
         for b, (each, _) in enumerate(flown):
             sessions = found.setdefault((each.drawn.place, each.name), [])
-            sessions.append(Flown(*(table[:, b] for table in out), noise[:, b]))
+            sessions.append(Flown(*(rows[:, b] for rows in out), noise[:, b]))
     return found
 
 
