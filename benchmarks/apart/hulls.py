@@ -150,7 +150,7 @@ def fins(P: Parameters, nu: Array, delta: Array) -> Array:
     if P["fin_area"].max() <= 0:
         return np.zeros_like(nu)
     v, om = nu[:, :3], nu[:, 3:]
-    out = 0.0
+    out = np.zeros_like(nu)
     V = np.sqrt((v**2).sum(-1) + 1e-9)
     sinb = np.sqrt(v[:, 1] ** 2 + v[:, 2] ** 2) / V
     shade = 1 - 0.25 * sinb**2

@@ -108,10 +108,10 @@ def fly(
         level = np.zeros((len(flown), 3))
         level[:, 2] = start[:, 3]
         x = simulator.initial(start[:, :3], level, np.zeros((len(flown), 6)))
-        out = simulator.run(x, ROWS, Pilot([leg for _, leg in flown], ROWS), noise)
+        states, commands, measured = simulator.run(x, ROWS, Pilot([leg for _, leg in flown], ROWS), noise)
         for b, (each, _) in enumerate(flown):
             sessions = found.setdefault((each.drawn.place, each.name), [])
-            sessions.append(Flown(*(rows[:, b] for rows in out), noise[:, b]))
+            sessions.append(Flown(states[:, b], commands[:, b], measured[:, b], noise[:, b]))
     return found
 
 

@@ -78,7 +78,7 @@ def ellipsoid(a: float, b: float, c: float, rho: float) -> Array:
     return np.array(moving + [abs(each) for each in turned])
 
 
-def tilted(diagonal: Array, angles: Sequence[float], shift: Sequence[float]) -> Array:
+def tilted(diagonal: Array, angles: Array, shift: Array | Sequence[float]) -> Array:
     """A diagonal added mass in axes turned by angles [rad] about a point `shift` [m]: full, positive."""
     cx, cy, cz = np.cos(angles)
     sx, sy, sz = np.sin(angles)
