@@ -109,7 +109,7 @@ def test_a_steady_current_only_carries_along(name):
 def test_a_finer_step_changes_little(name):
     command = 0.3 * np.sin(np.arange(1, VEHICLES[name].n + 1))[None]
     coarse, fine = (
-        flown(name, VEHICLES[name].P, 50, [[0.2, 0, 0, 0, 0, 0]], command=lambda k, m: command, step=step)[0]
+        flown(name, VEHICLES[name].P, 30, [[0.2, 0, 0, 0, 0, 0]], command=lambda k, m: command, step=step)[0]
         for step in (0.01, 0.005)
     )
     np.testing.assert_allclose(coarse[:, :13], fine[:, :13], atol=1e-5)
