@@ -1,0 +1,151 @@
+"""The cases: which change of which vehicle, and how it is flown before and after.
+
+A case is drawn from the seed and its place in `CASES` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.apart.changes import MIDDLE
+from benchmarks.apart.flights import MODES
+from benchmarks.apart.vehicles import MAKERS, Vehicle
+
+ROV, HOVER, FIXED, DRIVEN = "rov", "hover", "fixed", "driven"
+PLACES = 48
+"""That vehicles are dealt out over: more than there are cases, so that cases may be added."""
+FITTED = 0.4
+"""Share of files whose effects are fitted to flights; the others are used as stated."""
+SPREAD = {True: 0.3, False: 0.1}
+"""Of the logarithm of what a file's numbers are wrong by, where they are fitted afterwards and where not."""
+LARGER = 2.2
+"""Size that a small weight begins with on an open frame, whose file's error would hide less."""
+SMALL = ("payload_plus", "payload_float", "trapped_water", "net_buoyancy")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording to diagnose.
+
+    Attributes:
+        name: Of its folder.
+        kind: What is changed, one of `CHANGES`.
+        vehicles: Makers that it may be drawn from.
+    """
+
+    name: str
+    kind: str
+    vehicles: tuple[str, ...]
+
+
+CASES = (
+    Case("current_steady", "current_steady", (ROV, HOVER, FIXED)),
+    Case("current_steady_2", "current_steady", (DRIVEN,)),
+    Case("current_shear", "current_shear", (ROV, HOVER)),
+    Case("current_time", "current_time", (ROV, HOVER, DRIVEN)),
+    Case("payload_plus", "payload", (ROV, HOVER)),
+    Case("payload_torpedo", "payload", (FIXED, DRIVEN)),
+    Case("payload_float", "float", (ROV, HOVER)),
+    Case("cg_shift", "cg_shift", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("trapped_water", "trapped_water", (ROV, HOVER, FIXED)),
+    Case("net_buoyancy", "net_buoyancy", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("thr_one", "thr_one", (ROV, HOVER, FIXED)),
+    Case("thr_two", "thr_two", (ROV, HOVER)),
+    Case("thr_dead", "thr_dead", (ROV, HOVER, FIXED)),
+    Case("lag", "lag", (ROV, HOVER, FIXED)),
+    Case("delay", "delay", (ROV, HOVER, FIXED)),
+    Case("deadband", "deadband", (ROV, HOVER, FIXED)),
+    Case("curve", "curve", (ROV, HOVER)),
+    Case("asymmetry", "asymmetry", (ROV, HOVER)),
+    Case("added_mass", "added_mass", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("linear", "linear", (ROV, HOVER)),
+    Case("quadratic", "quadratic", (ROV, HOVER)),
+    Case("quadratic_2", "quadratic", (FIXED, DRIVEN)),
+    Case("appendage", "appendage", (ROV, HOVER)),
+    Case("appendage_torpedo", "appendage", (FIXED, DRIVEN)),
+    Case("fin_trim", "fin_trim", (DRIVEN,)),
+    Case("fin_trim_fixed", "fin_trim", (FIXED,)),
+    Case("fin_lost", "fin_lost", (DRIVEN,)),
+    Case("fin_lost_fixed", "fin_lost", (FIXED,)),
+    Case("tether", "tether", (ROV, HOVER)),
+    Case("memory", "memory", (ROV, HOVER, FIXED)),
+    Case("inflow", "inflow", (ROV, HOVER)),
+    Case("suction", "suction", (ROV, HOVER)),
+    Case("dvl_scale", "dvl_scale", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("dvl_yaw", "dvl_yaw", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("dvl_late", "dvl_late", (ROV, HOVER, FIXED)),
+    Case("heading_bias", "heading_bias", (ROV, HOVER, FIXED, DRIVEN)),
+    Case("exchanged", "exchanged", (ROV, HOVER, FIXED)),
+    Case("reversed", "reversed", (ROV, HOVER, FIXED)),
+    Case("unchanged_1", "unchanged", (ROV,)),
+    Case("unchanged_2", "unchanged", (HOVER,)),
+    Case("unchanged_3", "unchanged", (FIXED,)),
+    Case("unchanged_4", "unchanged", (DRIVEN,)),
+)
+"""In the order that numbers a case: a seed's numbers hang on it."""
+UNCHANGED = "unchanged"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A case of a seed.
+
+    Attributes:
+        seed: Of all cases.
+        place: Of the case in `CASES`.
+        case: What is changed.
+        maker: Of the vehicle.
+        vehicle: The unchanged one.
+        fitted: Whether its file is fitted to flights.
+        modes: How sessions are flown, by recording: `fit`, `before` and `after`.
+        rows: How many rows of them are kept, as `modes`.
+        depth: That sessions after the change begin near [m].
+        excursion: Of way-points after the change [m].
+    """
+
+    seed: int
+    place: int
+    case: Case
+    maker: str
+    vehicle: Vehicle
+    fitted: bool
+    modes: Mapping[str, Sequence[str]]
+    rows: Mapping[str, Sequence[int]]
+    depth: float = MIDDLE
+    excursion: float = 3.0
+
+    @property
+    def size(self) -> float:
+        """That the change begins with: seed 1 begins with 1 everywhere, as its tables were first made."""
+        return LARGER if self.seed > 1 and self.maker == ROV and self.case.name in SMALL else 1.0
+
+    def rng(self, *stream: int) -> np.random.Generator:
+        """A generator of the case's own."""
+        return np.random.default_rng([self.seed, self.place, *stream])
+
+
+def draw(seed: int, place: int) -> Drawn:
+    """The case of a seed at a place of `CASES`."""
+    case = CASES[place]
+    rng = np.random.default_rng([seed, place, 7])
+    dealt = int(np.random.default_rng([seed, 77]).permutation(PLACES)[place])
+    maker = case.vehicles[(seed * 5 + place + dealt) % len(case.vehicles)]
+    vehicle = MAKERS[maker](rng)
+    fitted = bool(rng.uniform() < FITTED)
+
+    def modes(counts: Sequence[int]) -> list[str]:
+        each = [mode for mode, count in zip(MODES, counts, strict=True) for _ in range(count)]
+        return [str(mode) for mode in rng.permutation(each)]
+
+    flown = {"fit": modes((2, 1, 1)), "before": modes((4, 3, 2))}
+    flown["after"] = modes([(2, 1, 1), (1, 1, 2), (2, 2, 0)][int(rng.integers(3))])
+    depth, excursion = MIDDLE, 3.0
+    if case.kind == "suction":  # near the surface
+        depth, excursion, flown["after"] = 1.8, 1.6, ["way"] * 4
+    if case.kind in ("current_shear", "tether"):  # through the depths that tell them
+        excursion, flown["after"] = 5.0, ["way", "axes", "way", "steps"]
+    rows = {name: [int(v) for v in rng.integers(3000, 4001, len(each))] for name, each in flown.items()}
+    return Drawn(seed, place, case, maker, vehicle, fitted, flown, rows, depth, excursion)
