@@ -54,6 +54,8 @@ SWEEPS = 50
 NOTHING = 1e-12
 """Part of the greatest answer below which a thruster does not move at all."""
 BOOTSTRAP_STRETCHES, RESAMPLES = 20, 1000
+LEAST_CONFIDENCE = 0.9
+"""Of an order that is told."""
 WRENCH = 6
 
 
@@ -200,6 +202,8 @@ def _told(problem: _Problem, found: Wiring) -> Rewired | None:
     if gained.sum() <= 0.0 or (before > after).mean() < MOSTLY:
         return None
     confidence = float((weights(BOOTSTRAP_STRETCHES, RESAMPLES, 0) @ gained > 0.0).mean())
+    if confidence < LEAST_CONFIDENCE:  # all else would be told of columns that were in order
+        return None
     return Rewired(found, float(after.sum() / before.sum()), confidence)
 
 

@@ -13,7 +13,7 @@ from recordings import damped, moved
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.log_faults import in_order, preprocess
-from hydro.core.evaluation.thruster_order import Wiring, rewired
+from hydro.core.evaluation.thruster_order import Wiring, _told, rewired
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 
@@ -89,3 +89,26 @@ def test_a_vehicle_without_thrusters_is_no_matter(log):
     bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
     raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
     assert rewired(bare, recording(bare, raw)) is None
+
+
+class _Costs:
+    """What stands for a problem in which reversing the first thruster leaves these squares of each window."""
+
+    def __init__(self, before, after):
+        self.before, self.after = before, after
+
+    def thrusts(self, wiring):
+        return np.array([0.0 if wiring == Wiring.plain(2) else 1.0, 1.0])
+
+    def costs(self, wiring):
+        return self.before if wiring == Wiring.plain(2) else self.after
+
+
+@pytest.mark.parametrize(("scatter", "told"), [(0.01, True), (0.9, False)])
+def test_an_order_that_the_stretches_are_not_sure_of_is_not_told(scatter, told):
+    """All else would be reported of columns that were in order: on the mean alone it is no less plain."""
+    before = np.full(20, 1.0)
+    after = 0.8 + scatter * np.where(np.arange(20) % 5 == 0, 0.8, -0.2)
+    assert after.mean() == pytest.approx(0.8)
+    found = _told(_Costs(before, after), Wiring((0, 1), (-1, 1)))
+    assert (found is not None) == told
