@@ -86,19 +86,19 @@ def test_a_velocity_log_that_was_turned_is_told_by_kinematics(before):
 
 
 @pytest.mark.parametrize(
-    ("columns", "words"),
+    ("seed", "columns", "words"),
     [
-        (EXCHANGED, "cmd_2 drives thruster 1, cmd_1 drives thruster 2"),
-        ({"cmd_4": -pl.col("cmd_4")}, "minus cmd_4 drives thruster 4"),
+        (40, EXCHANGED, "cmd_2 drives thruster 1, cmd_1 drives thruster 2"),
+        (42, {"cmd_6": -pl.col("cmd_6")}, "minus cmd_6 drives thruster 6"),
     ],
 )
-def test_an_order_of_the_commands_that_the_hull_hides_is_told(drag, columns, words):
-    raw = flown(seed=40).with_columns(**columns)
+def test_an_order_of_the_commands_that_the_hull_hides_is_told(drag, seed, columns, words):
+    raw = flown(seed=seed).with_columns(**columns)
     assert preprocess(synthetic.vehicle(), raw).wiring is None, "the drag is most of what there is"
     log = preprocess(synthetic.vehicle(), raw, drag)
     assert log.wiring is not None
     assert log.wiring.words() == words
-    assert log.raw.equals(flown(seed=40).select(log.raw.columns))
+    assert log.raw.equals(flown(seed=seed).select(log.raw.columns))
 
 
 @pytest.mark.parametrize(
