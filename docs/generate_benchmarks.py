@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 DOCS = Path(__file__).parent
-PAGES = ("benchmarks", "export", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish")
+PAGES = ("apart", "benchmarks", "export", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish")
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 ORIGIN = ("commit", "recorded", "date", "command", "seeds")
