@@ -130,10 +130,9 @@ def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:
     """The table with its command columns in the order that the vehicle file means."""
     if wiring is None:
         return raw
-    drives = zip(wiring.column, wiring.sign, strict=True)
     return raw.with_columns(
         (sign * pl.col(command_column(column))).alias(command_column(i))
-        for i, (column, sign) in enumerate(drives)
+        for i, (column, sign) in enumerate(wiring.drives())
     )
 
 

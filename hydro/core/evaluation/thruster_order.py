@@ -92,7 +92,7 @@ class Wiring:
                 yield self._with({i: (self.column[k], a), k: (self.column[i], b)})
 
     def _with(self, changed: dict[int, tuple[int, int]]) -> Wiring:
-        both = [changed.get(i, pair) for i, pair in enumerate(zip(self.column, self.sign, strict=True))]
+        both = [changed.get(i, pair) for i, pair in enumerate(self.drives())]
         return Wiring(tuple(c for c, _ in both), tuple(s for _, s in both))
 
     @property
@@ -110,7 +110,7 @@ class Wiring:
 
     def columns(self) -> tuple[str, ...]:
         """Columns that do not drive the thruster of their number, or drive it in reverse."""
-        drives = enumerate(zip(self.column, self.sign, strict=True))
+        drives = enumerate(self.drives())
         return tuple(
             sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
         )
@@ -119,7 +119,7 @@ class Wiring:
         """What is other than the file says: `cmd_2 drives thruster 1`."""
         changed = [
             f"{'minus ' if sign < 0 else ''}cmd_{column + 1} drives thruster {i + 1}"
-            for i, (column, sign) in enumerate(zip(self.column, self.sign, strict=True))
+            for i, (column, sign) in enumerate(self.drives())
             if (column, sign) != (i, 1)
         ]
         return ", ".join(changed)

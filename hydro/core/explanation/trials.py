@@ -261,8 +261,9 @@ def _trial(
         there = extended(last.vehicle, [bare(one) for one in chance])
         fit = _fit_together(there, recordings, _wanted(last, found), file, tried)
     else:
-        held = [dict(one) for one in every if by_kinematics(one, recordings.log.sensors)]
-        rest = [bare(one) for one in every if dict(one) not in held]
+        own = {one["name"] for one in every if by_kinematics(one, recordings.log.sensors)}
+        held = [dict(one) for one in every if one["name"] in own]
+        rest = [bare(one) for one in every if one["name"] not in own]
         there = extended(file, [bare(one) for one in held])
         fit = fit_changes(there, recordings.log, recordings.hull, rest) if rest else None
     fitted = (*held, *(fit.tables() if fit else ()), *chance)
