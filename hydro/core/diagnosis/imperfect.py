@@ -14,11 +14,24 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
-from hydro.core.diagnosis.confidence import by_transfer_confidence, explained_share
+from hydro.core.diagnosis.confidence import (
+    by_evidence_confidence,
+    by_transfer_confidence,
+    explained_share,
+)
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
 from hydro.core.diagnosis.misread import misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
-from hydro.core.diagnosis.transfer import Known, Rival, Survey, one_change, resolved, survey, tempered
+from hydro.core.diagnosis.transfer import (
+    Known,
+    Rival,
+    Survey,
+    beside_hull,
+    one_change,
+    resolved,
+    survey,
+    tempered,
+)
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
@@ -28,6 +41,7 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
+from hydro.core.residual.imitation import widened
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""
@@ -97,7 +111,7 @@ def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
 
 
 def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
-    """Name the change that removes most of the error of data that it was not fitted to.
+    """Name the change that has most evidence, or removes most of the error of data that it was not fitted to.
 
     Where its values are none that physics leaves to it, it stands for something else: the next best within
     NEARLY of it is named that has such values.
@@ -107,13 +121,16 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     try:
         surveyed = survey(baseline, progress)
         refitted, known = tempered(baseline, baseline.problem)
+        surveyed = beside_hull(surveyed, baseline, refitted, known)
     except Diverges:  # the file's own predictions: there is nothing to begin from
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
     fanciful, least = Named((), alone, None, alone), NAMED
     for rival in surveyed.rivals:
-        if rival.score < least:
+        if surveyed.worth(rival) < least:
             break
+        if rival.score < NAMED:
+            continue
         if rival.own and not _moved(rival, baseline):
             continue
         try:
@@ -121,7 +138,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
-        fit = model.estimated()
+        fit = _widened(model.estimated(), rival)
         if not _there(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
@@ -131,8 +148,17 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         if not implausible(fit.vehicle, [rival.effect]):
             return named
         if not fanciful.findings:
-            fanciful, least = named, max(NEARLY * rival.score, NAMED)
+            fanciful, least = named, max(NEARLY * surveyed.worth(rival), NAMED)
     return fanciful
+
+
+def _widened(fit: Fit, rival: Rival) -> Fit:
+    """The fit with what its values are off by from those beside what the hull may do in its errors."""
+    if rival.allowed is None:
+        return fit
+    allowed = dict(zip(rival.model.unknown.entries, rival.allowed, strict=True))
+    pairs = zip(fit.free.entries, fit.values, strict=True)
+    return widened(fit, [np.array([allowed.get(entry, value) - value for entry, value in pairs])])
 
 
 def _there(fit: Fit, effect: str) -> bool:
@@ -161,11 +187,12 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
 
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     """The effect and the file's own fitted to all shots, from the values of the survey."""
-    table = next(iter(rival.model.vehicle.effects(rival.effect)))
+    model = rival.model if rival.allowed is None else replace(rival.model, values=rival.allowed)
+    table = next(iter(model.vehicle.effects(rival.effect)))
     released = known.releasing(rival.effect)
     others = [name for name in baseline.effects if name != rival.effect]
     reach = baseline.log.track
-    return fit_model(rival.model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
+    return fit_model(model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -180,11 +207,16 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     """The naming, with its share of the error beyond the noise that the model without it leaves."""
     values = fit.table(rival.effect)[0]
     others = [one for one in surveyed.rivals if one is not rival]
-    sure = by_transfer_confidence(rival.score, [one.score for one in others]) * (OWN if rival.own else 1.0)
+    if surveyed.by_evidence:
+        sure = by_evidence_confidence(rival.evidence, [one.evidence for one in others])
+    else:
+        sure = by_transfer_confidence(rival.score, [one.score for one in others])
+    sure *= OWN if rival.own else 1.0
     if implausible(fit.vehicle, [rival.effect]):
         sure = min(sure, FANCIFUL)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
-    near = [one.effect for one in others if one.score >= max(NEARLY * rival.score, NAMED)]
+    least = max(NEARLY * surveyed.worth(rival), NAMED)
+    near = [one.effect for one in others if surveyed.worth(one) >= least]
     words += _standing(rival, model, near)
     named = replace(_suspect(rival, model, without, fit, words), confidence=sure)
     if sure < SURE:
@@ -197,16 +229,18 @@ def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterat
 
     What the name leaves of all probability they share by their scores, with one part for something else.
     """
-    near = [one for one in surveyed.rivals if one.score >= max(ALSO * rival.score, NAMED)]
+    worth = surveyed.worth
+    near = [one for one in surveyed.rivals if worth(one) >= max(ALSO * worth(rival), NAMED)]
     near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
-    whole = 1.0 + sum(one.score for one in near)
+    whole = 1.0 + sum(worth(one) for one in near)
+    by = "beside what the hull may do" if surveyed.by_evidence else "on data left out"
     for one in near:
         fit = one.model.estimated()
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
-        words = f"{adding}; {one.score / rival.score:.0%} as good as {rival.effect} on data left out"
-        confidence = (1.0 - finding.confidence) * one.score / whole
+        words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
+        confidence = (1.0 - finding.confidence) * worth(one) / whole
         yield replace(_suspect(one, one.model, surveyed.refitted, fit, words), confidence=confidence)
 
 

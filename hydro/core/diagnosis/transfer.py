@@ -10,6 +10,10 @@ of them.  Where the file states how well it knows all of its own, they were fitt
 does, and stay as they are: one change at a time is held against the file (`one_change`).  Free, they take up
 what is missing, and with it what would tell of it.
 
+What bends to the hull's own error may transfer, too: the hull goes through all regimes.  So where the file
+describes the hull, the order is that of the evidence beside what a hull may do (`residual.allowance`), if the
+best has any to speak of.
+
 The squared residual is tempered: divided by its own mean and by the length for which errors of a model last,
 so that what is known weighs something beside ten thousands of numbers that err alike.
 """
@@ -19,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -42,6 +46,7 @@ from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import Shots
+from hydro.core.residual.allowance import Allowance
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0
@@ -62,6 +67,10 @@ BEFORE_OTHERS = 0.7
 """Part of the best score from which drag is named first where the file has none."""
 KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
+TELLING = 10.0
+"""Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+CLOSEST = 5
+"""Names whose values are refined beside what the hull may do."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,9 @@ class Rival:
         sessions: Share of the error of left-out sessions or stretches that it removes.
         regimes: The same of left-out regimes of motion.
         absorbs: Share that such an effect absorbs of a hull that no formula describes.
+        evidence: Its logarithm beside what the hull may do, beyond that of the file alone, by as much of what
+            it removes as such an effect does not absorb; 0 where none is asked for.
+        allowed: Its values there, and those fitted with it, in the order of the model's entries, (P,).
     """
 
     effect: str
@@ -83,6 +95,8 @@ class Rival:
     sessions: float
     regimes: float
     absorbs: float = 0.0
+    evidence: float = 0.0
+    allowed: Array | None = None
 
     @property
     def entries(self) -> int:
@@ -94,6 +108,11 @@ class Rival:
         """The lesser of both, beyond what such an effect absorbs."""
         return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
 
+    @property
+    def beyond(self) -> float:
+        """Part of what it removes that such an effect does not absorb; 0 where it removes nothing."""
+        return self.score / min(self.sessions, self.regimes) if self.score > 0.0 else 0.0
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -101,11 +120,18 @@ class Survey:
 
     Attributes:
         refitted: The file's own effects, fitted within what is known of them.
-        rivals: Every effect that could be fitted, the best by its score less a fine for its entries first.
+        rivals: Every effect that could be fitted, the best first: by its score less a fine for its entries,
+            or by its evidence.
+        by_evidence: Whether it is by that.
     """
 
     refitted: Model
     rivals: tuple[Rival, ...]
+    by_evidence: bool = False
+
+    def worth(self, rival: Rival) -> float:
+        """How good one is: its score, or its evidence as a share of the best."""
+        return rival.evidence / self.rivals[0].evidence if self.by_evidence else rival.score
 
 
 @dataclass(frozen=True)
@@ -127,14 +153,19 @@ class Known:
         return replace(self, released=frozenset({effect}))
 
     def __call__(self, unknown: Free) -> Prior:
-        """Normal priors about the values of the file, and about the absence of what it has not."""
+        """Normal priors about the values of the file, and about the absence of what it has not, tempered."""
+        prior = self.alone(unknown)
+        return replace(prior, information=CORRELATED * self.temper * prior.information)
+
+    def alone(self, unknown: Free) -> Prior:
+        """The same as they are."""
         scales = unknown.scales
         spread = deviations(self.file, unknown.entries) / scales
         names = np.array([entry.effect for entry in unknown.entries])
         new = np.array([not self.file.effects(name) or name in self.released for name in names], bool)
         spread[new] = SUSPECT
         centre = unknown.within(in_file(self.file, unknown.entries)) / scales
-        return Prior(centre, CORRELATED * self.temper * spread**-2.0)
+        return Prior(centre, spread**-2.0)
 
 
 def one_change(baseline: Baseline) -> Baseline:
@@ -182,6 +213,37 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     if dragged(file):
         return Survey(refitted, ranked([weighed(one) for one in rivals]))
     return Survey(refitted, ranked(rivals, DRAG))
+
+
+def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
+    """The survey by the evidence beside what the hull may do; as it is where that tells nothing.
+
+    It tells nothing where the file leaves the hull to others: all its drag is then what a hull may do.
+
+    Args:
+        surveyed: The survey.
+        baseline: The vehicle file and the shots.
+        refitted: The file's own effects, fitted to all shots within what is known of them.
+        known: That.
+    """
+    if not dragged(baseline.vehicle):
+        return surveyed
+    allowance = Allowance.of(baseline.vehicle, cast(OutputError, baseline.problem).shots)
+    alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown))
+    found = []
+    for rival in surveyed.rivals:
+        unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
+        found.append((rival, allowance.held(unknown, rival.model.values, prior), prior))
+    found.sort(key=lambda one: -one[1].evidence)
+    rivals = []
+    for number, (rival, held, prior) in enumerate(found):
+        best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
+        evidence = rival.beyond * (best.evidence - alone.evidence)
+        rivals.append(replace(rival, evidence=evidence, allowed=best.values))
+    rivals.sort(key=lambda rival: -rival.evidence)
+    if not rivals or not TELLING <= rivals[0].evidence < np.inf:
+        return surveyed
+    return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
 
 def dragged(file: Vehicle) -> bool:

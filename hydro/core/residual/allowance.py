@@ -1,0 +1,203 @@
+"""What a hull may do beside its file, allowed for while changes are held against one recording.
+
+No file describes a hull exactly, and without a recording from before a change nothing shows what the hull
+itself does.  But that much is known of it: it is a force of the motion through the water, as the library has
+it (`residual.library`), of a size that the recording tells.  So the library's coefficients are unknowns of
+zero mean with one factor to their prior deviations, and are integrated out beside each change, as are the
+beginnings of the shots.  What remains is the evidence for the change (MacKay, Bayesian interpolation, Neural
+Computation 4, 415-447, 1992): a change of weight, current, thrust or sensor has marks that no force of the
+motion has, and keeps its evidence; one that only bends to the hull's error finds it taken up already.
+
+Residuals of a wrong model are no noise.  They last for as long as a shot does, so that one counts for as many
+independent numbers as a steady wrench has, of a size that the evidence finds, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.identification.candidate import candidate
+from hydro.core.identification.levenberg_marquardt import Prior, moved
+from hydro.core.identification.multiple_shooting import (
+    ENDLESS,
+    SHOTS_TOGETHER,
+    corrected_first,
+    prepare,
+    residuals,
+)
+from hydro.core.identification.parameters import Free
+from hydro.core.recording.shots import CHANNELS, Shots
+from hydro.core.residual.library import AXES, Flow, sizes, terms
+from hydro.core.residual.regression import robust, thinning
+from hydro.core.residual.response import Transitions, rows_of
+from hydro.core.vehicle.description import Vehicle
+
+NUMBERS = 6
+"""Independent numbers that a shot counts for."""
+FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
+"""Times the hull's size that coefficients may be (`residual.library.sizes`)."""
+TEMPERS = np.exp(np.arange(-1.0, 9.0, 0.25))
+"""Mean squared residuals, in units of the noise."""
+STEPS, WORTH = 6, 0.5
+"""Gauss-Newton steps at most, and evidence that one must bring."""
+LEAST = 1e-300
+
+
+@dataclass(frozen=True)
+class Held:
+    """How an effect's values stand beside what the hull may do.
+
+    Attributes:
+        values: Of its entries, and of all that is fitted with it, (P,).
+        evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
+        step: To the most probable values, in scales of the entries, (P,).
+    """
+
+    values: Array
+    evidence: float
+    step: Array
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """The library along a recording, its answers turned so that their normal equations are diagonal.
+
+    Attributes:
+        shots: The recording.
+        weight: Of each shot: a few violent ones are not all that counts, (S,).
+        beginnings: Answers to the first row of each shot, in units of the noise, (S, R, 12).
+        across: What the library takes of residuals, beginnings taken out, (S, R, Q).
+        sizes: Eigenvalues of the library's normal equations, (Q,).
+        compared: Numbers of a shot that are compared, on average.
+    """
+
+    shots: Shots
+    weight: Array
+    beginnings: Array
+    across: Array
+    sizes: Array
+    compared: float
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, shots: Shots) -> Allowance:
+        """Work it out along the motion that was measured.
+
+        Args:
+            vehicle: The file.
+            shots: Of the recording; where samples are rarer than rows, those alone count.
+        """
+        transitions = Transitions.of(candidate(vehicle), shots)
+        library, prior = terms(Flow.of(transitions.model, shots)), sizes(vehicle).ravel()
+        thin, made = thinning(shots), list[Array]()
+        begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
+        for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
+            part = slice(begin, begin + SHOTS_TOGETHER)
+            force = library[rows_of(shots, part)]
+            wrenches = np.zeros((*force.shape[:2], AXES, CHANNELS + prior.size))
+            for axis in range(AXES):
+                wrenches[:, :, axis, CHANNELS + axis :: AXES] = force * prior[axis::AXES]
+            columns = transitions.answers(part, wrenches, begun)[:, shots.lead :: thin]
+            columns /= shots.sigma[:, None]
+            if (counted := shots.weights(part)) is not None:
+                columns[~counted[:, ::thin]] = 0.0
+            made.append(columns.reshape(len(columns), -1, CHANNELS + prior.size).astype(np.float32))
+        both = np.concatenate(made)
+        error = _error(vehicle, shots)
+        weight = robust(np.einsum("sr,sr->s", error, error))
+        weight[~((np.abs(both) < ENDLESS).all(axis=(1, 2)) & (np.abs(error) < ENDLESS).all(axis=1))] = 0.0
+        both[weight == 0.0] = 0.0
+        return cls._turned(shots, weight, both[..., :CHANNELS], both[..., CHANNELS:])
+
+    @classmethod
+    def _turned(cls, shots: Shots, weight: Array, beginnings: Array, library: Array) -> Allowance:
+        """The library with the beginnings taken out, turned to the axes of its normal equations."""
+        gram, across = np.zeros((library.shape[2], library.shape[2])), library.copy()
+        seen = shots.weights(slice(None))
+        compared = library.shape[1] if seen is None else float(seen[:, :: thinning(shots)].sum() / len(seen))
+        for s, known in enumerate(_known(shots)):
+            z, x = beginnings[s].astype(float), library[s].astype(float)
+            across[s] -= z @ np.linalg.solve(z.T @ z + np.diag(known), z.T @ x)
+            gram += weight[s] * (x.T @ across[s])
+        found, axes = np.linalg.eigh(gram)
+        turned = across @ axes.astype(np.float32)
+        return cls(shots, weight, beginnings, turned, np.maximum(found, 0.0), compared)
+
+    def held(self, unknown: Free, values: Array, prior: Prior) -> Held:
+        """Values beside what the hull may do.
+
+        Args:
+            unknown: What is fitted.
+            values: Of it, (P,).
+            prior: What is known of it, in scales of the entries.
+        """
+        vehicle, count = unknown.at(values), len(values)
+        error = _error(vehicle, self.shots)
+        counted = self.weight > 0.0
+        nothing = Held(values, -np.inf, np.zeros(count))
+        if not (np.abs(error[counted]) < ENDLESS).all():
+            return nothing
+        columns = np.empty((*error.shape, count + 1))
+        columns[..., -1] = error
+        changed, steps = moved(unknown, values)
+        for i, (other, step) in enumerate(zip(changed, steps, strict=True)):
+            columns[..., i] = (error - _error(other, self.shots)) / step
+        columns[~counted] = 0.0
+        columns[~(np.abs(columns) < ENDLESS).all(axis=(1, 2)), :, :-1] = 0.0
+        own, across = np.zeros((count + 1, count + 1)), np.zeros((len(self.sizes), count + 1))
+        known = _known(self.shots)
+        for s in np.flatnonzero(counted):
+            z, x = self.beginnings[s].astype(float), columns[s]
+            begun = z.T @ x
+            own += self.weight[s] * (x.T @ x - begun.T @ np.linalg.solve(z.T @ z + np.diag(known[s]), begun))
+            across += self.weight[s] * (self.across[s].T @ x.astype(np.float32))
+        return Held(values, *self._integrated(own, across, values / unknown.scales - prior.centre, prior))
+
+    def _integrated(self, own: Array, across: Array, away: Array, prior: Prior) -> tuple[float, Array]:
+        """Evidence, the greatest over factors and tempers, and the step to the most probable values there."""
+        scale = NUMBERS / (self.compared * TEMPERS)  # information of a squared residual, (T,)
+        size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)
+        shape = (*size.shape[:2], *own.shape)
+        pairs = (across[:, :, None] * across[:, None, :]).reshape(len(across), -1)
+        part = size / (1.0 + size) / self.sizes.clip(LEAST)
+        taken = (part.reshape(-1, len(pairs)) @ pairs).reshape(shape)
+        left = scale[:, None, None] * (own - taken)
+        matrix = left[..., :-1, :-1] + np.diag(prior.information)
+        pull = left[..., :-1, -1] - prior.information * away
+        step = np.linalg.solve(matrix, pull[..., None])[..., 0]
+        misfit = left[..., -1, -1] + prior.information @ away**2 - (pull * step).sum(axis=-1)
+        spread = np.log1p(size).sum(axis=-1) + np.linalg.slogdet(matrix)[1]
+        spread -= np.log(prior.information).sum()
+        numbers = NUMBERS * float(self.weight.sum())
+        evidence = -0.5 * (numbers * np.log(TEMPERS) + misfit + spread)
+        best = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
+        return float(evidence[best]), np.asarray(step[best])
+
+    def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
+        """The most probable values beside what the hull may do, as far as steps to them bring evidence."""
+        part = 1.0
+        for _ in range(STEPS):
+            values = unknown.within(held.values + part * held.step * unknown.scales)
+            tried = self.held(unknown, values, prior)
+            if tried.evidence > held.evidence + WORTH:
+                held, part = tried, 1.0
+            elif part == 1.0:
+                part = 0.3
+            else:
+                break
+        return held
+
+
+def _error(vehicle: Vehicle, shots: Shots) -> Array:
+    """Residuals of the rows that are compared, in units of the noise, begun as they were seen, (S, R)."""
+    model = candidate(vehicle)
+    begun = corrected_first(shots, model)
+    error = residuals(prepare(model, begun), begun, calmed=False)[:, :: thinning(shots)]
+    return np.nan_to_num(error.reshape(len(error), -1), nan=np.inf)
+
+
+def _known(shots: Shots) -> Array:
+    """Information that the log itself gives on the beginning of each shot, (S, 12)."""
+    return np.broadcast_to(shots.trust**-2, (len(shots.starts), CHANNELS))
