@@ -41,7 +41,6 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
-from hydro.core.residual.imitation import widened
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""
@@ -57,6 +56,8 @@ FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 LITTLE = 1e-3
 """Of what is plain to see of a value: less is not there."""
+OUTDONE = 0.8
+"""The same where another has more evidence and cannot be it."""
 STEPS = 12
 """Of the last fit."""
 
@@ -125,7 +126,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     except Diverges:  # the file's own predictions: there is nothing to begin from
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
-    fanciful, least = Named((), alone, None, alone), NAMED
+    fanciful, least, passed = Named((), alone, None, alone), NAMED, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
@@ -138,27 +139,20 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
             without = _without(rival, baseline, refitted, known)
         except Diverges:
             continue
-        fit = _widened(model.estimated(), rival)
+        fit = model.estimated() if rival.allowed is None else rival.estimated()
         if not _there(fit, rival.effect):
             continue
         model, without = _in_noise(model, fine), _in_noise(without, fine)
-        finding = _finding(rival, surveyed, model, without, fit, baseline.log.record.dt)
-        rest = _also(rival, surveyed, finding, baseline.log.record.dt)
+        others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
+        finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
+        rest = _also(rival, surveyed, others, finding, baseline.log.record.dt)
         named = Named((finding, *rest), model, fit, alone)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
+        passed.append(rival.effect)
         if not fanciful.findings:
             fanciful, least = named, max(NEARLY * surveyed.worth(rival), NAMED)
     return fanciful
-
-
-def _widened(fit: Fit, rival: Rival) -> Fit:
-    """The fit with what its values are off by from those beside what the hull may do in its errors."""
-    if rival.allowed is None:
-        return fit
-    allowed = dict(zip(rival.model.unknown.entries, rival.allowed, strict=True))
-    pairs = zip(fit.free.entries, fit.values, strict=True)
-    return widened(fit, [np.array([allowed.get(entry, value) - value for entry, value in pairs])])
 
 
 def _there(fit: Fit, effect: str) -> bool:
@@ -181,18 +175,24 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
     """Whether the fit of an effect of the file moves it farther than what is known of it allows for."""
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
+    values = rival.model.values if rival.allowed is None else rival.allowed.best
     entries = [unknown.entries[i] for i in own]
-    return greatest_change(baseline.vehicle, entries, rival.model.values[own]).deviations >= MOVED
+    return greatest_change(baseline.vehicle, entries, values[own]).deviations >= MOVED
 
 
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
-    """The effect and the file's own fitted to all shots, from the values of the survey."""
-    model = rival.model if rival.allowed is None else replace(rival.model, values=rival.allowed)
-    table = next(iter(model.vehicle.effects(rival.effect)))
-    released = known.releasing(rival.effect)
+    """The effect and the file's own about all shots, fitted from the values of the survey.
+
+    Where there are values beside what the hull may do they stay: those of a fit hold its error, too.
+    """
+    own, reach = rival.model.unknown, baseline.log.track
+    if rival.allowed is not None:
+        names = list(dict.fromkeys(entry.effect for entry in own.entries))
+        return fit_model(own.at(rival.allowed.best), names, baseline.problem, reach, 0)
+    table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
-    reach = baseline.log.track
-    return fit_model(model.vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
+    vehicle, released = rival.model.vehicle, known.releasing(rival.effect)
+    return fit_model(vehicle, [*others, table], baseline.problem, reach, STEPS, known=released)
 
 
 def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) -> Model:
@@ -203,15 +203,24 @@ def _without(rival: Rival, baseline: Baseline, refitted: Model, known: Known) ->
     return fit_model(baseline.vehicle, others, baseline.problem, baseline.log.track, STEPS, known=known)
 
 
-def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: Fit, dt: float) -> Finding:
+def _finding(
+    rival: Rival,
+    surveyed: Survey,
+    others: Sequence[Rival],
+    model: Model,
+    without: Model,
+    fit: Fit,
+    dt: float,
+) -> Finding:
     """The naming, with its share of the error beyond the noise that the model without it leaves."""
     values = fit.table(rival.effect)[0]
-    others = [one for one in surveyed.rivals if one is not rival]
     if surveyed.by_evidence:
-        sure = by_evidence_confidence(rival.evidence, [one.evidence for one in others])
+        sure = by_evidence_confidence(rival.lead, [one.evidence for one in others])
     else:
         sure = by_transfer_confidence(rival.score, [one.score for one in others])
     sure *= OWN if rival.own else 1.0
+    if surveyed.rivals[0] is not rival:
+        sure = min(sure, OUTDONE)
     if implausible(fit.vehicle, [rival.effect]):
         sure = min(sure, FANCIFUL)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
@@ -224,18 +233,20 @@ def _finding(rival: Rival, surveyed: Survey, model: Model, without: Model, fit: 
     return replace(named, verdict="retune" if rival.own else "missing", advice=words)
 
 
-def _also(rival: Rival, surveyed: Survey, finding: Finding, dt: float) -> Iterator[Finding]:
+def _also(
+    rival: Rival, surveyed: Survey, others: Sequence[Rival], finding: Finding, dt: float
+) -> Iterator[Finding]:
     """What else transfers at least half as well as what is named, with the values that the survey fitted.
 
     What the name leaves of all probability they share by their scores, with one part for something else.
     """
     worth = surveyed.worth
-    near = [one for one in surveyed.rivals if worth(one) >= max(ALSO * worth(rival), NAMED)]
-    near = [one for one in near if one is not rival and not one.own][:NEIGHBOURS]
+    near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
+    near = [one for one in near if not one.own][:NEIGHBOURS]
     whole = 1.0 + sum(worth(one) for one in near)
     by = "beside what the hull may do" if surveyed.by_evidence else "on data left out"
     for one in near:
-        fit = one.model.estimated()
+        fit = one.estimated()
         if not _there(fit, one.effect) or implausible(fit.vehicle, [one.effect]):
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)

@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from hydro.core.effects.record import Role
 from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free, free
@@ -46,7 +47,7 @@ from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import Shots
-from hydro.core.residual.allowance import Allowance
+from hydro.core.residual.allowance import Allowance, Held
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0
@@ -69,6 +70,10 @@ KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
 TELLING = 10.0
 """Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+GAPS = 30.0
+"""The same that a law of the hull may have of what the library lacks of an unchanged hull,"""
+HULLS = ("inertia", "damping", "hull", "memory", "formula")
+"""and families of effects that are such laws."""
 CLOSEST = 5
 """Names whose values are refined beside what the hull may do."""
 
@@ -86,7 +91,7 @@ class Rival:
         absorbs: Share that such an effect absorbs of a hull that no formula describes.
         evidence: Its logarithm beside what the hull may do, beyond that of the file alone, by as much of what
             it removes as such an effect does not absorb; 0 where none is asked for.
-        allowed: Its values there, and those fitted with it, in the order of the model's entries, (P,).
+        allowed: How its values and those fitted with it stand there, in the order of the model's entries.
     """
 
     effect: str
@@ -96,7 +101,7 @@ class Rival:
     regimes: float
     absorbs: float = 0.0
     evidence: float = 0.0
-    allowed: Array | None = None
+    allowed: Held | None = None
 
     @property
     def entries(self) -> int:
@@ -107,6 +112,18 @@ class Rival:
     def score(self) -> float:
         """The lesser of both, beyond what such an effect absorbs."""
         return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
+
+    def estimated(self) -> Fit:
+        """Its values and their standard errors; beside what the hull may do where that was asked for."""
+        if self.allowed is None:
+            return self.model.estimated()
+        fit, spread = replace(self.model, values=self.allowed.best).estimated(), self.allowed.covariance
+        return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
+
+    @property
+    def lead(self) -> float:
+        """Evidence that counts for a lead: of a law of the hull itself, beyond GAPS of the library."""
+        return self.evidence - (GAPS if CATALOGUE[self.effect].family in HULLS else 0.0)
 
     @property
     def beyond(self) -> float:
@@ -228,7 +245,7 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     """
     if not dragged(baseline.vehicle):
         return surveyed
-    allowance = Allowance.of(baseline.vehicle, cast(OutputError, baseline.problem).shots)
+    allowance = Allowance.of(baseline.vehicle, baseline.problem.shots)
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown))
     found = []
     for rival in surveyed.rivals:
@@ -239,7 +256,7 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     for number, (rival, held, prior) in enumerate(found):
         best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
         evidence = rival.beyond * (best.evidence - alone.evidence)
-        rivals.append(replace(rival, evidence=evidence, allowed=best.values))
+        rivals.append(replace(rival, evidence=evidence, allowed=best))
     rivals.sort(key=lambda rival: -rival.evidence)
     if not rivals or not TELLING <= rivals[0].evidence < np.inf:
         return surveyed

@@ -2,11 +2,12 @@
 
 No file describes a hull exactly, and without a recording from before a change nothing shows what the hull
 itself does.  But that much is known of it: it is a force of the motion through the water, as the library has
-it (`residual.library`), of a size that the recording tells.  So the library's coefficients are unknowns of
-zero mean with one factor to their prior deviations, and are integrated out beside each change, as are the
-beginnings of the shots.  What remains is the evidence for the change (MacKay, Bayesian interpolation, Neural
-Computation 4, 415-447, 1992): a change of weight, current, thrust or sensor has marks that no force of the
-motion has, and keeps its evidence; one that only bends to the hull's error finds it taken up already.
+it (`residual.library`) without what stands for weight and trim, of a size that the recording tells.  So the
+library's coefficients are unknowns of zero mean with one factor to their prior deviations, and are integrated
+out beside each change, as are the beginnings of the shots.  What remains is the evidence for the change
+(MacKay, Bayesian interpolation, Neural Computation 4, 415-447, 1992): a change of weight, current, thrust or
+sensor has marks that no force of the motion has, and keeps its evidence; one that only bends to the hull's
+error finds it taken up already.
 
 Residuals of a wrong model are no noise.  They last for as long as a shot does, so that one counts for as many
 independent numbers as a steady wrench has, of a size that the evidence finds, too.
@@ -30,7 +31,7 @@ from hydro.core.identification.multiple_shooting import (
 )
 from hydro.core.identification.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import AXES, Flow, sizes, terms
+from hydro.core.residual.library import AXES, RESTING, Flow, sizes, terms
 from hydro.core.residual.regression import robust, thinning
 from hydro.core.residual.response import Transitions, rows_of
 from hydro.core.vehicle.description import Vehicle
@@ -41,8 +42,8 @@ FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
 """Times the hull's size that coefficients may be (`residual.library.sizes`)."""
 TEMPERS = np.exp(np.arange(-1.0, 9.0, 0.25))
 """Mean squared residuals, in units of the noise."""
-STEPS, WORTH = 6, 0.5
-"""Gauss-Newton steps at most, and evidence that one must bring."""
+STEPS, WORTH, SHORTER = 6, 0.5, 0.3
+"""Gauss-Newton steps at most, evidence that one must bring, and part of the way that is tried besides."""
 LEAST = 1e-300
 
 
@@ -51,14 +52,16 @@ class Held:
     """How an effect's values stand beside what the hull may do.
 
     Attributes:
-        values: Of its entries, and of all that is fitted with it, (P,).
+        values: Of its entries, and of all that is fitted with it, about which it is worked out, (P,).
         evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
-        step: To the most probable values, in scales of the entries, (P,).
+        best: The most probable values, (P,),
+        covariance: and how far they may be off, (P, P).
     """
 
     values: Array
     evidence: float
-    step: Array
+    best: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,8 @@ class Allowance:
             shots: Of the recording; where samples are rarer than rows, those alone count.
         """
         transitions = Transitions.of(candidate(vehicle), shots)
-        library, prior = terms(Flow.of(transitions.model, shots)), sizes(vehicle).ravel()
+        library = terms(Flow.of(transitions.model, shots))[:, :-RESTING]
+        prior = sizes(vehicle)[:-RESTING].ravel()
         thin, made = thinning(shots), list[Array]()
         begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
         for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
@@ -106,9 +110,10 @@ class Allowance:
             made.append(columns.reshape(len(columns), -1, CHANNELS + prior.size).astype(np.float32))
         both = np.concatenate(made)
         error = _error(vehicle, shots)
-        weight = robust(np.einsum("sr,sr->s", error, error))
-        weight[~((np.abs(both) < ENDLESS).all(axis=(1, 2)) & (np.abs(error) < ENDLESS).all(axis=1))] = 0.0
-        both[weight == 0.0] = 0.0
+        tame = (np.abs(both) < ENDLESS).all(axis=(1, 2)) & (np.abs(error) < ENDLESS).all(axis=1)
+        weight = np.zeros(len(error))
+        weight[tame] = robust(np.einsum("sr,sr->s", error[tame], error[tame]))
+        both[~tame] = 0.0
         return cls._turned(shots, weight, both[..., :CHANNELS], both[..., CHANNELS:])
 
     @classmethod
@@ -136,9 +141,8 @@ class Allowance:
         vehicle, count = unknown.at(values), len(values)
         error = _error(vehicle, self.shots)
         counted = self.weight > 0.0
-        nothing = Held(values, -np.inf, np.zeros(count))
         if not (np.abs(error[counted]) < ENDLESS).all():
-            return nothing
+            return Held(values, -np.inf, values, np.diag(unknown.scales**2 / prior.information))
         columns = np.empty((*error.shape, count + 1))
         columns[..., -1] = error
         changed, steps = moved(unknown, values)
@@ -153,10 +157,21 @@ class Allowance:
             begun = z.T @ x
             own += self.weight[s] * (x.T @ x - begun.T @ np.linalg.solve(z.T @ z + np.diag(known[s]), begun))
             across += self.weight[s] * (self.across[s].T @ x.astype(np.float32))
-        return Held(values, *self._integrated(own, across, values / unknown.scales - prior.centre, prior))
+        scales = unknown.scales
+        away = values / scales - prior.centre
+        evidence, stride, spread = self._integrated(own, across, away, prior)
+        most = unknown.within(values + stride * scales)
+        return Held(values, evidence, most, spread * np.outer(scales, scales))
 
-    def _integrated(self, own: Array, across: Array, away: Array, prior: Prior) -> tuple[float, Array]:
-        """Evidence, the greatest over factors and tempers, and the step to the most probable values there."""
+    def _integrated(self, own: Array, across: Array, away: Array, prior: Prior) -> tuple[float, Array, Array]:
+        """Evidence, the greatest over factors and tempers; step to the best values there, their covariance.
+
+        Args:
+            own: Normal equations of the effect's columns and the residual, beginnings taken out.
+            across: What these take of the library.
+            away: How far the values are from where the prior has them, in scales, (P,).
+            prior: What is known of them.
+        """
         scale = NUMBERS / (self.compared * TEMPERS)  # information of a squared residual, (T,)
         size = np.multiply.outer(FACTORS**2, self.sizes)[:, None] * scale[:, None]  # (F, T, Q)
         shape = (*size.shape[:2], *own.shape)
@@ -172,21 +187,21 @@ class Allowance:
         spread -= np.log(prior.information).sum()
         numbers = NUMBERS * float(self.weight.sum())
         evidence = -0.5 * (numbers * np.log(TEMPERS) + misfit + spread)
-        best = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
-        return float(evidence[best]), np.asarray(step[best])
+        at = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
+        return float(evidence[at]), np.asarray(step[at]), np.asarray(np.linalg.inv(matrix[at]))
 
     def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
-        """The most probable values beside what the hull may do, as far as steps to them bring evidence."""
-        part = 1.0
+        """The same about the most probable values, as long as the way to them brings evidence.
+
+        It brings none where the effect is linear in its entries: then they are known already.
+        """
         for _ in range(STEPS):
-            values = unknown.within(held.values + part * held.step * unknown.scales)
-            tried = self.held(unknown, values, prior)
-            if tried.evidence > held.evidence + WORTH:
-                held, part = tried, 1.0
-            elif part == 1.0:
-                part = 0.3
-            else:
+            tried = self.held(unknown, held.best, prior)
+            if tried.evidence <= held.evidence + WORTH:  # perhaps too far for a linear guess
+                tried = self.held(unknown, held.values + SHORTER * (held.best - held.values), prior)
+            if tried.evidence <= held.evidence + WORTH:
                 break
+            held = tried
         return held
 
 

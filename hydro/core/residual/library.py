@@ -36,6 +36,8 @@ UNEVEN = 0.05
 """Of a coefficient that port and starboard alike would rule out, times the others'."""
 MIRRORED = np.array([False, True, False, True, False, True])
 """Axes whose velocities and wrenches change sign in a mirror that swaps port and starboard."""
+RESTING = 4
+"""Terms, the last, that do not vanish with the motion: where down lies, and one for all."""
 KNOWN_PAIRS = {(int(i), int(j)) for i, j in CROSS}
 PAIRS = tuple((i, j) for i in range(AXES) for j in range(AXES) if i != j and (i, j) not in KNOWN_PAIRS)
 """(i, j) of the |nu_i| nu_j that the features of the networks have not."""
