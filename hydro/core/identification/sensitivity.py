@@ -177,9 +177,15 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
     """Those parameters, but those of the log, whose effect on the motion the variational equation gives."""
     base, program = near.base, near.base.model.program
     flat, states = program.flat, program.states
-    of, kinds, where, programs, ahead = [], [], [], list[Array](), []
-    own, places = [np.zeros((len(base.memory), 0))], list[list[int]]()
-    place, state = 0, 0
+    of, kinds, where, ahead = [], [], [], []
+    own, states_at, state = [np.zeros((len(base.memory), 0))], list[tuple[int, int]](), 0
+    programs = dict[bytes, tuple[int, int]]()
+
+    def placed(its: Array) -> tuple[int, int]:
+        """Beginning and end of a program among all, each of which is there once."""
+        begin = sum(end - start for start, end in programs.values())
+        return programs.setdefault(its.tobytes(), (begin, begin + its.size))
+
     for i, (other, share) in enumerate(zip(near.others, near.shares, strict=True)):
         its = other.model.program.flat
         alike = np.array_equal(base.model.log, other.model.log)
@@ -198,21 +204,18 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
             continue
         of.append(i)
         kinds.append(kind)
-        middle = place + pair[0].size
-        where.append([place, middle, middle, middle + pair[1].size])
-        place = middle + pair[1].size
-        programs += pair
+        where.append([*placed(pair[0]), *placed(pair[1])])
         ahead.append((other.memory[:, :states] - base.memory) / share)
         own.append(other.memory[:, states:])
-        places.append([state, state + own[-1].shape[1]])
-        state += own[-1].shape[1]
+        states_at.append((state, state + own[-1].shape[1]))
+        state = states_at[-1][1]
     return Varied(
         np.array(of, np.int64),
         Changes(
             np.array(kinds, np.int64),
-            np.concatenate([*programs, np.zeros(0)]),
+            np.frombuffer(b"".join(programs)),
             np.array(where, np.int64).reshape(-1, 4),
-            np.array(places, np.int64).reshape(-1, 2),
+            np.array(states_at, np.int64).reshape(-1, 2),
             near.shares[of],
         ),
         np.stack(ahead, axis=-1) if ahead else np.zeros((*base.memory.shape, 0)),

@@ -50,8 +50,9 @@ class Changes(NamedTuple):
 
     Attributes:
         kinds: Of each parameter, (P,): FORCES, THRUST or WHOLE.
-        programs: Programs in a row.  Of FORCES, one with the effects that the changed vehicle has and this
-            one has not, and one with those that it has not any more; of the others, the changed vehicle's.
+        programs: Programs in a row, each once.  Of FORCES, one with the effects that the changed vehicle has
+            and this one has not, and one with those that it has not any more; of the others, the changed
+            vehicle's.
         where: Beginning and end of both in `programs`, (P, 4).
         own: Beginning and end of the internal states that the former of both has, among those of all, (P, 2).
         shares: Units of each parameter by which it is changed, (P,).
@@ -81,6 +82,7 @@ class Deviations(NamedTuple):
         slope: Room for J, (12 + states, 12 + states).
         push: Room for df/dp without its rows of the pose, (6 + states, P).
         changed: Room for the rates of a changed state, (13 + states,).
+        gone: Room for the wrench of the effects that a changed vehicle has not any more, (6,).
         out: (K, 12, 12 + P) written, row by row, without internal states.
     """
 
@@ -91,6 +93,7 @@ class Deviations(NamedTuple):
     slope: Array
     push: Array
     changed: Array
+    gone: Array
     out: Array
 
 
@@ -134,8 +137,12 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
         delta[i, i] = 1.0
     delta[DEVIATION:, DEVIATION:] = ahead
     every[0] = own
-    slope, push = np.zeros((size, size)), np.zeros((size - 6, total - DEVIATION))
-    return Deviations(changes, delta, every, np.zeros((size, total)), slope, push, np.zeros(size + 1), out)
+    middle, slope, push = (
+        np.zeros((size, total)),
+        np.zeros((size, size)),
+        np.zeros((size - 6, total - DEVIATION)),
+    )
+    return Deviations(changes, delta, every, middle, slope, push, np.zeros(size + 1), np.zeros(6), out)
 
 
 @kernel
@@ -151,7 +158,7 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
     propel(flat, s, rotors, here.thrust)
     _pose_slopes(s, slope)
     _balance_slopes(here, slope)
-    _pushes(here, h, deviations.changes, deviations.own, push)
+    _pushes(here, h, deviations, push)
     for i in range(delta.shape[0]):
         copy_kernel(delta[i], middle[i])
     _add(slope, push, 0.5 * h, delta, middle)
@@ -238,10 +245,11 @@ def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
 
 
 @kernel
-def _pushes(here: Middle, h: float, changes: Changes, own: Array, push: Array) -> None:
+def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None:
     """df/dp, parameter by parameter; internal states of their own go on to the end of the step h [s]."""
     flat, s, rotors, y, rates, tau, thrust, changed = here
-    x = y[BODY:]
+    changes, own, gone = deviations.changes, deviations.own, deviations.gone
+    x, lost = y[BODY:], -1
     for j in range(changes.kinds.size):
         kind, share, at = changes.kinds[j], changes.shares[j], changes.where[j]
         program = changes.programs[at[0] : at[1]]
@@ -260,9 +268,12 @@ def _pushes(here: Middle, h: float, changes: Changes, own: Array, push: Array) -
             for i in range(6):
                 tau[i] -= thrust[i]
         else:
-            wrench(changes.programs[at[2] : at[3]], s, x, changed, tau)
+            if at[2] != lost:  # the parameters of an effect all lose the same
+                lost = at[2]
+                gone[:] = 0.0
+                wrench(changes.programs[at[2] : at[3]], s, x, changed, gone)
             for i in range(6):
-                tau[i] = -tau[i]
+                tau[i] = -gone[i]
             begin, end = changes.own[j, 0], changes.own[j, 1]
             if begin == end:
                 wrench(program, s, x, changed, tau)
