@@ -87,8 +87,7 @@ def test_a_station_keeper_is_told_by_the_axes_that_it_holds():
 def test_a_light_hold_beside_an_excitation_is_not_material():
     rng = np.random.default_rng(2)
     found = feedback(block(), logged(steps(rng), np.array([[0.02, 0.02], [0.05, 0.05]]), rng))
-    assert found.p_values.min() < 1e-6
-    assert found.by_axis.max() < MATERIAL
+    assert 0.0 < found.by_axis.max() < MATERIAL
     assert not found.closed
 
 
