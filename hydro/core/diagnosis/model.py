@@ -6,7 +6,7 @@ All suspects are linearised together about a model.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -135,14 +135,35 @@ def fit_model(
         unknown = free(vehicle, effects, reach=reach)
         prior = known(unknown) if known is not None else None
         model = _descended(unknown, problem, iterations, share, prior)
-        if iterations >= ITERATIONS and any(entry.resolution for entry in unknown.entries):
-            model = _beyond_corners(model, iterations, share)
+    return _settled(model, iterations, share)
+
+
+def _settled(model: Model, iterations: int, share: float) -> Model:
+    """A model at the foot of its descent, beyond the corners that hold up its entries that act in steps.
+
+    Raises:
+        Diverges: Its predicted motion does.
+    """
+    if iterations >= ITERATIONS and any(entry.resolution for entry in model.unknown.entries):
+        model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
         raise Diverges(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
             f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return model
+
+
+def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:
+    """The model fitted on from its values, see `fit_model`.
+
+    Raises:
+        Diverges: The predicted motion does.
+    """
+    unknown = replace(model.unknown, starts=(model.values,))
+    return _settled(
+        _descended(unknown, model.problem, iterations, share, normal=model.normal), iterations, share
+    )
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
@@ -161,16 +182,21 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
 
 
 def _descended(
-    unknown: Free, problem: Problem, iterations: int, share: float, prior: Prior | None = None
+    unknown: Free,
+    problem: Problem,
+    iterations: int,
+    share: float,
+    prior: Prior | None = None,
+    normal: Normal | None = None,
 ) -> Model:
-    """The model at the foot of the descent from its first starting values.
+    """The model at the foot of the descent from its first starting values, about which `normal` may be known.
 
     Raises:
         Diverges: No step leads on from them.
     """
     try:
         values, normal, problem = descend(
-            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior
+            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior, normal
         )
     except np.linalg.LinAlgError as error:
         effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))
