@@ -165,6 +165,11 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
     return _program(flat, new, states), _program(flat, gone, states)
 
 
+def remembering(flat: Array) -> Array:
+    """The program of those effects alone that have internal states, which go on in it as in the whole."""
+    return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
+
+
 def same_memories(flat: Array, other: Array) -> bool:
     """Whether the same motion leads two programs to the same internal states, whatever their thrusters."""
     mine, its = (
@@ -195,7 +200,7 @@ def _less(some: list[tuple[Array, Array]], others: list[tuple[Array, Array]]) ->
 
 
 def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> Array:
-    """A program of some effects, their states alone, and no thrusters, with the constants of another."""
+    """A program of some effects, their states alone, and no thrusters, in the water of another."""
     table, packed = np.zeros((len(effects), EFFECT_ROW)), [p for _, p in effects]
     begin = HEADER + layout.CONSTANTS + table.size
     for row, (source, p) in zip(table, effects, strict=True):
@@ -204,8 +209,9 @@ def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> 
             row[3:] = source[3:] - before
         begin += p.size
     states = table[:, 4].max(initial=0.0)
-    header = [len(effects), HEADER + layout.CONSTANTS, states, 0, begin, begin, 0]
-    return np.concatenate([header, constants_of(flat), table.ravel(), *packed])
+    sea = flat[int(flat[SEA]) :][: int(flat[SEA_SIZE])]
+    header = [len(effects), HEADER + layout.CONSTANTS, states, 0, begin, begin, sea.size]
+    return np.concatenate([header, constants_of(flat), table.ravel(), *packed, sea])
 
 
 @jit
