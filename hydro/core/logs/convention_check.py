@@ -180,7 +180,7 @@ def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> d
 
 
 def _may_be_better(before: Array, after: Array) -> bool:
-    """Whether shares (2,) that two readings leave of a few windows leave it open that the second is better."""
+    """Whether shares (2,) that two readings leave of a few windows leave open that the second is better."""
     return bool(((after < WORSE * before) & (after != before)).any())
 
 
