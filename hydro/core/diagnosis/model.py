@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,12 @@ from hydro.core.identification.levenberg_marquardt import (
     Prior,
     Problem,
     descend,
+    linearised,
     moved,
     searched,
 )
 from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import Suspect
 from hydro.core.vehicle.description import Vehicle
@@ -78,6 +80,11 @@ class Model:
     def estimated(self) -> Fit:
         """The fitted values with their standard errors, on a vehicle that is physically possible."""
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
+
+    def over(self, kept: NDArray[np.bool_]) -> Model:
+        """The model over those of its shots that a mask (S,) keeps."""
+        shots = cast(OutputError, self.problem).shots
+        return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
 
     @property
     def costs(self) -> Array:
@@ -152,6 +159,13 @@ def _settled(model: Model, iterations: int, share: float) -> Model:
             f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return model
+
+
+def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
+    """The model that a fit begins from, see `fit_model`."""
+    unknown = free(vehicle, effects, reach=reach)
+    values = unknown.starts[0]
+    return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
 
 
 def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:

@@ -138,7 +138,7 @@ def linearise(
         return Normal(gram, shots.residuals - CHANNELS, channels, follow)
     compared = shots.seen[:, shots.lead :].sum(axis=1)
     freedom = np.maximum(compared.sum(axis=1) - used, 1.0)
-    return Normal(gram, freedom, channels, follow, compared.sum(axis=0))
+    return Normal(gram, freedom, channels, follow, compared)
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:
