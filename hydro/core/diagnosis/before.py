@@ -363,7 +363,7 @@ def _levels(normal: Normal, weight: Array) -> Array:
     squares = np.column_stack([normal.channels, normal.gram[:, -1, -1]])
     within = np.isfinite(squares).all(axis=1)
     squares, weight, free = squares[within], weight[within], normal.freedoms[within]
-    samples = normal.compared if normal.compared is not None else np.ones(normal.channels.shape[1])
+    samples = (np.ones_like(normal.channels) if normal.compared is None else normal.compared).sum(axis=0)
     part = np.append(np.where(samples > 0.0, samples, np.nan) / samples.sum(), 1.0)
 
     def root(shares: Array) -> Array:

@@ -47,7 +47,7 @@ from hydro.core.diagnosis.model import (
     ALPHA,
     Diverges,
     Model,
-    fit_model,
+    gone_on,
 )
 from hydro.core.diagnosis.search import Search
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
@@ -199,10 +199,9 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:
     """All that was found and the file's own effects fitted together to the end, shrunk to the prior."""
-    effects, model, warnings = [*baseline.effects, *outcome.effects], outcome.model, baseline.warnings
+    model, warnings = outcome.model, baseline.warnings
     try:
-        reach = baseline.log.track
-        model = fit_model(model.vehicle, effects, model.problem, reach, ITERATIONS, share=0.0)
+        model = gone_on(model, ITERATIONS, share=0.0)
     except Diverges:
         warnings = (*warnings, DIVERGED_TOGETHER)
     model, fit = settled(model, baseline.vehicle)

@@ -6,9 +6,9 @@ All suspects are linearised together about a model.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,12 @@ from hydro.core.identification.levenberg_marquardt import (
     Prior,
     Problem,
     descend,
+    linearised,
     moved,
     searched,
 )
 from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import Suspect
 from hydro.core.vehicle.description import Vehicle
@@ -78,6 +80,11 @@ class Model:
     def estimated(self) -> Fit:
         """The fitted values with their standard errors, on a vehicle that is physically possible."""
         return with_uncertainty(self.unknown, self.values, self.normal, self.normal.chi2, "output")
+
+    def over(self, kept: NDArray[np.bool_]) -> Model:
+        """The model over those of its shots that a mask (S,) keeps."""
+        shots = cast(OutputError, self.problem).shots
+        return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
 
     @property
     def costs(self) -> Array:
@@ -135,14 +142,42 @@ def fit_model(
         unknown = free(vehicle, effects, reach=reach)
         prior = known(unknown) if known is not None else None
         model = _descended(unknown, problem, iterations, share, prior)
-        if iterations >= ITERATIONS and any(entry.resolution for entry in unknown.entries):
-            model = _beyond_corners(model, iterations, share)
+    return _settled(model, iterations, share)
+
+
+def _settled(model: Model, iterations: int, share: float) -> Model:
+    """A model at the foot of its descent, beyond the corners that hold up its entries that act in steps.
+
+    Raises:
+        Diverges: Its predicted motion does.
+    """
+    if iterations >= ITERATIONS and any(entry.resolution for entry in model.unknown.entries):
+        model = _beyond_corners(model, iterations, share)
     if not np.isfinite(model.normal.cost):
         raise Diverges(
             "the vehicle's predicted motion diverges within two seconds; check its damping, "
             f"or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
         )
     return model
+
+
+def begun(vehicle: Vehicle, effects: Wanted, problem: Problem, reach: Array) -> Model:
+    """The model that a fit begins from, see `fit_model`."""
+    unknown = free(vehicle, effects, reach=reach)
+    values = unknown.starts[0]
+    return Model(unknown, values, problem, linearised(unknown, values / unknown.scales, problem))
+
+
+def gone_on(model: Model, iterations: int, share: float = SLOW) -> Model:
+    """The model fitted on from its values, see `fit_model`.
+
+    Raises:
+        Diverges: The predicted motion does.
+    """
+    unknown = replace(model.unknown, starts=(model.values,))
+    return _settled(
+        _descended(unknown, model.problem, iterations, share, normal=model.normal), iterations, share
+    )
 
 
 def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: int) -> Model:
@@ -161,16 +196,21 @@ def held_at(model: Model, values: Array, held: NDArray[np.bool_], iterations: in
 
 
 def _descended(
-    unknown: Free, problem: Problem, iterations: int, share: float, prior: Prior | None = None
+    unknown: Free,
+    problem: Problem,
+    iterations: int,
+    share: float,
+    prior: Prior | None = None,
+    normal: Normal | None = None,
 ) -> Model:
-    """The model at the foot of the descent from its first starting values.
+    """The model at the foot of the descent from its first starting values, about which `normal` may be known.
 
     Raises:
         Diverges: No step leads on from them.
     """
     try:
         values, normal, problem = descend(
-            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior
+            unknown, unknown.starts[0], problem, iterations, COARSE, share, prior, normal
         )
     except np.linalg.LinAlgError as error:
         effects = ", ".join(dict.fromkeys(entry.effect for entry in unknown.entries))

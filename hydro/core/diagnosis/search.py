@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import cast
 
 import msgspec
@@ -37,12 +37,12 @@ from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
     Problem,
     linear_step,
-    linearised,
 )
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import Suspect, is_curved, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
+from hydro.core.recording.shots import evenly
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
@@ -414,7 +414,6 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
 
 def over_few(model: Model) -> Model:
     """The model over FEW of its shots, spread evenly."""
-    problem = cast(OutputError, model.problem).some(FEW)
-    return replace(
-        model, problem=problem, normal=linearised(model.unknown, model.values / model.unknown.scales, problem)
-    )
+    kept = np.zeros(len(model.costs), bool)
+    kept[evenly(len(kept), FEW)] = True
+    return model.over(kept)

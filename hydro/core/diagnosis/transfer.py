@@ -31,7 +31,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.contenders import FINE
-from hydro.core.diagnosis.model import Diverges, Model, fit_model
+from hydro.core.diagnosis.model import Diverges, Model, begun, fit_model, gone_on
 from hydro.core.diagnosis.search import Search
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
@@ -346,11 +346,10 @@ def left_out_error(
         return error_ahead(vehicle, ahead, weights)
     fold, shots = sessions_of(problem.shots), problem.shots
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
-    total, count = 0.0, 0
+    whole, total, count = begun(vehicle, fitted, problem, np.zeros((1, 3))), 0.0, 0
     for number in np.unique(fold):
-        rest = OutputError(shots.of(fold != number))
         try:
-            there = fit_model(vehicle, fitted, rest, np.zeros((1, 3)), AGAIN).vehicle
+            there = gone_on(whole.over(fold != number), AGAIN).vehicle
         except Diverges:
             return float(np.sqrt(weights @ BEYOND[6:] ** 2))
         here = ahead.of(within == number)

@@ -151,7 +151,7 @@ def constants(vehicle: Vehicle, listed: Sequence[Entry]) -> Array:
 def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
     """Programs of the effects that `other` has beyond `flat`, and of those that it has not any more.
 
-    None where more than effects without internal states differs.
+    The former may have internal states, those of `other` behind those of `flat`.  None where more differs.
     """
     if not np.array_equal(constants_of(flat), constants_of(other)):
         return None
@@ -159,9 +159,15 @@ def changed_effects(flat: Array, other: Array) -> tuple[Array, Array] | None:
         return None
     mine, its = _effects(flat), _effects(other)
     new, gone = _less(its, mine), _less(mine, its)
-    if any(row[3] != row[4] for row, _ in (*new, *gone)):
+    states = flat[STATE_COUNT]
+    if any(row[3] != row[4] for row, _ in gone) or any(row[3] < states for row, _ in new if row[3] != row[4]):
         return None
-    return _program(flat, new), _program(flat, gone)
+    return _program(flat, new, states), _program(flat, gone, states)
+
+
+def remembering(flat: Array) -> Array:
+    """The program of those effects alone that have internal states, which go on in it as in the whole."""
+    return _program(flat, [(row, p) for row, p in _effects(flat) if row[3] != row[4]], 0.0)
 
 
 def same_memories(flat: Array, other: Array) -> bool:
@@ -193,15 +199,19 @@ def _less(some: list[tuple[Array, Array]], others: list[tuple[Array, Array]]) ->
     return kept
 
 
-def _program(flat: Array, effects: list[tuple[Array, Array]]) -> Array:
-    """A program of some effects alone, without states and thrusters, and the constants of another."""
+def _program(flat: Array, effects: list[tuple[Array, Array]], before: float) -> Array:
+    """A program of some effects, their states alone, and no thrusters, in the water of another."""
     table, packed = np.zeros((len(effects), EFFECT_ROW)), [p for _, p in effects]
     begin = HEADER + layout.CONSTANTS + table.size
     for row, (source, p) in zip(table, effects, strict=True):
         row[:3] = source[0], begin, begin + p.size
+        if source[3] != source[4]:
+            row[3:] = source[3:] - before
         begin += p.size
-    header = [len(effects), HEADER + layout.CONSTANTS, 0, 0, begin, begin, 0]
-    return np.concatenate([header, constants_of(flat), table.ravel(), *packed])
+    states = table[:, 4].max(initial=0.0)
+    sea = flat[int(flat[SEA]) :][: int(flat[SEA_SIZE])]
+    header = [len(effects), HEADER + layout.CONSTANTS, states, 0, begin, begin, sea.size]
+    return np.concatenate([header, constants_of(flat), table.ravel(), *packed, sea])
 
 
 @jit

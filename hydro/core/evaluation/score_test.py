@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from hydro.core.columns import Array
 from hydro.core.identification.normal_equations import Normal, block_length
@@ -137,9 +137,10 @@ def p_values(
 def _deviates(form: Array, columns: int) -> Array:
     """Quadratic forms of so many columns, of which the first is observed, as normal deviates."""
     form = form * (columns / max(float(form[1:].mean()), 1e-300))
-    tail = chi2.logsf(form, columns)
+    with np.errstate(divide="ignore"):
+        tail = np.log(chdtrc(columns, form))
     # Beyond what a double can tell the form itself keeps the order.
-    deviates: Array = np.where(tail > -700.0, -norm.ppf(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
+    deviates: Array = np.where(tail > -700.0, -ndtri(np.exp(np.maximum(tail, -700.0))), np.sqrt(form))
     return deviates
 
 

@@ -16,7 +16,16 @@ from hydro.core.compiled import jit
 from hydro.core.effects import Program, assemble, sensor, velocity_log
 from hydro.core.effects.catalogue import entries, with_role
 from hydro.core.effects.layout import MOTION, POSITION, ROTATION, TIME, VELOCITY
-from hydro.core.effects.program import heed, in_sea, relative_to_water, seas, start, thrusters_of, wrench
+from hydro.core.effects.program import (
+    heed,
+    in_sea,
+    relative_to_water,
+    remembering,
+    seas,
+    start,
+    thrusters_of,
+    wrench,
+)
 from hydro.core.effects.record import Role
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.dynamics import accelerate, propel
@@ -102,7 +111,7 @@ def memories(model: Candidate, record: Recording, eta: Array, nu: Array) -> Arra
     """
     out = np.zeros((record.rows, model.program.states))
     if model.program.states:
-        _remember(model.program.flat, eta, nu, record.t, record.segments, record.dt, out)
+        _remember(remembering(model.program.flat), eta, nu, record.t, record.segments, record.dt, out)
     return out
 
 

@@ -84,10 +84,12 @@ def descend(
     enough: float = ENOUGH,
     share: float = 0.0,
     prior: Prior | None = None,
+    normal: Normal | None = None,
 ) -> tuple[Array, Normal, Problem]:
     """Levenberg-Marquardt within bounds, in units of the entries' scales, from `start`.
 
-    `prior` is what is known of the values; by default, little.  It ends where a step would lower the cost by
+    `prior` is what is known of the values; by default, little.  `normal` is the problem about the start,
+    where it is at hand.  It ends where a step would lower the cost by
     less than `enough` residuals' worth, or by less than a share of what there is beyond the noise.
     """
     scales = unknown.scales
@@ -95,7 +97,7 @@ def descend(
     x = start / scales
     prior = prior or Prior.weak(x)
     damping, reached, known = 1e-6, np.inf, prior.information
-    normal = linearised(unknown, x, problem)
+    normal = normal or linearised(unknown, x, problem)
     for _ in range(iterations):
         matrix = normal.matrix.sum(axis=0) + np.diag(known)
         score = normal.score.sum(axis=0) - known * (x - prior.centre)

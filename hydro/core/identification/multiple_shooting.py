@@ -25,7 +25,7 @@ from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
-from hydro.core.simulation.variational_equation import Changes, deviations_of
+from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
 from hydro.core.threads import available
 from hydro.core.vehicle.frames import quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
@@ -79,12 +79,19 @@ class Answers(NamedTuple):
     Attributes:
         changes: The parameters.
         ahead: What a unit of each changes the internal states at the beginning by, (S, states, P).
+        own: Internal states that they have of their own, at the beginning, (S, all).
         out: Written: deviations for a unit of the beginning and of each parameter, (S, K, 12, 12 + P).
     """
 
     changes: Changes
     ahead: Array
+    own: Array
     out: Array
+
+    @classmethod
+    def to_beginnings(cls, memory: Array, out: Array) -> Answers:
+        """To the initial states alone, `memory` (S, states) among them; `out` (S, K, 12, 12) is written."""
+        return cls(NO_CHANGES, np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0)), out)
 
 
 def places_of(shots: Shots, part: slice) -> Places:
@@ -281,5 +288,5 @@ def shoot(flat: Array, places: Places, initial: InitialStates, out: Array, answe
         if answers is None:
             march(motion, thrusters, course, at, out[m], None, None)
         else:
-            deviations = deviations_of(answers.changes, answers.ahead[m], answers.out[m])
+            deviations = deviations_of(answers.changes, answers.ahead[m], answers.own[m], answers.out[m])
             march(motion, thrusters, course, at, out[m], None, deviations)

@@ -33,7 +33,7 @@ class Normal:
         channels: Sum of squares of each measured channel's residual, (S, C).
         follow: What the eliminated unknowns of a piece take of each column and of the residual,
             (S, Q, P + 1); Q may be 0.
-        compared: Samples of each channel in all pieces, (C,); None where all have as many.
+        compared: Samples of each channel in each piece, (S, C); None where all have as many.
     """
 
     gram: Array
@@ -57,6 +57,12 @@ class Normal:
         kept = [*columns, -1]
         gram = self.gram[:, kept][:, :, kept]
         return replace(self, gram=gram, follow=self.follow[..., kept])
+
+    def some(self, kept: NDArray[np.bool_]) -> Normal:
+        """The problem of those pieces that a mask (S,) keeps."""
+        compared = None if self.compared is None else self.compared[kept]
+        rest = (self.gram[kept], self.freedoms[kept], self.channels[kept], self.follow[kept])
+        return Normal(*rest, compared)
 
     @property
     def cost(self) -> float:
@@ -93,7 +99,7 @@ class Normal:
         squares, count = self.channels.sum(axis=0), self.channels.shape[1]
         if self.compared is None:
             return np.asarray(np.sqrt(squares / (self.residuals / count)))
-        each = self.compared * (self.residuals / self.compared.sum())
+        each = self.compared.sum(axis=0) * (self.residuals / self.compared.sum())
         return np.sqrt(np.where(each > 0.0, squares, 1.0) / np.where(each > 0.0, each, 1.0))
 
     @property

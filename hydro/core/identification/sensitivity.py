@@ -2,8 +2,7 @@
 
 Derivatives come from the variational equation (`simulation.variational_equation`) where a parameter acts
 on forces, and from the prediction itself where it acts on the velocity log alone.  What moves the moments at
-which commands take effect, or brings internal states of its own, is predicted once more and the difference
-taken.
+which commands take effect is predicted once more and the difference taken.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.compiled import kernel
 from hydro.core.effects import sensor
-from hydro.core.effects.program import THRUSTER_TABLE, changed_effects
+from hydro.core.effects.program import STATE_COUNT, THRUSTER_TABLE, changed_effects
 from hydro.core.identification import multiple_shooting
 from hydro.core.identification.multiple_shooting import (
     ENDLESS,
@@ -60,11 +59,13 @@ class Varied:
         of: Which of all parameters, (Q,).
         changes: What they change.
         ahead: Change of the internal states at the beginning of every shot, (S, states, Q).
+        own: Internal states that they have of their own at the beginning of every shot, (S, all).
     """
 
     of: Rows
     changes: Changes
     ahead: Array
+    own: Array
 
 
 def linearise(
@@ -137,7 +138,7 @@ def linearise(
         return Normal(gram, shots.residuals - CHANNELS, channels, follow)
     compared = shots.seen[:, shots.lead :].sum(axis=1)
     freedom = np.maximum(compared.sum(axis=1) - used, 1.0)
-    return Normal(gram, freedom, channels, follow, compared.sum(axis=0))
+    return Normal(gram, freedom, channels, follow, compared)
 
 
 def beginnings(base: Prepared, shots: Shots) -> Array:
@@ -176,12 +177,19 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
     """Those parameters, but those of the log, whose effect on the motion the variational equation gives."""
     base, program = near.base, near.base.model.program
     flat, states = program.flat, program.states
-    of, kinds, where, programs, ahead = [], [], [], list[Array](), []
-    place = 0
+    of, kinds, where, ahead = [], [], [], []
+    own, states_at, state = [np.zeros((len(base.memory), 0))], list[tuple[int, int]](), 0
+    programs = dict[bytes, tuple[int, int]]()
+
+    def placed(its: Array) -> tuple[int, int]:
+        """Beginning and end of a program among all, each of which is there once."""
+        begin = sum(end - start for start, end in programs.values())
+        return programs.setdefault(its.tobytes(), (begin, begin + its.size))
+
     for i, (other, share) in enumerate(zip(near.others, near.shares, strict=True)):
         its = other.model.program.flat
         alike = np.array_equal(base.model.log, other.model.log)
-        if i in logged or not alike or other.model.program.states != states:
+        if i in logged or not alike:
             continue
         if not same_states(base.model.thrusters, other.model.thrusters):
             continue
@@ -192,22 +200,26 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
             kind, pair = THRUST, (its, its[:0])
         else:
             kind, pair = WHOLE, (its, its[:0])
+        if other.model.program.states != states + pair[0][STATE_COUNT] * (kind == FORCES):
+            continue
         of.append(i)
         kinds.append(kind)
-        middle = place + pair[0].size
-        where.append([place, middle, middle, middle + pair[1].size])
-        place = middle + pair[1].size
-        programs += pair
-        ahead.append((other.memory - base.memory) / share)
+        where.append([*placed(pair[0]), *placed(pair[1])])
+        ahead.append((other.memory[:, :states] - base.memory) / share)
+        own.append(other.memory[:, states:])
+        states_at.append((state, state + own[-1].shape[1]))
+        state = states_at[-1][1]
     return Varied(
         np.array(of, np.int64),
         Changes(
             np.array(kinds, np.int64),
-            np.concatenate([*programs, np.zeros(0)]),
+            np.frombuffer(b"".join(programs)),
             np.array(where, np.int64).reshape(-1, 4),
+            np.array(states_at, np.int64).reshape(-1, 2),
             near.shares[of],
         ),
         np.stack(ahead, axis=-1) if ahead else np.zeros((*base.memory.shape, 0)),
+        np.hstack(own),
     )
 
 
@@ -222,8 +234,8 @@ def _predicted(base: Prepared, varied: Varied, shots: Shots, part: slice, count:
     places, known = places_of(shots, part), CHANNELS + len(varied.of)
     states = np.empty((places.starts.size, shots.length, BODY))
     columns = np.empty((places.starts.size, shots.length, CHANNELS, CHANNELS + count + 1))
-    ahead = np.ascontiguousarray(varied.ahead[part])
-    answers = Answers(varied.changes, ahead, columns[..., :known])
+    ahead, own = np.ascontiguousarray(varied.ahead[part]), np.ascontiguousarray(varied.own[part])
+    answers = Answers(varied.changes, ahead, own, columns[..., :known])
     multiple_shooting.shoot(
         base.model.program.flat, places, base.initial_states(shots.first, part), states, answers
     )

@@ -31,7 +31,6 @@ from hydro.core.recording.filling import unshown
 from hydro.core.recording.shots import CHANNELS, SHOT_SECONDS
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
-from hydro.core.simulation.variational_equation import Changes
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states, euler_from_quaternion, quaternion_from_euler
 
@@ -55,7 +54,6 @@ TRIAL = 20.0
 PSI = 5
 WILD = 1e3
 """Size of a state beyond which a prediction is lost."""
-NOTHING = Changes(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros(0))
 
 
 class _Window(NamedTuple):
@@ -121,8 +119,8 @@ class _Segment:
         )
         states, answers = np.empty((1, rows, BODY)), np.empty((1, rows, CHANNELS, CHANNELS))
         begin = InitialStates(state[None], self.rotors[row : row + 1], self.memory[row : row + 1])
-        ahead = np.zeros((1, self.memory.shape[1], 0))
-        shoot(self.model.program.flat, places, begin, states, Answers(NOTHING, ahead, answers))
+        told = Answers.to_beginnings(begin.memory, answers)
+        shoot(self.model.program.flat, places, begin, states, told)
         return states[0], answers[0]
 
 

@@ -10,7 +10,7 @@ those rows of the identities are looked at that it has both sides of.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 
 import msgspec
@@ -28,6 +28,8 @@ COMPARED_SECONDS = 1.0
 """Length of a window [s]."""
 MOST_WINDOWS = 300
 """Windows taken, evenly spread over the log."""
+FEW = 60
+"""Windows that choose what all are asked about."""
 CLEARLY = 0.3
 """How far above the surface nothing under water is [m]."""
 SETTLED = 0.01
@@ -131,9 +133,10 @@ class Evidence:
         self.placed, self.attitude, self.turning = placed, attitude, turning
         self.velocity, self.moving, self.spinning = velocity, moving, spinning
 
-    def some(self, most: int) -> Evidence:
-        """The evidence of at most so many of the windows, spread evenly; itself where it has no more."""
-        every = -(-len(self.t) // most)
+    @cached_property
+    def few(self) -> Evidence:
+        """The evidence of at most FEW of the windows, spread evenly; itself where it has no more."""
+        every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
     def travel(self, block: Position) -> Array:

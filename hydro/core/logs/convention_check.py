@@ -31,7 +31,7 @@ TELLING, SURE = 0.75, 3.0  # c that speaks for another reading, and standard err
 TESTED = 6.0  # standard errors from which a sign counts as tested, for there are many
 UPSIDE_DOWN, FLYING = 5.0, 1.5  # costs of a reading with the vehicle on its back, and above the water
 MOSTLY = 0.9
-RANKING = 60  # windows that choose
+WORSE = 1.5  # times the share that a few windows leave from which all are not asked
 STARTS = 8  # best combinations of frames from which single signs are tried
 DEAD_RECKONED = 0.4  # share of the error that the velocity's own noise allows
 STRETCHES = 30  # of the log, for standard errors
@@ -95,7 +95,7 @@ def _among_all(evidence: Evidence, declared: LogMap) -> LogMap:
 
     They are thousands, so that a few windows tell which of them are worth a look at all windows.
     """
-    few = evidence.some(RANKING)
+    few = evidence.few
     ranked = sorted(_combinations(few, declared), key=lambda one: one[0])
     starts = [given for _, given in ranked[:STARTS]]
     signed = {_with_signs(evidence, declared), *(_with_signs(few, start) for start in starts)}
@@ -171,10 +171,17 @@ def _polished(evidence: Evidence, declared: LogMap, given: LogMap) -> LogMap:
 
 def _demanded(evidence: Evidence, given: LogMap, options: Sequence[LogMap]) -> dict[LogMap, float]:
     """Of these readings those that the data demand, with how surely; none on its back if the given is not."""
+    before = evidence.few.shares(given)
+    options = [option for option in options if _may_be_better(before, evidence.few.shares(option))]
     if evidence.upright(given.attitude):
         options = [option for option in options if evidence.upright(option.attitude)]
     judged = {option: _speaks_for(evidence, given, option) for option in options}
     return {option: sureness for option, sureness in judged.items() if sureness is not None}
+
+
+def _may_be_better(before: Array, after: Array) -> bool:
+    """Whether shares (2,) that two readings leave of a few windows leave open that the second is better."""
+    return bool(((after < WORSE * before) & (after != before)).any())
 
 
 def _pruned(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:

@@ -15,12 +15,13 @@ of how the demand changes over a second.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import ttest_1samp
 
-from hydro.core.columns import DOF, POSE, VELOCITY, Array, Rows
+from hydro.core.columns import DOF, POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
@@ -48,7 +49,7 @@ class Feedback:
     Attributes:
         share: Part of the demand's changes over a second that the motion makes, held out, over all axes.
         by_axis: The same part on each axis, (6,); 0 of those that the thrusters do not have.
-        p_values: That chance alone would let the motion predict as much, (6,).
+        p_values: That chance alone would let the motion predict as much, (6,); 1 where it is not MATERIAL.
     """
 
     share: float
@@ -109,11 +110,14 @@ def feedback(vehicle: Vehicle, record: Recording) -> Feedback:
         problem = _problem(record, demand[:, axis], motion)
         if problem is None or not np.ptp(problem.demand) > 0.0:
             continue
-        p_values[axis], gains = _answer(problem)
+        laws = _laws(problem)
+        gains = np.median(laws[:, -2:], axis=0)
         changes = demand[begin + span, axis] - demand[begin, axis]
         made = (motion[begin + span] - motion[begin]) @ gains
         whole, rest = float((changes**2).sum()), float(((changes - made) ** 2).sum())
         shares[axis] = max(1.0 - rest / max(whole, 1e-300), 0.0)
+        if shares[axis] >= MATERIAL:
+            p_values[axis] = _chance(problem, laws)
         total, left = total + whole, left + min(rest, whole)
     return Feedback(1.0 - left / total if total > 0.0 else 0.0, shares, p_values)
 
@@ -150,21 +154,29 @@ def _problem(record: Recording, demand: Array, motion: Array) -> _Problem | None
     return _Problem(demand[rows], np.column_stack(past), motion[rows] - motion[rows - 1], rows)
 
 
-def _answer(problem: _Problem) -> tuple[float, Array]:
-    """Probability that chance lets the row's motion tell as much, and gains on pose and velocity, (2,)."""
-    count = len(problem.demand)
-    fold, both = np.arange(count) * FOLDS // count, np.hstack([problem.past, problem.now])
-    gain, gains = np.zeros(count), np.zeros((FOLDS, 2))
-    for number in range(FOLDS):
-        out, rest = fold == number, fold != number
+def _folds(problem: _Problem) -> Iterator[tuple[Mask, Mask]]:
+    """Which rows are left out with each fold, and all others, (K,) each."""
+    fold = np.arange(len(problem.demand)) * FOLDS // len(problem.demand)
+    return ((fold == number, fold != number) for number in range(FOLDS))
+
+
+def _laws(problem: _Problem) -> Array:
+    """The law by the past and the row's motion without each fold, (FOLDS, 3 PAST + 3); the gains are last."""
+    both = np.hstack([problem.past, problem.now])
+    return np.array([_robust(both[rest], problem.demand[rest])[0] for _, rest in _folds(problem)])
+
+
+def _chance(problem: _Problem, laws: Array) -> float:
+    """Probability that chance lets the row's motion tell as much beside the past."""
+    both, gain = np.hstack([problem.past, problem.now]), np.zeros(len(problem.demand))
+    for law, (out, rest) in zip(laws, _folds(problem), strict=True):
         alone, limit = _robust(problem.past[rest], problem.demand[rest])
-        law, _ = _robust(both[rest], problem.demand[rest])
         before = _loss(problem.demand[out] - problem.past[out] @ alone, limit)
-        gain[out], gains[number] = before - _loss(problem.demand[out] - both[out] @ law, limit), law[-2:]
+        gain[out] = before - _loss(problem.demand[out] - both[out] @ law, limit)
     starts = np.flatnonzero(np.diff(problem.rows // BLOCK, prepend=-1))
     blocks = np.add.reduceat(gain, starts)
     p = float(ttest_1samp(blocks, 0.0, alternative="greater").pvalue)
-    return (p if np.isfinite(p) else 1.0), np.median(gains, axis=0)
+    return p if np.isfinite(p) else 1.0
 
 
 def _robust(X: Array, y: Array) -> tuple[Array, float]:

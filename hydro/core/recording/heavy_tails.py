@@ -219,7 +219,7 @@ def _likeliest(parts: Sequence[Array], place: int) -> tuple[float, float, float]
     """By a filter's output: by how much t beats Gauss, its degrees of freedom, and its scale."""
     taps = _taps(*FILTERS[place])
     off = np.abs(np.concatenate([np.convolve(part, taps, "valid") for part in parts]))
-    off = off[:: -(-len(off) // MOST_SAMPLES)]
+    off = np.sort(off[:: -(-len(off) // MOST_SAMPLES)])  # in order, their densities are found far sooner
     median = float(np.median(off))
     if median <= 0.0:
         return 0.0, np.inf, 0.0

@@ -35,10 +35,7 @@ from hydro.core.identification.multiple_shooting import (
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.simulate import steps_of_row
-from hydro.core.simulation.variational_equation import Changes
 from hydro.core.vehicle.frames import body_states
-
-NOTHING = Changes(np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -144,7 +141,6 @@ def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: In
         rows,
         steps_of_row(record.dt, 1.0 / LONGEST_STEP),
     )
-    ahead = np.zeros((count, begun.memory.shape[1], 0))
     states, answers = np.empty((count, 2, BODY)), np.empty((count, 2, CHANNELS, CHANNELS))
-    shoot(model.program.flat, places, begun, states, Answers(NOTHING, ahead, answers))
+    shoot(model.program.flat, places, begun, states, Answers.to_beginnings(begun.memory, answers))
     return answers[:, 1]

@@ -139,11 +139,21 @@ def turn(thrusters: Thrusters, course: Course, now: float, end: float, close: fl
 
 
 @kernel
-def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Array, h: float) -> None:
+def step(
+    flat: Array,
+    facets: Array,
+    y: Array,
+    s: Array,
+    work: Array,
+    rotors: Array,
+    h: float,
+    deviations: Deviations | None,
+) -> None:
     """Advance the state of a motion by one step h [s] from the time in `s`; its quaternion is normalised.
 
     It takes the arrays of `Motion` one by one: taking them out of the block would cost up to a tenth of it.
-    `rotors` (3, n) are the lag states at the beginning, middle and end of the step.
+    `rotors` (3, n) are the lag states at the beginning, middle and end of the step.  Deviations, where there
+    are any, are carried along.
     """
     rates, total, trial, tau = work[0], work[1], work[2], work[3, :6]
     now = s[TIME]
@@ -151,6 +161,8 @@ def step(flat: Array, facets: Array, y: Array, s: Array, work: Array, rotors: Ar
     copy_kernel(y, trial)
     for stage in range(4):
         rates_kernel(flat, facets, trial, s, rotors[(stage + 1) // 2], tau, rates)
+        if deviations is not None and stage == 1:
+            carry(flat, s, work, rotors[1], h, deviations)
         weight = 1.0 if stage == 0 or stage == 3 else 2.0
         ahead = h if stage == 2 else 0.5 * h
         for i in range(y.size):
@@ -187,9 +199,7 @@ def advance(
         while now < end - close:
             s[TIME] = now
             until = turn(thrusters, course, now, end, close)
-            if deviations is not None:
-                carry(motion, rotors, until - now, deviations)
-            step(flat, facets, y, s, work, rotors, until - now)
+            step(flat, facets, y, s, work, rotors, until - now, deviations)
             now = until
 
 

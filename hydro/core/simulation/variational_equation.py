@@ -23,18 +23,15 @@ from hydro.core.effects.layout import (
     POSITION,
     RELATIVE_VELOCITY,
     ROTATION,
-    TIME,
     VELOCITY,
 )
 from hydro.core.effects.program import HEADER, THRUSTER_COUNT, THRUSTER_TABLE, relative_to_water, wrench
 from hydro.core.simulation.dynamics import (
     BODY,
-    Motion,
     accelerate,
     observe,
     observe_state,
     propel,
-    rates_kernel,
 )
 from hydro.core.vehicle.frames import quaternion_product_kernel
 from hydro.core.vehicle.thrusters import COLUMNS, INFLOW
@@ -53,16 +50,24 @@ class Changes(NamedTuple):
 
     Attributes:
         kinds: Of each parameter, (P,): FORCES, THRUST or WHOLE.
-        programs: Programs in a row.  Of FORCES, one with the effects that the changed vehicle has and this
-            one has not, and one with those that it has not any more; of the others, the changed vehicle's.
+        programs: Programs in a row, each once.  Of FORCES, one with the effects that the changed vehicle has
+            and this one has not, and one with those that it has not any more; of the others, the changed
+            vehicle's.
         where: Beginning and end of both in `programs`, (P, 4).
+        own: Beginning and end of the internal states that the former of both has, among those of all, (P, 2).
         shares: Units of each parameter by which it is changed, (P,).
     """
 
     kinds: Rows
     programs: Array
     where: Rows
+    own: Rows
     shares: Array
+
+
+NO_CHANGES = Changes(
+    np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 4), np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
+)
 
 
 class Deviations(NamedTuple):
@@ -71,78 +76,105 @@ class Deviations(NamedTuple):
     Attributes:
         changes: The parameters.
         delta: (12 + states, 12 + P).
-        middle: Room for those in the middle of a step, likewise.
+        own: Internal states that parameters have of their own, now and in the middle of a step, and their
+            rates, (3, all).
+        middle: Room for deviations in the middle of a step, as `delta`.
         slope: Room for J, (12 + states, 12 + states).
         push: Room for df/dp without its rows of the pose, (6 + states, P).
+        changed: Room for the rates of a changed state, (13 + states,).
+        gone: Room for the wrench of the effects that a changed vehicle has not any more, (6,).
         out: (K, 12, 12 + P) written, row by row, without internal states.
     """
 
     changes: Changes
     delta: Array
+    own: Array
     middle: Array
     slope: Array
     push: Array
+    changed: Array
+    gone: Array
     out: Array
 
 
+class Middle(NamedTuple):
+    """A motion in the middle of a step.
+
+    Attributes:
+        flat: The vehicle's program.
+        s: State of motion of `core.effects.layout`.
+        rotors: Lag states of the thrusters, (n,).
+        y: State, (13 + states,).
+        rates: Its rates.
+        tau: Room for a wrench, (6,).
+        thrust: tau_prop, (6,).
+        changed: Room for other rates.
+    """
+
+    flat: Array
+    s: Array
+    rotors: Array
+    y: Array
+    rates: Array
+    tau: Array
+    thrust: Array
+    changed: Array
+
+
 @jit
-def deviations_of(changes: Changes, ahead: Array, out: Array) -> Deviations:
-    """Deviations at a beginning; `ahead` (states, P) is what a unit of each parameter changes states by."""
+def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Deviations:
+    """Deviations at a beginning.
+
+    Args:
+        changes: The parameters.
+        ahead: What a unit of each changes internal states by, (states, P).
+        own: Internal states that they have of their own, (all,).
+        out: As `Deviations` has it.
+    """
     size, total = DEVIATION + ahead.shape[0], out.shape[2]
-    delta = np.zeros((size, total))
+    delta, every = np.zeros((size, total)), np.zeros((3, own.size))
     for i in range(DEVIATION):
         delta[i, i] = 1.0
     delta[DEVIATION:, DEVIATION:] = ahead
-    slope, push = np.zeros((size, size)), np.zeros((size - 6, total - DEVIATION))
-    return Deviations(changes, delta, np.zeros((size, total)), slope, push, out)
+    every[0] = own
+    middle, slope, push = (
+        np.zeros((size, total)),
+        np.zeros((size, size)),
+        np.zeros((size - 6, total - DEVIATION)),
+    )
+    return Deviations(changes, delta, every, middle, slope, push, np.zeros(size + 1), np.zeros(6), out)
 
 
 @kernel
-def carry(motion: Motion, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Carry deviations through the step h [s] that a motion is about to make, by the midpoint rule.
+def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
+    """Carry deviations through a step h [s] from its middle, by the midpoint rule.
 
-    `rotors` (3, n) are the lag states at the beginning, middle and end of the step.
+    Of a motion (`dynamics.Motion`, without facets) it takes the arrays one by one, as `integrate.step` has
+    them there: `s` and work[2] are of the middle, `rotors` (n,) too, work[0] are the rates.
     """
     delta, middle, slope, push = deviations.delta, deviations.middle, deviations.slope, deviations.push
-    now = motion.s[TIME]
-    _look_ahead(motion, rotors, h)
-    _pose_slopes(motion.s, slope)
-    _balance_slopes(motion, rotors[1], slope)
-    _pushes(motion, rotors[1], deviations.changes, push)
+    here = Middle(flat, s, rotors, work[2], work[0], work[3, :6], work[3, 6:12], deviations.changed)
+    here.thrust[:] = 0.0
+    propel(flat, s, rotors, here.thrust)
+    _pose_slopes(s, slope)
+    _balance_slopes(here, slope)
+    _pushes(here, h, deviations, push)
     for i in range(delta.shape[0]):
         copy_kernel(delta[i], middle[i])
     _add(slope, push, 0.5 * h, delta, middle)
     _add(slope, push, h, middle, delta)
-    motion.s[TIME] = now
 
 
 @kernel
-def _look_ahead(motion: Motion, rotors: Array, h: float) -> None:
-    """The state and its rates in the middle of a step, and tau_prop there, into the room of the motion."""
-    flat, y, s, work = motion.flat, motion.y, motion.s, motion.work
-    middle, rates, tau, thrust = work[0], work[1], work[3, :6], work[3, 6:12]
-    rates_kernel(flat, motion.facets, y, s, rotors[0], tau, rates)
-    for i in range(y.size):
-        middle[i] = y[i] + 0.5 * h * rates[i]
-    s[TIME] += 0.5 * h
-    observe_state(flat, middle, s)
-    thrust[:] = 0.0
-    propel(flat, s, rotors[1], thrust)
-    copy_kernel(thrust, tau)
-    accelerate(flat, s, middle[BODY:], rates[BODY:], tau, rates[7:BODY])
-
-
-@kernel
-def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
-    """Rows of nu and of the internal states: differences of their rates in the middle of a step."""
-    flat, s, work = motion.flat, motion.s, motion.work
-    middle, rates, changed, tau, thrust = work[0], work[1], work[2], work[3, :6], work[3, 6:12]
-    inflow, still = _feels_inflow(flat), not _feels_place(motion)
+def _balance_slopes(here: Middle, slope: Array) -> None:
+    """Rows of nu and of the internal states: differences of their rates."""
+    flat, s, rotors, middle, rates, tau, thrust, changed = here
+    inflow, still = _feels_inflow(flat), not _feels_place(here)
     for column in range(slope.shape[0]):
         if still and column < 3:
             slope[6:, column] = 0.0
             continue
-        _displace(motion, column, LITTLE)
+        _displace(here, column, LITTLE)
         copy_kernel(thrust, tau)
         if inflow:
             tau[:] = 0.0
@@ -150,24 +182,23 @@ def _balance_slopes(motion: Motion, rotors: Array, slope: Array) -> None:
         accelerate(flat, s, middle[BODY:], changed[BODY:], tau, changed[7:BODY])
         for i in range(slope.shape[0] - 6):
             slope[6 + i, column] = (changed[7 + i] - rates[7 + i]) / LITTLE
-        _displace(motion, column, -LITTLE)
+        _displace(here, column, -LITTLE)
 
 
 @kernel
-def _feels_place(motion: Motion) -> bool:
-    """Whether any rate in the middle of a step changes with the position; three columns less where none does.
+def _feels_place(here: Middle) -> bool:
+    """Whether any rate changes with the position; three columns less where none does.
 
     Each coordinate is displaced by its own amount, so that what they do cannot cancel.
     """
-    s, work = motion.s, motion.work
-    middle, rates, changed, tau, thrust = work[0], work[1], work[2], work[3, :6], work[3, 6:12]
+    flat, s, _, middle, rates, tau, thrust, changed = here
     x, y, z = s[POSITION], s[POSITION + 1], s[POSITION + 2]
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x + LITTLE, y + 1.7 * LITTLE, z + 2.9 * LITTLE
-    relative_to_water(motion.flat, s)
+    relative_to_water(flat, s)
     copy_kernel(thrust, tau)
-    accelerate(motion.flat, s, middle[BODY:], changed[BODY:], tau, changed[7:BODY])
+    accelerate(flat, s, middle[BODY:], changed[BODY:], tau, changed[7:BODY])
     s[POSITION], s[POSITION + 1], s[POSITION + 2] = x, y, z
-    relative_to_water(motion.flat, s)
+    relative_to_water(flat, s)
     feels = False
     for i in range(7, middle.size):
         feels = feels or changed[i] != rates[i]
@@ -184,18 +215,18 @@ def _feels_inflow(flat: Array) -> bool:
 
 
 @kernel
-def _displace(motion: Motion, column: int, little: float) -> None:
-    """Displace the state in the middle of a step a little, and by its negative put it back."""
-    s, middle, turned = motion.s, motion.work[0], motion.work[2, :4]
+def _displace(here: Middle, column: int, little: float) -> None:
+    """Displace the state a little, and by its negative put it back."""
+    flat, s, middle, turned = here.flat, here.s, here.y, here.changed[:4]
     if column < 3:
         s[POSITION + column] += little
-        relative_to_water(motion.flat, s)
+        relative_to_water(flat, s)
     elif column < 6:
         if little > 0.0:
             _turn(middle, column - 3, little, turned)
-            observe(motion.flat, middle[:3], turned, middle[7:BODY], s)
+            observe(flat, middle[:3], turned, middle[7:BODY], s)
         else:
-            observe_state(motion.flat, middle, s)
+            observe_state(flat, middle, s)
     elif column < DEVIATION:
         s[VELOCITY + column - 6] += little
         s[RELATIVE_VELOCITY + column - 6] += little
@@ -214,10 +245,11 @@ def _turn(y: Array, axis: int, angle: float, quaternion: Array) -> None:
 
 
 @kernel
-def _pushes(motion: Motion, rotors: Array, changes: Changes, push: Array) -> None:
-    """df/dp in the middle of a step, parameter by parameter."""
-    flat, s, x = motion.flat, motion.s, motion.work[0, BODY:]
-    rates, changed, tau, thrust = motion.work[1], motion.work[2], motion.work[3, :6], motion.work[3, 6:12]
+def _pushes(here: Middle, h: float, deviations: Deviations, push: Array) -> None:
+    """df/dp, parameter by parameter; internal states of their own go on to the end of the step h [s]."""
+    flat, s, rotors, y, rates, tau, thrust, changed = here
+    changes, own, gone = deviations.changes, deviations.own, deviations.gone
+    x, lost = y[BODY:], -1
     for j in range(changes.kinds.size):
         kind, share, at = changes.kinds[j], changes.shares[j], changes.where[j]
         program = changes.programs[at[0] : at[1]]
@@ -236,11 +268,32 @@ def _pushes(motion: Motion, rotors: Array, changes: Changes, push: Array) -> Non
             for i in range(6):
                 tau[i] -= thrust[i]
         else:
-            wrench(changes.programs[at[2] : at[3]], s, x, changed, tau)
+            if at[2] != lost:  # the parameters of an effect all lose the same
+                lost = at[2]
+                gone[:] = 0.0
+                wrench(changes.programs[at[2] : at[3]], s, x, changed, gone)
             for i in range(6):
-                tau[i] = -tau[i]
-            wrench(program, s, x, changed, tau)
+                tau[i] = -gone[i]
+            begin, end = changes.own[j, 0], changes.own[j, 1]
+            if begin == end:
+                wrench(program, s, x, changed, tau)
+            else:
+                now, middle, slopes = own[0, begin:end], own[1, begin:end], own[2, begin:end]
+                _remembering(program, s, h, now, middle, slopes, changed[:6], tau)
         _accelerated(flat, tau, share, push[:, j])
+
+
+@kernel
+def _remembering(
+    program: Array, s: Array, h: float, now: Array, middle: Array, rates: Array, unused: Array, tau: Array
+) -> None:
+    """Add the wrench of effects with internal states (`Deviations.own`), and carry these through the step."""
+    wrench(program, s, now, rates, unused)
+    for i in range(now.size):
+        middle[i] = now[i] + 0.5 * h * rates[i]
+    wrench(program, s, middle, rates, tau)
+    for i in range(now.size):
+        now[i] += h * rates[i]
 
 
 @kernel

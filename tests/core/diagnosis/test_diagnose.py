@@ -264,13 +264,12 @@ def test_a_last_fit_that_diverges_leaves_the_model_before_it(known, monkeypatch)
     def diverging(*given, **how):
         raise Diverges("it does")
 
-    monkeypatch.setattr("hydro.core.diagnosis.diagnose.fit_model", diverging)
+    monkeypatch.setattr("hydro.core.diagnosis.diagnose.gone_on", diverging)
     unknown = free(known, ["linear_damping"])
     gram = np.tile(np.eye(7), (100, 1, 1))
     normal = Normal(gram, 1, np.ones((100, 12)), np.zeros((100, 0, 7)))
     model = Model(unknown, unknown.starts[0], None, normal)
-    log = SimpleNamespace(track=None)
-    baseline = SimpleNamespace(vehicle=known, effects=("linear_damping",), log=log, warnings=())
+    baseline = SimpleNamespace(vehicle=known, warnings=())
     outcome = refine(baseline, Outcome(model, (), None))
     assert outcome.model.vehicle == model.vehicle
     assert [outcome.fit.chi2, len(outcome.warnings)] == [1.0, 1]
