@@ -9,7 +9,7 @@ from fleets import vehicle
 from hydro.core.errors import UsageError
 from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.training.build import Builder
-from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
+from hydro.rl.training.config import RECIPES, Curriculum, SACConfig, TrainingConfig
 from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
 from hydro.rl.training.train import Training
 from hydro.rl.world.config import Episode, Settings
@@ -51,6 +51,21 @@ def trained(script, **more):
     while not training.finished:
         training.advance()
     return training
+
+
+def test_the_pilot_teaches_with_the_room_that_is_asked_for():
+    """A way further from the end of a baffle bears more to the side there."""
+
+    def told(**margin):
+        fleet = Builder(TAUGHT, vehicle())(1, 3)
+        fleet.set_level("slalom", 4)
+        return next(corrections(fleet, lambda seen: np.zeros((len(seen), 6)), **margin))[1]
+
+    assert np.abs(told(margin=0.4) - told(margin=1.6)).max() > 0.05
+    np.testing.assert_array_equal(told(), told(margin=1.2))
+    assert RECIPES["demos"].margin > TrainingConfig().margin == 1.2
+    with pytest.raises(UsageError, match="margin"):
+        TrainingConfig(margin=-1.0)
 
 
 def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
