@@ -100,6 +100,18 @@ def test_lessons_go_on_until_a_level_is_passed():
     assert training._learner._advice.levels == [OPEN, ONE]
 
 
+def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
+    """Examined before, after his flight, then not before the second correction; the unlearnt takes one."""
+    more = {"corrections": 3, "lessons": 2}
+    training = trained({ONE: [False, False, True]}, **more)
+    assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
+    assert training.steps == 2 * 5 + 3 * (2 * 10)
+    training = trained({FOUR: [False, True, False, True]}, **more)
+    assert training.steps == 2 * 5 + 2 * 10 + 2 * 10
+    with pytest.raises(UsageError, match="lessons is 4"):
+        replace(TAUGHT, lessons=4)
+
+
 def test_what_the_last_policy_has_unlearnt_is_taught_again():
     """And whatever it passes is passed by one and the same policy in the end."""
     training = trained({FOUR: [False, True, False, True], FOREST: [False, True]})
