@@ -2,14 +2,18 @@
 
     hydro rl eval datasets/vehicles/auv151.toml --task slalom --in teacher -o slalom-teacher.parquet
     python -m benchmarks.policies tasks *.parquet --commit COMMIT --command "hydro rl eval ..."
+    /usr/bin/time -f "%U %S" -o run-0.time hydro rl train datasets/vehicles/auv151.toml --seed 0 -o run-0
+    python -m benchmarks.policies trainings run-* --commit COMMIT --command "hydro rl train ..."
 
 Cells are the share that succeeded with Wilson's 95 % interval, median time to goal, root mean square distance
 from what is to be followed, energy in seconds of all thrusters at full thrust, and the share of collisions.
+Of several trainings they are the median one's by success, and the least and greatest share of all.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -17,6 +21,10 @@ import polars as pl
 from benchmarks.kept_tables import Row, keep, origin
 from hydro.io import table
 
+POLICY = "policy"
+STAGES = ("point_to_point", "slalom", "forest")
+SHARE = 0.97
+"""Share of an examination's episodes that passes a level."""
 HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
 """Tasks that go on to their end, so that no time tells."""
 
@@ -24,12 +32,24 @@ HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
 def cell(row: Row) -> str:
     """One evaluation in words."""
     low, high = 100.0 * row["success_low"], 100.0 * row["success_high"]
-    words = [f"{100.0 * row['success']:.3g}% ({low:.1f} to {high:.1f})"]
+    words = [f"{100.0 * row['success']:.3g}% ({low:.1f} to {high:.1f}){spread(row)}"]
     if row["task"] not in HOLDING and row["time_to_goal"] is not None:
         words.append(f"{row['time_to_goal']:.1f} s")
     if row["success"] > 0.5:
         words += [f"{row['tracking_error']:.2f} m off", f"energy {row['energy']:.2g} s"]
     return ", ".join(words) + (f"; hit {100.0 * row['collision']:.3g}%" if row["collision"] else "")
+
+
+def of_seeds(rows: Sequence[Row]) -> Row:
+    """The evaluation of the median training by success, the less successful of two, and the range of all."""
+    ranked = sorted(rows, key=lambda row: (row["success"], -row["collision"]))
+    return ranked[(len(ranked) - 1) // 2] | {"all": [row["success"] for row in ranked]}
+
+
+def spread(row: Row) -> str:
+    """The range of several trainings in words; of one nothing."""
+    shares = row["all"]
+    return f" [{100.0 * shares[0]:.3g} to {100.0 * shares[-1]:.3g}]" if len(shares) > 1 else ""
 
 
 def named(row: Row, counted: dict[str, str]) -> str:
@@ -38,11 +58,24 @@ def named(row: Row, counted: dict[str, str]) -> str:
     return row["task"].replace("_", " ") + (f", {row['level']} {level}" if level else "")
 
 
+def medians(found: pl.DataFrame) -> list[Row]:
+    """Evaluations with those of several trainings as one, see `of_seeds`; a pilot's are alike."""
+    alike = ["task", "level", "flown_by", "condition", "plant", "setting", "episodes"]
+    once = found.unique([*alike, "seed"], keep="first", maintain_order=True)
+    once = once.filter((pl.col("flown_by") == POLICY) | (pl.col("seed") == pl.col("seed").min().over(alike)))
+    return [of_seeds(each.to_dicts()) for each in once.partition_by(alike, maintain_order=True)]
+
+
+def flyer(row: Row) -> str:
+    """Who flew, a policy by the physics that it was trained under."""
+    return str(row["condition"] if row["flown_by"] == POLICY else row["flown_by"])
+
+
 def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
     """A row for each task and who flies it: cells in student and teacher."""
     rows: dict[tuple[str, str], Row] = {}
-    for row in found.filter(setting="nominal").iter_rows(named=True):
-        key = named(row, counted), row["flown_by"]
+    for row in medians(found.filter(setting="nominal")):
+        key = named(row, counted), flyer(row)
         made = rows.setdefault(key, {"task": key[0], "flown by": key[1]})
         made["in Stonefish" if row["plant"] == "stonefish" else f"in the {row['plant']}"] = cell(row)
     return list(rows.values())
@@ -51,31 +84,56 @@ def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
     """A row for each task, who flies it and where: shares that succeeded by setting."""
     rows: dict[tuple[str, str, str], Row] = {}
-    for row in found.iter_rows(named=True):
-        key = named(row, counted), row["flown_by"], row["plant"]
+    for row in medians(found):
+        key = named(row, counted), flyer(row), row["plant"]
         columns = dict(zip(("task", "flown by", "in the"), key, strict=True))
         made = rows.setdefault(key, columns | {"tasks": str(row["episodes"])})
-        made[row["setting"].replace("_", " ")] = f"{100.0 * row['success']:.3g}%"
+        made[row["setting"].replace("_", " ")] = f"{100.0 * row['success']:.3g}%{spread(row)}"
     return list(rows.values())
+
+
+def training(run: Path) -> Row:
+    """Steps until a training had passed each task for the first time, and all with its last policy."""
+    found = table.read(run / "evaluations.parquet", "evaluations").frame
+    exams = found.filter(pl.col("purpose") == "exam")
+    passed = exams.filter(pl.col("success") >= SHARE)
+    first: dict[str, int] = {row["task"]: row["steps"] for row in reversed(passed.to_dicts())}
+    at_last = passed.filter(steps=pl.col("steps").max())["task"].n_unique()
+    end = f"{found['steps'].max():,}"
+    user, system = map(float, run.with_suffix(".time").read_text().split())
+    return (
+        {"seed": str(found["seed"][0])}
+        | {
+            f"{task.replace('_', ' ')}": f"{first[task]:,}" if task in first else "not passed"
+            for task in STAGES
+        }
+        | {"all with one policy": end if at_last == len(STAGES) else f"not passed by {end}"}
+        | {"processor time": f"{(user + system) / 60.0:.1f} min"}
+    )
 
 
 def main() -> None:
     from hydro.rl.tasks.registry import TASKS
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("which", choices=["tasks", "settings", "trained"])
-    parser.add_argument("files", nargs="+", type=Path, help="tables of evaluations")
+    parser.add_argument("which", choices=["tasks", "settings", "trained", "trainings"])
+    parser.add_argument("files", nargs="+", type=Path, help="tables of evaluations, or folders of trainings")
     parser.add_argument("--commit", required=True, help="of the code that was measured")
     parser.add_argument("--command", required=True, help="by which")
     given = parser.parse_args()
+    if given.which == "trainings":
+        rows = [training(run) for run in given.files]
+        where = origin(
+            pl.DataFrame({"seed": [int(row["seed"]) for row in rows]}), given.command, given.commit
+        )
+        keep("rl_trainings", [row | where for row in rows])
+        return
     found = pl.concat([table.read(path, "evaluations").frame for path in given.files])
     counted = {name: task.levels for name, task in TASKS.items() if task.levels}
-    seeds = "tasks of 1000000"
-    if given.which == "trained":
-        found = found.filter(flown_by="policy").with_columns(flown_by=pl.col("condition"))
-        seeds = f"training {', '.join(map(str, sorted(set(found['seed']))))}; {seeds}"
+    trained = found.filter(flown_by=POLICY)["seed"].unique().sort()
+    seeds = f"training {', '.join(map(str, trained))}; " if len(trained) else ""
     rows = (by_setting if given.which == "settings" else by_task)(found, counted)
-    where = origin(found, given.command, given.commit) | {"seeds": seeds}
+    where = origin(found, given.command, given.commit) | {"seeds": f"{seeds}tasks of 1000000"}
     keep(f"rl_{given.which}", [row | where for row in rows])
 
 

@@ -69,3 +69,24 @@ def test_without_a_gpu_its_benchmark_ends_in_one_line():
     assert done.returncode == 1
     assert done.stderr.startswith("error: numba-cuda ")
     assert done.stderr.count("\n") == 1
+
+
+def test_of_several_trainings_the_median_one_is_told_with_the_range_of_all():
+    from benchmarks.policies import by_setting, by_task
+
+    told = {"task": "slalom", "level": 4, "setting": "nominal", "episodes": 200, "plant": "teacher"}
+    told |= {"success_low": 0.8, "success_high": 0.9, "tracking_error": 0.3, "energy": 6.0, "steps": 1}
+
+    def flown(by, seed, success):
+        own = {"flown_by": by, "condition": "R_effects", "seed": seed, "success": success}
+        return told | own | {"collision": 1.0 - success, "time_to_goal": 20.0 + seed}
+
+    policies = [flown("policy", seed, share) for seed, share in enumerate((0.9, 0.5, 0.7))]
+    found = pl.DataFrame(policies + [flown("helmsman", seed, 1.0) for seed in range(3)])
+    policy, pilot = by_task(found, {"slalom": "baffles"})
+    assert policy["flown by"] == "R_effects"
+    assert policy["in the teacher"].startswith("70% (80.0 to 90.0) [50 to 90], 22.0 s, "), "that of seed 2"
+    assert pilot["in the teacher"].startswith("100% (80.0 to 90.0), 20.0 s"), "who learns nothing has one"
+    assert [row["nominal"] for row in by_setting(found, {})] == ["70% [50 to 90]", "100%"]
+    pair = found.filter(pl.col("flown_by") == "policy").head(2)
+    assert by_setting(pair, {})[0]["nominal"] == "50% [50 to 90]", "of two the worse"

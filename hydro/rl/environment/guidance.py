@@ -29,11 +29,17 @@ class Guidance:
         off: How far from its way each was when it was looked for last (N,) [m].
     """
 
-    def __init__(self, settings: Settings, count: int) -> None:
-        """Make room for the ways of `count` vehicles in the world of the settings."""
+    def __init__(self, settings: Settings, count: int, margin: float = Grid.margin) -> None:
+        """Make room for the ways of `count` vehicles in the world of the settings.
+
+        Args:
+            settings: All choices.
+            count: Number of vehicles N.
+            margin: Distance that ways keep from the surface of pillars where there is room [m].
+        """
         self._lead = settings.task.ahead
         self._world, self._weight = settings.world, settings.reward.path
-        self._grid = Grid(settings.world.length, settings.world.width)
+        self._grid = Grid(settings.world.length, settings.world.width, margin=margin)
         self.ways = np.zeros((count, 2, 3))
         self.off, self._along = np.zeros(count), np.zeros(count)
         self._ahead = np.full((count, 3), np.nan)

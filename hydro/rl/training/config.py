@@ -10,6 +10,7 @@ from hydro.core import seeds
 from hydro.core.errors import UsageError
 from hydro.rl.tasks.registry import STAGES, task_of
 from hydro.rl.world.config import Settings
+from hydro.rl.world.planner import Grid
 
 
 def _counted(counts: Mapping[str, int]) -> None:
@@ -162,6 +163,11 @@ class TrainingConfig:
         corrections: Times at most that as many vehicles are then flown by the policy at a level it has not
             passed, for as long, and it is made to do what he would have done where it came to.  Of all
             levels then, and the last policy is to pass the last level of every task.
+        lessons: Times at least, at a level that his flights alone did not make it pass. Who has hardly been
+            corrected may pass in the simulator that he was corrected in, and not in another.
+        margin: Distance that the pilot who teaches keeps from pillars where there is room, unless he is led
+            along the policy's way [m].  With the planner's he cuts corners to a tenth of a metre from the
+            hull, and who does nearly as he does hits.
         push: Standard deviation of demands in roll and pitch, a third of it in the others, that are added to
             what the policy does with every other vehicle then: a hull in other water trims otherwise.
         curriculum: When it goes on.
@@ -182,6 +188,8 @@ class TrainingConfig:
     demonstrations: int = 0
     clone: int = 0
     corrections: int = 0
+    lessons: int = 0
+    margin: float = Grid.margin
     push: float = 0.0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
@@ -201,6 +209,10 @@ class TrainingConfig:
             raise UsageError("demonstrations and clone are numbers of vehicles and batches; give 0 or more")
         if not 0.0 <= self.push < math.inf:
             raise UsageError(f"push is {self.push:g}; give 0 or more")
+        if not 0 <= self.lessons <= self.corrections:
+            raise UsageError(f"lessons is {self.lessons}; give 0 to {self.corrections}, the corrections")
+        if not 0.0 <= self.margin < math.inf:
+            raise UsageError(f"margin is {self.margin:g} m; give 0 or more")
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
@@ -220,6 +232,8 @@ RECIPES = {
         demonstrations=40,
         clone=3_000,
         corrections=30,
+        lessons=10,
+        margin=1.6,
         push=0.6,
         evaluate=100_000,
         curriculum=Curriculum(baffles=(4,), examine=10_000),

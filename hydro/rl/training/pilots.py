@@ -14,6 +14,7 @@ from hydro.rl.environment.helmsman import docker, helmsman
 from hydro.rl.environment.observation import TARGET
 from hydro.rl.tasks.docking import Docking
 from hydro.rl.tasks.task import Task
+from hydro.rl.world.planner import Grid
 
 Actor = Callable[[Array32], Array32]
 """Observations (N, O) to actions (N, 6)."""
@@ -31,9 +32,9 @@ class WithMap:
         begun: Vehicles (N,) whose episode has begun since he last acted.
     """
 
-    def __init__(self, fleet: Fleet) -> None:
-        """Take a seat in a fleet that has not flown yet."""
-        self._fleet, self._chart = fleet, Guidance(fleet.settings, fleet.count)
+    def __init__(self, fleet: Fleet, margin: float = Grid.margin) -> None:
+        """Take a seat in a fleet that has not flown yet, with ways of a margin round pillars [m]."""
+        self._fleet, self._chart = fleet, Guidance(fleet.settings, fleet.count, margin)
         self.begun: Mask = np.ones(fleet.count, dtype=np.bool_)
 
     def __call__(self, observations: Array32) -> Array32:

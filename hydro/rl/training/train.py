@@ -126,8 +126,8 @@ class Training:
         """Learn from a pilot by hand at the present level, as long as there is a lesson left.
 
         He flies first and the policy does as he does; then the policy flies, and does what he would have done
-        where it came to.  It is examined after each, and once before: what is passed by what was learnt at
-        other levels needs no lesson.
+        where it came to.  It is examined after what he has shown, and after each correction from the least
+        number of them on, and once before: what is passed by what was learnt at other levels needs no lesson.
 
         Returns:
             Whether that was so; else it is for the policy to learn by itself.
@@ -141,15 +141,16 @@ class Training:
             fleet = self._school(level)
             if self._lessons:
                 flying = Pushed(learner.best, config.push, fleet.seed)
-                learner.heed(corrections(fleet, flying), level)
+                learner.heed(corrections(fleet, flying, config.margin), level)
             else:
-                learner.watch(demonstrations(fleet), level)
+                learner.watch(demonstrations(fleet, config.margin), level)
         self._lessons += 1
         if config.clone:
             with self._part("learning"):
                 learner.clone(config.clone)
             self._skilled = True
-            self._examine()
+            if self._lessons == 1 or self._lessons > config.lessons:
+                self._examine()
         return True
 
     def _school(self, level: Level) -> Fleet:
@@ -238,7 +239,7 @@ class Training:
             share = self._evaluate("exam", self.config.curriculum.window, EXAM_SEED, level)
             if share < self.config.curriculum.share:
                 self.curriculum.forget(level)
-                self._lessons = 1  # he has been shown it
+                self._lessons = max(self.config.lessons, 1)  # it has been shown, and corrected as often
                 return
             self.masters[level[0]] = self.policy(level)
 

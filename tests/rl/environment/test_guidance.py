@@ -27,6 +27,16 @@ def guided(pillars=NOWHERE):
     return guidance
 
 
+@pytest.mark.parametrize("margin", [0.5, 1.6])
+def test_ways_keep_the_margin_that_is_asked_for(margin):
+    pillars = np.array([[[10.0, 6.0], *[[np.nan, np.nan]] * 7]])
+    guidance, settings = Guidance(Settings(), 1, margin), Settings()
+    guidance.reset(ALL, START[None], GOAL[None], pillars)
+    way = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(guidance.ways[0])])
+    nearest_by = np.linalg.norm(way[:, :2] - pillars[0, 0], axis=1).min() - settings.world.pillar_radius
+    assert margin - 0.1 < nearest_by < margin + 0.1
+
+
 def test_the_point_ahead_lies_on_the_way_and_ends_at_the_goal():
     ahead, cost = guided().targets(ALL, START[None])
     np.testing.assert_allclose(ahead, START[None] + north(AHEAD))

@@ -9,7 +9,7 @@ from fleets import vehicle
 from hydro.core.errors import UsageError
 from hydro.rl.environment.helmsman import helmsman
 from hydro.rl.training.build import Builder
-from hydro.rl.training.config import Curriculum, SACConfig, TrainingConfig
+from hydro.rl.training.config import RECIPES, Curriculum, SACConfig, TrainingConfig
 from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
 from hydro.rl.training.train import Training
 from hydro.rl.world.config import Episode, Settings
@@ -53,6 +53,21 @@ def trained(script, **more):
     return training
 
 
+def test_the_pilot_teaches_with_the_room_that_is_asked_for():
+    """A way further from the end of a baffle bears more to the side there."""
+
+    def told(**margin):
+        fleet = Builder(TAUGHT, vehicle())(1, 3)
+        fleet.set_level("slalom", 4)
+        return next(corrections(fleet, lambda seen: np.zeros((len(seen), 6)), **margin))[1]
+
+    assert np.abs(told(margin=0.4) - told(margin=1.6)).max() > 0.05
+    np.testing.assert_array_equal(told(), told(margin=1.2))
+    assert RECIPES["demos"].margin > TrainingConfig().margin == 1.2
+    with pytest.raises(UsageError, match="margin"):
+        TrainingConfig(margin=-1.0)
+
+
 def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
     def idle(observations):
         return np.zeros((len(observations), 6))
@@ -83,6 +98,18 @@ def test_lessons_go_on_until_a_level_is_passed():
     assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
     assert training.steps == 2 * 5 + 2 * (2 * 10)
     assert training._learner._advice.levels == [OPEN, ONE]
+
+
+def test_a_level_that_is_not_passed_at_once_takes_so_many_lessons():
+    """Examined before, after his flight, then not before the second correction; the unlearnt takes one."""
+    more = {"corrections": 3, "lessons": 2}
+    training = trained({ONE: [False, False, True]}, **more)
+    assert [level for level, _ in training.asked[:5]] == [OPEN, ONE, ONE, ONE, FOUR]
+    assert training.steps == 2 * 5 + 3 * (2 * 10)
+    training = trained({FOUR: [False, True, False, True]}, **more)
+    assert training.steps == 2 * 5 + 2 * 10 + 2 * 10
+    with pytest.raises(UsageError, match="lessons is 4"):
+        replace(TAUGHT, lessons=4)
 
 
 def test_what_the_last_policy_has_unlearnt_is_taught_again():
