@@ -5,6 +5,7 @@ direction of motion, that grow as the first to third power of the speed (`core.r
 mirrors of the hull have them and once as they have not. How large each is, and with them how drag grows with
 the speed and how far the hull is from symmetric, is chosen by the error of folds of the data left out; so are
 the centre of the mirrors and the arms that make velocities of rates. Nothing but the labels is known.
+A second process is steered by the drag that the first predicts, on the axes where folds left out gain by it.
 
 The mean of the process is then kept on some of the rows, by the projected process (Rasmussen and Williams
 2006, section 8.3.4), as weights of `learn.networks.gaussian_process`.
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from hydro.core.columns import Array, Rows
@@ -27,14 +29,19 @@ from hydro.core.residual.mirrors import (
     MIRRORS,
     PORT,
     POWERS,
-    WIDE,
+    PRODUCTS,
+    SIGNED,
+    STAGES,
+    SUMS,
+    WIDTH,
     parities,
     products,
 )
+from hydro.core.residual.mirrors import TINY as SMALLEST
 
 ROWS_WEIGHED = 900  # on which the processes are weighed
 ROWS_EXPLORED = 450  # on which centre and arms are looked for
-ROWS_LEARNT = 6000  # that teach the mean
+ROWS_LEARNT = 4500  # that teach the mean
 FOLDS = 60
 USUAL = 0.9  # share of the rows that are slower than 1 in units of the process
 ARM = 0.5  # m, to begin with
@@ -43,19 +50,22 @@ STEPS = 25  # of the search for the variances of an axis
 STIFFNESS = 5e-3  # what a variance e times its guess must win of the logarithm of the error
 TINY = 1e-6  # of the label's square: a fold cannot do better
 JITTER = 1e-9
+STEERING = 1.0  # variance of what turns drag by its own direction
 BOUNDS = (-16.0, 7.0)  # of the logarithms of variances
 
 GUESSES = np.log(
     [
         *(1.0, 0.1, 1.0, 1.0),  # linear, and products of each power, as the mirrors have them
-        *(0.01, 0.03, 0.3, 0.01, 0.03, 0.3),  # radial functions, narrow and wide, of each power
-        *(0.001, 0.003, 0.003),  # those of port and starboard
-        *(0.001, 0.001, 0.001),  # those without any mirror
-        *(0.01, 0.003, 0.01, 0.01),  # linear and products as no mirror has them
+        *(0.03, 0.1, 1.0),  # radial functions of each power, likewise
+        *(0.002, 0.006, 0.06),  # those of port and starboard
+        *(0.0001, 0.0003, 0.003),  # those without any mirror
+        *(0.01, 0.001, 0.001, 0.001),  # linear and products as no mirror has them
         *(1e-4, 1e-4),  # errors of the label that grow as m^3, and that do not
     ]
 )
 """Logarithms of variances to begin with, in units of the label's mean square."""
+PRODUCTS_AT, OTHERS_AT = 2, 15
+"""Which of them are of products at p = 2, as the mirrors have them and as they have not."""
 
 
 class Motion(NamedTuple):
@@ -126,19 +136,34 @@ def fit(
     motion, labels = hull.motion(nu[some]), hull.about(tau[some])
     unit = np.sqrt((labels**2).mean(axis=0))
     unit[unit == 0.0] = 1.0
+    found, left_out = [], []
     images = _images(motion, motion)
-    found, errors = [], []
     for axis in range(AXES):
-        logs, error = _weighed(_parts(motion, motion, images, axis), motion, labels[:, axis] / unit[axis], fold[some])
+        parts = _parts(motion, motion, images, axis)
+        logs = _weighed(parts, motion, labels[:, axis] / unit[axis], fold[some])
         found.append(logs)
-        errors.append(error * unit[axis] ** 2)
+        left_out.append(_left_out(_process(parts, motion, logs), labels[:, axis] / unit[axis], fold[some]))
         told(2 + axis, 2 + AXES)
+    seen, unseen = (
+        _directed(unit * np.stack(drags, axis=1)) / unit[:, None]
+        for drags in ([one.fitted for one in left_out], [one.drag for one in left_out])
+    )
+    steered = []
+    for axis, logs in enumerate(found):
+        process = _process(_parts(motion, motion, images, axis), motion, logs, seen[:, axis])
+        other = unseen[:, axis] - seen[:, axis]
+        again = _left_out(process, labels[:, axis] / unit[axis], fold[some], (seen[:, axis], other))
+        steered.append(_by_fold(again.missed, fold[some]) < _by_fold(left_out[axis].missed, fold[some]))
+        left_out[axis] = again if steered[-1] else left_out[axis]
     many = _some(draw, len(nu), ROWS_LEARNT)
-    kept = np.sort(draw.permutation(len(nu))[:points])
-    tensors = _mean(hull, hull.motion(nu[many]), hull.about(tau[many]) / unit, hull.motion(nu[kept]), found, unit)
-    tensors["top"] = np.array([hull.motion(nu).size.max()])
+    kept = hull.motion(nu[np.sort(draw.permutation(len(nu))[:points])])
+    known = hull.about(tau[many]) / unit
+    tensors = _mean(hull.motion(nu[many]), known, kept, found, unit, steered)
+    tensors |= {"centre": hull.centre, "scale": hull.scale, "top": np.array([hull.motion(nu).size.max()])}
     told(2 + AXES, 2 + AXES)
-    return Fit({name: value.astype(np.float32) for name, value in tensors.items()}, float(np.sqrt(np.mean(errors))))
+    stored = {name: value.astype(np.float32) for name, value in tensors.items()}
+    missed = unit * np.stack([one.missed for one in left_out], axis=1)
+    return Fit(stored, float(np.sqrt((missed**2).mean())))
 
 
 def _folds(blocks: Sequence[str]) -> Rows:
@@ -155,16 +180,17 @@ def _some(draw: np.random.Generator, count: int, most: int) -> Rows:
 
 
 def _images(one: Motion, other: Motion) -> Array:
-    """R(g d, d') of the wide width, (8, N, M)."""
-    far = 0.5 * ((one.direction**2).sum(axis=1)[:, None] + (other.direction**2).sum(axis=1))
-    return np.stack([np.exp(((one.direction * g) @ other.direction.T - far) / WIDE**2) for g in MIRRORS])
+    """R(g d, d'), (8, N, M)."""
+    far = (one.direction**2).sum(axis=1)[:, None] + (other.direction**2).sum(axis=1)
+    apart = np.stack([far - 2.0 * (one.direction * g) @ other.direction.T for g in MIRRORS])
+    r = np.sqrt(3.0 * np.maximum(apart, 0.0)) / WIDTH
+    return np.asarray((1.0 + r) * np.exp(-r))
 
 
 def _sums(images: Array, axis: int) -> list[Array]:
-    """The four sums S of `core.residual.mirrors`, (N, M) each."""
+    """The sums S of `core.residual.mirrors`, (N, M) each."""
     sign = MIRRORS[:, axis]
-    narrow, wide = (np.tensordot(sign, part, 1) / 8.0 for part in (images**4, images))
-    return [narrow, wide, 0.5 * (images[0] + sign[PORT] * images[PORT]), images[0]]
+    return [np.tensordot(sign, images, 1) / 8.0, 0.5 * (images[0] + sign[PORT] * images[PORT]), images[0]]
 
 
 def _mirrored(axis: int) -> NDArray[np.bool_]:
@@ -173,7 +199,10 @@ def _mirrored(axis: int) -> NDArray[np.bool_]:
 
 
 def _parts(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
-    """Covariances of the processes, (N, M) each, in the order of GUESSES."""
+    """Covariances of the processes, (N, M) each, in the order of GUESSES; then of the two that are no drag.
+
+    These are the d_i d_j at p = 2, as the mirrors have them and as they have not, parts of two before.
+    """
     own = _mirrored(axis)
     grown = [np.outer(one.size**p, other.size**p) for p in range(1, POWERS + 1)]
 
@@ -182,8 +211,13 @@ def _parts(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
         together = one.products[:, product] @ other.products[:, product].T
         return [one.z[:, line] @ other.z[:, line].T, *(together * power for power in grown)]
 
+    def even(chosen: NDArray[np.bool_]) -> Array:
+        product = chosen & (np.arange(len(chosen)) >= AXES + SIGNED)
+        together = one.products[:, product[AXES:]] @ other.products[:, product[AXES:]].T
+        return np.asarray(together * grown[1])
+
     radial = [part * power for part in _sums(images, axis) for power in grown]
-    return [*polynomial(own), *radial, *polynomial(~own)]
+    return [*polynomial(own), *radial, *polynomial(~own), even(own), even(~own)]
 
 
 def _noise(motion: Motion, logs: Array) -> Array:
@@ -193,7 +227,8 @@ def _noise(motion: Motion, logs: Array) -> Array:
 
 def _explored(nu: Array, tau: Array, fold: Rows) -> Hull:
     """Centre and arms that leave the least error of folds left out, by a search along the axes."""
-    place, steps = np.concatenate([np.zeros(3), np.log(np.full(3, ARM))]), np.array([0.1 * ARM] * 3 + [np.log(2)] * 3)
+    place = np.concatenate([np.zeros(3), np.log(np.full(3, ARM))])
+    steps = np.array([0.1 * ARM] * 3 + [np.log(2.0)] * 3)
     best, cost = _hull(nu, place), _cost(_hull(nu, place), nu, tau, fold)
     for turn in range(ROUNDS):
         for number in (3, 4, 5, 2, 0, 1):
@@ -217,23 +252,95 @@ def _hull(nu: Array, place: Array) -> Hull:
 def _cost(hull: Hull, nu: Array, tau: Array, fold: Rows) -> float:
     """Mean over axes of the logarithm of the error of folds left out, with the variances of GUESSES."""
     motion, labels = hull.motion(nu), hull.about(tau)
-    images, guesses = _images(motion, motion), np.exp(GUESSES)
-    where = [np.flatnonzero(fold == number) for number in np.unique(fold)]
+    images = _images(motion, motion)
     total = 0.0
     for axis in range(AXES):
         label = labels[:, axis] / max(float(np.sqrt((tau[:, axis] ** 2).mean())), 1e-300)
-        parts = _parts(motion, motion, images, axis)
-        K = sum(variance * part for variance, part in zip(guesses, parts, strict=False))
-        inverse = np.linalg.inv(K + np.diag(_noise(motion, GUESSES)))
-        known = inverse @ label
-        missed = [np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows]) for rows in where]
-        total += float(np.log(np.mean([np.sqrt((one**2).mean() + TINY) for one in missed])))
+        process = _process(_parts(motion, motion, images, axis), motion, GUESSES)
+        total += float(np.log(_by_fold(_left_out(process, label, fold).missed, fold)))
     return total / AXES
 
 
-def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> tuple[Array, float]:
-    """Logarithms of variances that leave the least error of folds left out, and its mean square."""
-    covariances = [torch.from_numpy(part) for part in parts]
+class Process(NamedTuple):
+    """Of one axis.
+
+    Attributes:
+        whole: Covariance with that of the label's error, (N, N).
+        even: Covariance of what is no drag, d_i d_j at p = 2.
+        noise: Variance of the label's error (N,).
+    """
+
+    whole: Array
+    even: Array
+    noise: Array
+
+
+class LeftOut(NamedTuple):
+    """What the mean says of rows whose fold was left out, (N,) each.
+
+    Attributes:
+        missed: What it misses of the label.
+        drag: The drag that it predicts.
+        fitted: The drag that it has where nothing was left out.
+    """
+
+    missed: Array
+    drag: Array
+    fitted: Array
+
+
+def _process(parts: Sequence[Array], motion: Motion, logs: Array, steering: Array | None = None) -> Process:
+    """The process with these logarithms of variances, steered by the columns (N, 3) if given."""
+    *parts, even, other = parts
+    variances, noise = np.exp(logs), _noise(motion, logs)
+    whole = np.asarray(sum(v * part for v, part in zip(variances, parts, strict=False))) + np.diag(noise)
+    if steering is not None:
+        whole += STEERING * steering @ steering.T
+    return Process(whole, variances[PRODUCTS_AT] * even + variances[OTHERS_AT] * other, noise)
+
+
+def _left_out(
+    process: Process, label: Array, fold: Rows, steering: tuple[Array, Array] | None = None
+) -> LeftOut:
+    """What the mean of a process says of every fold without its labels (N,).
+
+    Args:
+        process: Of an axis.
+        label: In units of the process.
+        fold: Of each row.
+        steering: Its columns (N, 3), and how much else they are in a row whose fold the drag has not seen.
+    """
+    inverse = np.linalg.inv(process.whole)
+    known = inverse @ label
+    missed, even = np.empty_like(label), np.empty_like(label)
+    for number in np.unique(fold):
+        rows = np.flatnonzero(fold == number)
+        missed[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
+        without = known - inverse[:, rows] @ missed[rows]
+        even[rows] = process.even[rows] @ without
+        if steering is not None:
+            missed[rows] -= STEERING * steering[1][rows] @ (steering[0].T @ without)
+    fitted = label - process.noise * known - process.even @ known
+    return LeftOut(missed, label - missed - even, fitted)
+
+
+def _by_fold(missed: Array, fold: Rows) -> float:
+    """Mean over folds of the root mean square of what was missed (N,)."""
+    squares = np.bincount(fold - fold.min(), missed**2) / np.maximum(np.bincount(fold - fold.min()), 1)
+    return float(np.sqrt(squares[np.unique(fold) - fold.min()] + TINY).mean())
+
+
+def _directed(drag: Array) -> Array:
+    """F_i |F_j| / |F| of drag (N, 6), over the forces or over the moments, (N, 6, 3)."""
+    halves = drag.reshape(-1, 2, 3)
+    size = np.maximum(np.sqrt((halves**2).sum(axis=2)), SMALLEST)
+    made = halves[:, :, :, None] * np.abs(halves)[:, :, None, :] / size[:, :, None, None]
+    return np.asarray(made.reshape(-1, AXES, 3))
+
+
+def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
+    """Logarithms of the variances that leave the least error of folds left out."""
+    covariances = [torch.from_numpy(part) for part in parts[:-2]]
     guesses, truth = torch.from_numpy(GUESSES), torch.from_numpy(label)
     growth = torch.from_numpy(motion.size ** (2 * POWERS))
     where = [torch.from_numpy(np.flatnonzero(fold == number)) for number in np.unique(fold)]
@@ -253,44 +360,61 @@ def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> tu
         assert logs.grad is not None
         return float(total.detach()), logs.grad.numpy()
 
+    limits = [BOUNDS] * len(GUESSES)
     options = {"maxiter": STEPS, "maxfun": STEPS + 10}
-    found = minimize(cost, GUESSES, jac=True, method="L-BFGS-B", bounds=[BOUNDS] * len(GUESSES), options=options)
-    with torch.no_grad():
-        left = torch.cat(missed(torch.from_numpy(found.x)))
-    return np.asarray(found.x), float(left.square().mean())
+    found = minimize(cost, GUESSES, jac=True, method="L-BFGS-B", bounds=limits, options=options)
+    return np.asarray(found.x)
 
 
 def _mean(
-    hull: Hull, motion: Motion, labels: Array, kept: Motion, found: Sequence[Array], unit: Array
+    motion: Motion, labels: Array, kept: Motion, found: Sequence[Array], unit: Array, steered: Sequence[bool]
 ) -> dict[str, Array]:
-    """The mean of the process on points, as tensors of the network; labels (N, 6) are in their units (6,)."""
+    """The mean of both stages on points, as tensors of the network; labels (N, 6) are in their units (6,)."""
+    linear = np.zeros((STAGES, AXES, AXES))
+    library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
+    radial = np.zeros((len(kept.size), STAGES, SUMS, POWERS, AXES))
+    steering, drag = np.zeros((AXES, 3)), np.empty_like(labels)
     across, within = _images(motion, kept), _images(kept, kept)
-    linear = np.zeros((AXES, AXES))
-    library = np.zeros((POWERS, kept.products.shape[1], AXES))
-    radial = np.zeros((len(kept.size), 4, POWERS, AXES))
-    for axis, logs in enumerate(found):
-        variances = np.exp(logs)
-        wide, square = (
-            sum(v * part for v, part in zip(variances, _parts(one, kept, images, axis), strict=False))
-            for one, images in ((motion, across), (kept, within))
-        )
-        sure = wide / _noise(motion, logs)[:, None]
-        normal = sure.T @ wide + square
-        normal += JITTER * np.trace(normal) / len(normal) * np.eye(len(normal))
-        alpha = unit[axis] * np.linalg.solve(normal, sure.T @ labels[:, axis])
-        own = _mirrored(axis)
-        rest = variances[-6:-2]
-        linear[axis] = (kept.z.T @ alpha) * np.where(own[:AXES], variances[0], rest[0])
-        for p in range(POWERS):
-            grown = kept.size ** (p + 1) * alpha
-            library[p, :, axis] = (kept.products.T @ grown) * np.where(own[AXES:], variances[1 + p], rest[1 + p])
-            for s in range(4):
-                radial[:, s, p, axis] = variances[4 + 3 * s + p] * grown
+    for stage in range(STAGES):
+        for axis, logs in enumerate(found):
+            parts, square = _parts(motion, kept, across, axis), _parts(kept, kept, within, axis)
+            columns = sum(v * part for v, part in zip(np.exp(logs), parts[:-2], strict=False))
+            prior = sum(v * part for v, part in zip(np.exp(logs), square[:-2], strict=False))
+            columns, prior = np.asarray(columns), np.asarray(prior)
+            if stage and steered[axis]:
+                columns = np.hstack([columns, _directed(unit * drag)[:, axis] / unit[axis]])
+                prior = block_diag(prior, np.eye(3) / STEERING)
+            alpha = _solved(columns, prior, labels[:, axis], _noise(motion, logs))
+            on_points = alpha[: len(kept.size)]
+            if not stage:
+                even = np.exp(logs[PRODUCTS_AT]) * parts[-2] + np.exp(logs[OTHERS_AT]) * parts[-1]
+                drag[:, axis] = columns @ alpha - even @ on_points
+            elif steered[axis]:
+                steering[axis] = alpha[len(kept.size) :]
+            folded = _folded(kept, unit[axis] * on_points, np.exp(logs), axis)
+            linear[stage, axis], library[stage, :, :, axis], radial[:, stage, :, :, axis] = folded
     return {
-        "centre": hull.centre,
-        "scale": hull.scale,
+        "steering": steering,
         "linear": linear,
         "library": library,
         "points": kept.direction,
         "weights": radial,
     }
+
+
+def _solved(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
+    """Weights of columns (N, K), of this inverse variance, that explain labels (N,) with errors."""
+    sure = columns.T / noise
+    normal = sure @ columns + prior
+    normal += JITTER * np.trace(normal) / len(normal) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, sure @ label))
+
+
+def _folded(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
+    """Weights alpha (K,) of the rows kept as those of z (6,), products (3, 57), and points (K, 3, 3)."""
+    own, rest = _mirrored(axis), variances[OTHERS_AT - 2 :]
+    grown = kept.size ** np.arange(1, POWERS + 1)[:, None] * alpha
+    linear = np.where(own[:AXES], variances[0], rest[0]) * (kept.z.T @ alpha)
+    sizes = np.where(own[AXES:], variances[1 : 1 + POWERS, None], rest[1 : 1 + POWERS, None])
+    radial = variances[1 + POWERS : 1 + POWERS * (1 + SUMS)].reshape(SUMS, POWERS)
+    return linear, sizes * (grown @ kept.products), np.einsum("sp,pk->ksp", radial, grown)

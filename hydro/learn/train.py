@@ -113,11 +113,12 @@ def train(
         model: name of an architecture, see `learn.networks`.
         seed: of the first weights and of the order of the rows.
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
-            sooner. By default as many as make 25,000 updates of the weights, 60 at most.
+            sooner. By default as many as make 25,000 updates of the weights, 60 at most. The model `gp` knows
+            none, and no device either.
         device: `cpu`, or `cuda` where there is one.
         accelerations: whether nu_dot is an input of the network; not from a noisy log, see
             `trusted_accelerations`, for which the weight decay is strong besides.
-        progress: called after every epoch.
+        progress: called after every epoch, or step of `gp`, whose errors are NaN.
 
     Returns:
         The weights of the epoch that did best on the validation rows; `training` holds a summary.

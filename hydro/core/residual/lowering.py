@@ -269,12 +269,19 @@ def _structured(writer: Writer) -> None:
 
 
 def _gp(writer: Writer) -> None:
-    count = writer.option("points")
-    tensor = writer.tensor
-    head = [tensor("centre", (3,)), tensor("scale", (AXES,)), tensor("top", (1,)), tensor("linear", (AXES, AXES))]
-    library = tensor("library", (mirrors.POWERS, mirrors.PRODUCTS, AXES))
-    own = tensor("weights", (count, mirrors.SUMS, mirrors.POWERS, AXES)).reshape(count, -1)
-    writer.mirrored([*head, library, np.hstack([tensor("points", (count, AXES)), own])], count)
+    count, tensor = writer.option("points"), writer.tensor
+    stages, sums, powers = mirrors.STAGES, mirrors.SUMS, mirrors.POWERS
+    shapes = {
+        "centre": (3,),
+        "scale": (AXES,),
+        "top": (1,),
+        "steering": (AXES, 3),
+        "linear": (stages, AXES, AXES),
+        "library": (stages, powers, mirrors.PRODUCTS, AXES),
+    }
+    own = tensor("weights", (count, stages, sums, powers, AXES)).reshape(count, -1)
+    points = np.hstack([tensor("points", (count, AXES)), own])
+    writer.mirrored([*(tensor(name, shape) for name, shape in shapes.items()), points], count)
 
 
 WRITERS: dict[str, Callable[[Writer], None]] = {

@@ -2,18 +2,27 @@
 
 Motion about a centre c is z = scale * nu_c, of size m = |z| and direction d = z / m; near rest, m is EPSILON.
 
-    tau_c = L z  +  sum_p m^p (B_p b(d) + sum_k sum_s W_pks S_s(d, d_k)),        p = 1, 2, 3
+    tau = L z  +  sum_p m^p (B_p b(d) + sum_k sum_s W_pks S_s(d, d_k)),        p = 1, 2, 3
 
 b(d) are the 57 numbers |d_i| d_j and d_i d_j, of which drag and Coriolis forces are sums at p = 2.  The S are
-radial functions R(d, d_k) = exp(-|d - d_k|^2 / (2 l^2)) between directions:
+of radial functions R(d, d_k) = (1 + r) exp(-r), r = sqrt(3) |d - d_k| / WIDTH (Matern's of order 3/2: drag
+has kinks where it changes sides), between directions:
 
-    0, 1  sum over the eight mirror images g of chi(g) R(g d, d_k) / 8, of the narrow and of the wide l
-    2     (R(d, d_k) + chi R(d', d_k)) / 2, d' the image in the plane of port and starboard, of the wide l
-    3     R(d, d_k), of the wide l
+    0  sum over the eight mirror images g of chi(g) R(g d, d_k) / 8
+    1  (R(d, d_k) + chi R(d', d_k)) / 2, d' the image in the plane of port and starboard
+    2  R(d, d_k)
 
-chi(g) = +-1 is what the mirror makes of the axis, so that S 0 and 1 hold for a hull with three planes of
-symmetry, S 2 for one whose sides are equal, and S 3 for any.  Far from all points the R are 0 and what is left
-grows with the powers of the speed.  Beyond the greatest m that was seen the wrench grows as the square.
+chi(g) = +-1 is what the mirror makes of the axis, so that S 0 holds for a hull with three planes of symmetry,
+S 1 for one whose sides are equal, and S 2 for any.
+
+There are two such sums.  The drag F of the first, which is all of it but the d_i d_j at p = 2, steers the
+second: a drag coefficient may depend on where the force and where the moment points.  The wrench about c is
+
+    tau_c,i = tau_i  +  sum_j T_ij F_i |F_j| / |F|
+
+with j and |F| over the forces for a force, over the moments for a moment.  Far from all points the R are 0
+and what is left grows with the powers of the speed.  Beyond the greatest m that was seen the wrench grows as
+the square.
 """
 
 from __future__ import annotations
@@ -23,23 +32,28 @@ import numpy as np
 from hydro.core.columns import Array, Array32
 from hydro.core.compiled import kernel
 
-AXES, POWERS, SUMS = 6, 3, 4
-NARROW, WIDE = 0.7, 1.4
-"""Widths l of the radial functions; the narrow one is the fourth power of the wide one."""
+AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
+WIDTH = 2.0
+"""Of the radial functions; directions are up to 2 apart."""
 EPSILON = 0.05
 PRODUCTS = 57
+SIGNED = 36
+"""Of the products, those that are |d_i| d_j."""
 PORT = 2
 """Number of the image in the plane of port and starboard; 0 is the motion itself."""
 MIRRORS = np.array(
     [[a, b, c, b * c, a * c, a * b] for a in (1.0, -1.0) for b in (1.0, -1.0) for c in (1.0, -1.0)]
 )
 """chi: signs of (u, v, w, p, q, r), and of X to N, in each image, (8, 6)."""
-CENTRE, SCALE, TOP, LINEAR, LIBRARY = 0, 3, 9, 10, 46
-POINTS = LIBRARY + POWERS * PRODUCTS * AXES
-"""Where the weights begin: c, scale, greatest m, L row by row, B by power, product and axis, points."""
-OF_POINT = AXES + SUMS * POWERS * AXES
-"""Weights of a point: its direction, then W by sum, power and axis."""
-SCRATCH = 131
+CENTRE, SCALE, TOP, STEERING, LINEAR = 0, 3, 9, 10, 28
+LIBRARY = LINEAR + STAGES * AXES * AXES
+POINTS = LIBRARY + STAGES * POWERS * PRODUCTS * AXES
+"""Where the weights begin: c, scale, greatest m, T, L row by row, B by power, product and axis, points."""
+OF_POINT = AXES + STAGES * SUMS * POWERS * AXES
+"""Weights of a point: its direction, then W by stage, sum, power and axis."""
+TINY = 1e-9
+"""N or N m: no drag points anywhere below."""
+SCRATCH = 155
 """Numbers that the kernel works on."""
 
 
@@ -64,9 +78,10 @@ def mirrored_wrench(
 
     Sums are in float64 (`scratch`, of SCRATCH numbers): weights of points side by side nearly cancel.
     """
-    z, d, tau, image = scratch[:6], scratch[6:12], scratch[12:18], scratch[18:26]
+    z, d, even, image = scratch[:6], scratch[6:12], scratch[12:18], scratch[18:26]
     x, b = scratch[26:32], scratch[32 : 32 + PRODUCTS]
-    sums, grown = scratch[89:113].reshape(SUMS, AXES), scratch[113:131].reshape(POWERS, AXES)
+    sums, tau = scratch[89:107].reshape(SUMS, AXES), scratch[107:119].reshape(STAGES, AXES)
+    grown = scratch[119:155].reshape(STAGES, POWERS, AXES)
     tau[:] = 0.0
     grown[:] = 0.0
     one, two, three = weights[start], weights[start + 1], weights[start + 2]
@@ -85,31 +100,60 @@ def mirrored_wrench(
     m = np.sqrt(square + EPSILON**2)
     for i in range(AXES):
         d[i] = z[i] / m
-        for j in range(AXES):
-            tau[i] += weights[start + LINEAR + AXES * i + j] * z[j]
-    _grow_products(weights, start + LIBRARY, d, b, grown)
+    at = start + LINEAR
+    for stage in range(STAGES):
+        for i in range(AXES):
+            for j in range(AXES):
+                tau[stage, i] += weights[at + j] * z[j]
+            at += AXES
+    _grow_products(weights, start + LIBRARY, d, b, even, grown)
     square /= m * m
     for k in range(points):
         at = start + POINTS + OF_POINT * k
         _images(weights, at, d, square, x, image)
         _sum_images(image, sums)
         at += AXES
-        for s in range(SUMS):
-            for p in range(POWERS):
-                for i in range(AXES):
-                    grown[p, i] += weights[at + i] * sums[s, i]
-                at += AXES
+        for stage in range(STAGES):
+            for s in range(SUMS):
+                for p in range(POWERS):
+                    for i in range(AXES):
+                        grown[stage, p, i] += weights[at + i] * sums[s, i]
+                    at += AXES
+    for stage in range(STAGES):
+        for i in range(AXES):
+            rest = grown[stage, 1, i] + m * grown[stage, 2, i]
+            tau[stage, i] += m * (grown[stage, 0, i] + m * rest)
     for i in range(AXES):
-        tau[i] = beyond**2 * (tau[i] + m * (grown[0, i] + m * (grown[1, i] + m * grown[2, i])))
-    out[0], out[1], out[2] = np.float32(tau[0]), np.float32(tau[1]), np.float32(tau[2])
-    out[3] = np.float32(tau[3] + two * tau[2] - three * tau[1])
-    out[4] = np.float32(tau[4] + three * tau[0] - one * tau[2])
-    out[5] = np.float32(tau[5] + one * tau[1] - two * tau[0])
+        tau[0, i] -= m * m * even[i]
+    _steer(weights, start + STEERING, tau[0], tau[1])
+    force, moment = tau[1, :3], tau[1, 3:]
+    for i in range(AXES):
+        tau[1, i] *= beyond**2
+    out[0], out[1], out[2] = np.float32(force[0]), np.float32(force[1]), np.float32(force[2])
+    out[3] = np.float32(moment[0] + two * force[2] - three * force[1])
+    out[4] = np.float32(moment[1] + three * force[0] - one * force[2])
+    out[5] = np.float32(moment[2] + one * force[1] - two * force[0])
 
 
 @kernel
-def _grow_products(weights: Array32, at: int, d: Array, b: Array, grown: Array) -> None:
-    """Add B_p b(d) to each row of `grown`; b (57,) is scratch."""
+def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
+    """Add T_ij F_i |F_j| / |F| to the wrench (6,), F the drag (6,)."""
+    for half in range(2):
+        square = 0.0
+        for j in range(3):
+            square += drag[3 * half + j] ** 2
+        size = max(np.sqrt(square), TINY)
+        for i in range(3):
+            factor = 0.0
+            for j in range(3):
+                factor += weights[at + j] * abs(drag[3 * half + j])
+            tau[3 * half + i] += factor * drag[3 * half + i] / size
+            at += 3
+
+
+@kernel
+def _grow_products(weights: Array32, at: int, d: Array, b: Array, even: Array, grown: Array) -> None:
+    """Add B_p b(d) to `grown`; `even` is that of d_i d_j in the first stage at p = 2, b (57,) is scratch."""
     count = 0
     for i in range(AXES):
         for j in range(AXES):
@@ -119,37 +163,39 @@ def _grow_products(weights: Array32, at: int, d: Array, b: Array, grown: Array) 
         for j in range(i, AXES):
             b[count] = d[i] * d[j]
             count += 1
-    for p in range(POWERS):
-        for j in range(PRODUCTS):
-            for i in range(AXES):
-                grown[p, i] += weights[at + i] * b[j]
-            at += AXES
+    even[:] = 0.0
+    for stage in range(STAGES):
+        for p in range(POWERS):
+            for j in range(PRODUCTS):
+                for i in range(AXES):
+                    grown[stage, p, i] += weights[at + i] * b[j]
+                    if stage == 0 and p == 1 and j >= SIGNED:
+                        even[i] += weights[at + i] * b[j]
+                at += AXES
 
 
 @kernel
 def _images(weights: Array32, at: int, d: Array, square: float, x: Array, image: Array) -> None:
-    """Write R(g d, d_k) of the wide l for the eight images g; square is |d|^2, x (6,) scratch."""
+    """Write R(g d, d_k) for the eight images g; square is |d|^2, x (6,) scratch."""
     far = square
     for i in range(AXES):
-        x[i] = d[i] * weights[at + i] / WIDE**2
+        x[i] = 2.0 * d[i] * weights[at + i]
         far += weights[at + i] ** 2
-    far /= 2.0 * WIDE**2
     for g in range(8):
-        exponent = -far
+        apart = far
         for i in range(AXES):
-            exponent += MIRRORS[g, i] * x[i]
-        image[g] = np.exp(exponent)
+            apart -= MIRRORS[g, i] * x[i]
+        r = np.sqrt(3.0 * max(apart, 0.0)) / WIDTH
+        image[g] = (1.0 + r) * np.exp(-r)
 
 
 @kernel
 def _sum_images(image: Array, sums: Array) -> None:
-    """Write the four sums S of each axis."""
+    """Write the three sums S of each axis."""
     for i in range(AXES):
-        narrow, wide = 0.0, 0.0
+        total = 0.0
         for g in range(8):
-            square = image[g] * image[g]
-            narrow += MIRRORS[g, i] * square * square
-            wide += MIRRORS[g, i] * image[g]
-        sums[0, i], sums[1, i] = narrow / 8.0, wide / 8.0
-        sums[2, i] = 0.5 * (image[0] + MIRRORS[PORT, i] * image[PORT])
-        sums[3, i] = image[0]
+            total += MIRRORS[g, i] * image[g]
+        sums[0, i] = total / 8.0
+        sums[1, i] = 0.5 * (image[0] + MIRRORS[PORT, i] * image[PORT])
+        sums[2, i] = image[0]
