@@ -115,6 +115,7 @@ def train(
     minutes: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     subtract: Subtract = "inertia",
+    centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train a residual network on the training part of a split table, after the paper's protocol.
@@ -128,6 +129,7 @@ def train(
         minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
         device: where to train.
         subtract: what `labels` subtracted: a replay must bring it.
+        centre: centre of gravity [m], FRD from CO, for `gp`; by default it is found from the labels.
         progress: called after every epoch with a `hydro.learn.train.Epoch`: its number, how many there are
             at most, the loss in training, the error in validation, and whether it is the best so far; of `gp`
             the steps, without errors.
@@ -145,7 +147,9 @@ def train(
     from hydro.learn.train import train as fit
 
     rows = split if minutes is None else for_minutes(split, minutes)
-    trained = fit(rows, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+    trained = fit(
+        rows, model=model, seed=seed, epochs=epochs, device=device, centre=centre, progress=progress
+    )
     return replace(trained, subtract=subtract)
 
 

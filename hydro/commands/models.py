@@ -95,7 +95,7 @@ def train(
     physfeat     72,582  "73K"  PhysicsFeature-MLP: an MLP on 45 features
     structured   71,624  -      C(nu) nu + D(nu) nu, D >= 0: dissipative
     temporal     73,734  -      an MLP that also has the velocities of the last 0.28 s
-    gp           31,792  -      a Gaussian process in the hull's mirrors, for minutes of data
+    gp           60,520  -      a Gaussian process in the hull's mirrors, for minutes of data
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this sign
     from dataclasses import replace
     from math import isnan
@@ -117,6 +117,7 @@ def train(
             epochs=epochs,
             device=device,
             accelerations=accelerations,
+            centre=_centre_of_gravity(source),
             progress=lambda epoch: update(
                 epoch.number,
                 epoch.limit,
@@ -130,6 +131,14 @@ def train(
     parameters |= {} if epochs is None else {"epochs": epochs}
     parameters |= {} if minutes is None else {"minutes": minutes}
     write(to_artefact(trained, parameters=parameters, seed=seed, inputs=[source]), output)
+
+
+def _centre_of_gravity(source: Artefact) -> tuple[float, float, float] | None:
+    """Of the vehicle that the labels were made with; None where nobody knows."""
+    from hydro.io import vehicle
+
+    text = source.provenance.vehicle
+    return None if text is None else vehicle.parse(text).rigid_body.center_of_gravity
 
 
 def _split(labels: str, minutes: float | None) -> tuple[Artefact, pl.DataFrame]:

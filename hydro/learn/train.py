@@ -104,6 +104,7 @@ def train(
     epochs: int | None = None,
     device: str = "cpu",
     accelerations: bool = True,
+    centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train the network `model` on the training part of a split table.
@@ -118,6 +119,7 @@ def train(
         device: `cpu`, or `cuda` where there is one.
         accelerations: whether nu_dot is an input of the network; not from a noisy log, see
             `trusted_accelerations`, for which the weight decay is strong besides.
+        centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is found from the labels.
         progress: called after every epoch, or step of `gp`, whose errors are NaN.
 
     Returns:
@@ -133,7 +135,7 @@ def train(
     seeds.check(seed)
     description = architecture(model)
     if description["model"] == "gp":
-        return _process(table, description, seed, progress)
+        return _process(table, description, seed, centre, progress)
     target_device = _device(device)
     training, inputs = rows.inputs(table, "train", description)
     validating = rows.validation(training)
@@ -159,7 +161,11 @@ def train(
 
 
 def _process(
-    table: pl.DataFrame, description: dict[str, Any], seed: int, progress: Callable[[Epoch], None] | None
+    table: pl.DataFrame,
+    description: dict[str, Any],
+    seed: int,
+    centre: Sequence[float] | None,
+    progress: Callable[[Epoch], None] | None,
 ) -> Model:
     """The model of `learn.gaussian_process`, which is found without epochs and validates on every block."""
     training, inputs = rows.inputs(table, "train", description)
@@ -175,7 +181,13 @@ def _process(
     with _reproducible(seed):
         blocks = training["block"].to_list()
         found = gaussian_process.fit(
-            inputs[:, :AXES], targets, blocks, points=description["points"], seed=seed, progress=told
+            inputs[:, :AXES],
+            targets,
+            blocks,
+            points=description["points"],
+            seed=seed,
+            centre=centre,
+            progress=told,
         )
         network = build(description)
         network.standardise(scalers)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sim.trained import trained
 
-from hydro.core.residual.mirrors import AXES, MIRRORS, PORT, PRODUCTS, parities, products
+from hydro.core.residual.mirrors import AXES, MIRRORS, PORT, PRODUCTS, SIGNED, parities, products
 from hydro.core.residual.network import Network
 
 
@@ -31,9 +31,10 @@ def alone(sum_number: int) -> Network:
     """A network with one kind of radial function alone, about CO."""
     _, model = trained("gp", points=5)
     weights = np.zeros_like(model.tensors["weights"])
-    weights[:, sum_number] = 10.0 * model.tensors["weights"][:, sum_number]
-    model.tensors |= {"weights": weights, "linear": np.zeros((AXES, AXES), np.float32)}
-    model.tensors["library"] = np.zeros_like(model.tensors["library"])
+    weights[:, 1, sum_number] = 10.0 * model.tensors["weights"][:, 1, sum_number]
+    model.tensors["weights"] = weights
+    for name in ("linear", "library", "steering"):
+        model.tensors[name] = np.zeros_like(model.tensors[name])
     return Network.of(model)
 
 
@@ -78,3 +79,27 @@ def test_the_centre_moves_motion_and_wrench_alike():
     wrench = Network.of(model).wrench(np.hstack([there, np.zeros_like(nu)]))
     wrench[:, 3:] += np.cross(centre, wrench[:, :3])
     np.testing.assert_allclose(moved, wrench, rtol=1e-5, atol=1e-4)
+
+
+def test_drag_is_steered_by_where_force_and_moment_point():
+    _, model = trained("gp", points=5)
+    nu = np.random.default_rng(4).normal(size=(20, AXES)) * 0.5
+    states = np.hstack([nu, np.zeros_like(nu)])
+    steering = model.tensors["steering"].copy()
+    model.tensors["steering"] = np.zeros_like(steering)
+    plain = Network.of(model).wrench(states)
+    for name in ("linear", "library"):  # the second stage as the first, without what is no drag
+        model.tensors[name] = model.tensors[name][[0, 0]]
+    model.tensors["library"] = model.tensors["library"].copy()
+    model.tensors["library"][:, 1, SIGNED:] = 0.0
+    model.tensors["weights"] = model.tensors["weights"][:, [0, 0]]
+    drag = Network.of(model).wrench(states)
+    model.tensors["steering"] = steering
+    more = Network.of(model).wrench(states) - drag
+    for half in (slice(0, 3), slice(3, 6)):
+        part = drag[:, half]
+        size = np.linalg.norm(part, axis=1, keepdims=True)
+        np.testing.assert_allclose(
+            more[:, half], part * (abs(part) @ steering[half].T) / size, rtol=1e-4, atol=1e-3
+        )
+    assert abs(plain - drag).max() > 0.1
