@@ -101,7 +101,7 @@ def fit(
         told(2 + axis, 2 + AXES)
     missed, steered = _both_stages(motion, images, scaled, unit, fold[some], found)
     many = _some(draw, len(nu), ROWS_LEARNT)
-    kept = hull.motion(nu[np.sort(draw.permutation(len(nu))[:points])])
+    kept = hull.motion(nu[draw.permutation(len(nu))[:points]])
     known = hull.about(tau[many]) / unit
     tensors = _mean(hull.motion(nu[many]), known, kept, found, unit, steered)
     tensors |= {"centre": hull.centre, "scale": hull.scale, "top": np.array([hull.motion(nu).size.max()])}

@@ -56,10 +56,10 @@ class GaussianProcess(Residual):
     def forward(self, features: Tensor) -> Tensor:
         """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
         nu = features[:, :AXES].double()  # weights of points side by side nearly cancel
-        centre = self.centre.double().expand(len(nu), 3)
+        centre = self.centre.double()[None]
         v = nu[:, :3] + torch.linalg.cross(nu[:, 3:], centre)
-        z = torch.cat([v, nu[:, 3:]], dim=1) * self.scale
-        beyond = (_size(z) / self.top).clamp(min=1.0)
+        z = torch.cat([v, nu[:, 3:]], dim=1) * self.scale.double()
+        beyond = (_size(z) / self.top.double()).clamp(min=1.0)
         z = z / beyond
         m = _size(z)
         d = z / m
