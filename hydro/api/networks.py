@@ -115,20 +115,24 @@ def train(
     minutes: float | None = None,
     device: Literal["cpu", "cuda"] = "cpu",
     subtract: Subtract = "inertia",
+    centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train a residual network on the training part of a split table, after the paper's protocol.
 
     Args:
         split: split table.
-        model: architecture: `mlp`, `resmlp`, `multihead`, `moe`, `physfeat`, `structured` or `temporal`.
+        model: architecture: `mlp`, `resmlp`, `multihead`, `moe`, `physfeat`, `structured`, `temporal` or, for
+            minutes of data, `gp`.
         seed: of the first weights and the order of rows; the same seed gives the same weights on one machine.
         epochs: passes over the data at most; by default as many as make 25,000 updates, 60 at most.
         minutes: train on whole blocks of so many minutes alone; on all of the training part by default.
         device: where to train.
         subtract: what `labels` subtracted: a replay must bring it.
+        centre: centre of gravity [m], FRD from CO, for `gp`; by default it is found from the labels.
         progress: called after every epoch with a `hydro.learn.train.Epoch`: its number, how many there are
-            at most, the loss in training, the error in validation, and whether it is the best so far.
+            at most, the loss in training, the error in validation, and whether it is the best so far; of `gp`
+            the steps, without errors.
 
     Returns:
         The model; `write_model` stores it.
@@ -143,7 +147,9 @@ def train(
     from hydro.learn.train import train as fit
 
     rows = split if minutes is None else for_minutes(split, minutes)
-    trained = fit(rows, model=model, seed=seed, epochs=epochs, device=device, progress=progress)
+    trained = fit(
+        rows, model=model, seed=seed, epochs=epochs, device=device, centre=centre, progress=progress
+    )
     return replace(trained, subtract=subtract)
 
 

@@ -39,9 +39,9 @@ from hydro.core.distillation.labels import acceleration_sd, labelled
 from hydro.core.errors import DataError, UsageError
 from hydro.io import schema
 from hydro.io.model import Model
-from hydro.learn import networks, rows
+from hydro.learn import gaussian_process, networks, rows
 from hydro.learn.networks import architecture, build, parameter_count
-from hydro.learn.networks.residual import Residual
+from hydro.learn.networks.residual import AXES, Residual
 
 UPDATES = 25_000  # of the weights, where the number of epochs is not given
 MOST_EPOCHS = 60  # then
@@ -104,6 +104,7 @@ def train(
     epochs: int | None = None,
     device: str = "cpu",
     accelerations: bool = True,
+    centre: Sequence[float] | None = None,
     progress: Callable[[Epoch], None] | None = None,
 ) -> Model:
     """Train the network `model` on the training part of a split table.
@@ -113,11 +114,13 @@ def train(
         model: name of an architecture, see `learn.networks`.
         seed: of the first weights and of the order of the rows.
         epochs: passes over the rows at most, over which the learning rate falls; early stopping may end
-            sooner. By default as many as make 25,000 updates of the weights, 60 at most.
+            sooner. By default as many as make 25,000 updates of the weights, 60 at most. The model `gp` knows
+            none, and no device either.
         device: `cpu`, or `cuda` where there is one.
         accelerations: whether nu_dot is an input of the network; not from a noisy log, see
             `trusted_accelerations`, for which the weight decay is strong besides.
-        progress: called after every epoch.
+        centre: centre of gravity (3,) [m], FRD from CO, for `gp`; by default it is found from the labels.
+        progress: called after every epoch, or step of `gp`, whose errors are NaN.
 
     Returns:
         The weights of the epoch that did best on the validation rows; `training` holds a summary.
@@ -131,6 +134,8 @@ def train(
         raise UsageError(f"epochs must be at least 1, not {epochs}")
     seeds.check(seed)
     description = architecture(model)
+    if description["model"] == "gp":
+        return _process(table, description, seed, centre, progress)
     target_device = _device(device)
     training, inputs = rows.inputs(table, "train", description)
     validating = rows.validation(training)
@@ -153,6 +158,47 @@ def train(
         "accelerations": accelerations,
     }
     return _model(model, description, network, scalers, summary)
+
+
+def _process(
+    table: pl.DataFrame,
+    description: dict[str, Any],
+    seed: int,
+    centre: Sequence[float] | None,
+    progress: Callable[[Epoch], None] | None,
+) -> Model:
+    """The model of `learn.gaussian_process`, which is found without epochs and validates on every block."""
+    training, inputs = rows.inputs(table, "train", description)
+    rows.validation(training)  # refuses data of one block
+    targets = rows.wrenches(training)
+    scalers = _scalers(inputs, targets)
+    description["points"] = min(description["points"], len(inputs))
+
+    def told(done: int, of: int) -> None:
+        if progress is not None:
+            progress(Epoch(done, of, math.nan, math.nan, math.nan, False))
+
+    with _reproducible(seed):
+        blocks = training["block"].to_list()
+        found = gaussian_process.fit(
+            inputs[:, :AXES],
+            targets,
+            blocks,
+            points=description["points"],
+            seed=seed,
+            centre=centre,
+            progress=told,
+        )
+        network = build(description)
+        network.standardise(scalers)
+        network.load_state_dict({name: torch.from_numpy(value) for name, value in found.tensors.items()})
+    summary = {
+        "validation_rmse": found.left_out_rmse,
+        "rows": {"fitted": len(inputs), "validation": len(inputs)},
+        "parameters": parameter_count(network),
+        "accelerations": False,
+    }
+    return _model(description["model"], description, network, scalers, summary)
 
 
 def _fit(

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from hydro.core.simulation.sensor_noise import Noise
 
 MODELS = ("mlp", "resmlp", "multihead", "moe", "physfeat", "structured", "temporal")
+ON_REQUEST = ("gp",)
+"""Studied where they are asked for alone: of hours of data a Gaussian process makes less than a network."""
 PIECE = "10"  # s, a segment of the paper's replay sequence
 BESIDE_EFFECTS = "physfeat"
 QUICK_MODELS = ("mlp", "moe", "structured")
@@ -75,8 +77,9 @@ class Study:
         Raises:
             UsageError: There is no such model, or noise without a recording free of it to test on.
         """
-        if unknown := [name for name in self.models if name not in MODELS]:
-            raise UsageError(f"no model is called '{unknown[0]}': choose one of {', '.join(MODELS)}")
+        if unknown := [name for name in self.models if name not in (*MODELS, *ON_REQUEST)]:
+            known = ", ".join((*MODELS, *ON_REQUEST))
+            raise UsageError(f"no model is called '{unknown[0]}': choose one of {known}")
         if self.data.noise != "none" and self.data.test is None:
             raise UsageError("--noise needs --test RAW, a recording without noise to evaluate on")
 

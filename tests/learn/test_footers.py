@@ -25,6 +25,7 @@ SMALL = {
     "moe": {"experts": 2, "layers": [12, 4, 6], "gate": [12, 3, 2]},
     "structured": {"layers": [7, 4, 36]},
     "temporal": {"layers": [54, 4, 6]},
+    "gp": {"points": 4},
 }
 """Sizes with which a network is built in no time."""
 LOST = object()

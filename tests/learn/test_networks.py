@@ -23,6 +23,7 @@ COUNTS = {
     "physfeat": 72_582,
     "structured": 71_624,
     "temporal": 73_734,
+    "gp": 60_520,
 }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from hydro.core.columns import Array, Array32
 from hydro.core.compiled import kernel
+from hydro.core.residual.mirrors import mirrored_wrench
 
 # What a step does with `length` numbers at `to`, from `width` numbers at `source`.
 DENSE = 0  # W x + b
@@ -21,6 +22,7 @@ ADD = 3  # x is added to what is there
 MIX = 4  # the mean of `width` vectors that lie one after the other at `source`, weighted from ARGUMENT on
 DIRECTION = 5  # seven numbers of the velocity; see `_direction`
 PASSIVE = 6  # C(nu) nu + D(nu) nu from the 36 numbers of A at `source`; see `_passive`
+MIRRORED = 7  # the wrench of a velocity, from ARGUMENT points; see `core.residual.mirrors`
 
 # Columns of a program.
 OPERATION, SOURCE, WIDTH, TO, LENGTH, WEIGHTS, ARGUMENT, COLUMNS = range(8)
@@ -33,8 +35,11 @@ EPSILON = 1e-5
 
 
 @kernel
-def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
-    """Run a program (steps, COLUMNS) on a workspace whose inputs are in place; nu (6,) is the velocity."""
+def run(program: Array, weights: Array32, nu: Array, work: Array32, scratch: Array) -> None:
+    """Run a program (steps, COLUMNS) on a workspace whose inputs are in place.
+
+    nu (6,) is the velocity; scratch (`mirrors.SCRATCH`,) is for sums in float64.
+    """
     for step in range(program.shape[0]):
         row = program[step]
         operation, width = int(row[OPERATION]), int(row[WIDTH])
@@ -56,6 +61,8 @@ def run(program: Array, weights: Array32, nu: Array, work: Array32) -> None:
             _direction(weights, at, nu, out)
         elif operation == PASSIVE:
             _passive(weights, at, work[source : source + 36], nu, out)
+        elif operation == MIRRORED:
+            mirrored_wrench(weights, at, int(row[ARGUMENT]), nu, scratch, out)
 
 
 @kernel

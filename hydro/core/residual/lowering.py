@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Array32
 from hydro.core.errors import DataError
-from hydro.core.residual import layers
+from hydro.core.residual import layers, mirrors
 from hydro.core.vehicle.description import Vehicle
 
 AXES = 6
@@ -68,6 +68,7 @@ class Writer:
         inputs: Where the standardised inputs lie.
         room: Numbers of the workspace.
         passive: Where the root A of a passive model's damping lies, and where its weights begin.
+        physical: Whether the wrench is in N and N m already, so that no scaler comes after it.
     """
 
     def __init__(self, model: TrainedModel, inputs: int) -> None:
@@ -75,6 +76,7 @@ class Writer:
         self.inputs = Place(0, inputs)
         self.room = inputs
         self.passive: tuple[int, int] | None = None
+        self.physical = False
         self._steps: list[list[float]] = []
         self._weights: list[Array32] = []
 
@@ -181,7 +183,14 @@ class Writer:
         """C(nu) nu + D(nu) nu; see `layers._passive`."""
         at = self._keep(inertia.ravel(), root, 1.0 / (AXES * scale**2))
         self.passive = A.at, at
+        self.physical = True
         return self._step(layers.PASSIVE, A, self.place(AXES), weights=at)
+
+    def mirrored(self, weights: Sequence[Array32], points: int) -> Place:
+        """The wrench of so many points of motion; see `core.residual.mirrors`."""
+        self.physical = True
+        to, at = self.place(AXES), self._keep(*weights)
+        return self._step(layers.MIRRORED, self.inputs, to, weights=at, argument=points)
 
     def _step(self, operation: int, x: Place, to: Place, *, weights: int = 0, argument: int = 0) -> Place:
         self._steps.append([operation, x.at, x.length, to.at, to.length, weights, argument])
@@ -259,6 +268,22 @@ def _structured(writer: Writer) -> None:
     writer.dissipate(A, inertia, root, velocity)
 
 
+def _gp(writer: Writer) -> None:
+    count, tensor = writer.option("points"), writer.tensor
+    stages, sums, powers = mirrors.STAGES, mirrors.SUMS, mirrors.POWERS
+    shapes = {
+        "centre": (3,),
+        "scale": (AXES,),
+        "top": (1,),
+        "steering": (AXES, 3),
+        "linear": (stages, AXES, AXES),
+        "library": (stages, powers, mirrors.PRODUCTS, AXES),
+    }
+    own = tensor("weights", (count, stages, sums, powers, AXES)).reshape(count, -1)
+    points = np.hstack([tensor("points", (count, AXES)), own])
+    writer.mirrored([*(tensor(name, shape) for name, shape in shapes.items()), points], count)
+
+
 WRITERS: dict[str, Callable[[Writer], None]] = {
     "mlp": _feedforward,
     "physfeat": _feedforward,
@@ -267,6 +292,7 @@ WRITERS: dict[str, Callable[[Writer], None]] = {
     "multihead": _heads,
     "moe": _experts,
     "structured": _structured,
+    "gp": _gp,
 }
 
 

@@ -20,6 +20,7 @@ from hydro.core.distillation.features import names, physfeat_kernel
 from hydro.core.errors import DataError
 from hydro.core.residual import layers
 from hydro.core.residual.lowering import TrainedModel, lower
+from hydro.core.residual.mirrors import SCRATCH
 
 _STATES, _AXES = 12, 6
 _SCALERS = ("input_mean", "input_scale", "output_mean", "output_scale")
@@ -73,7 +74,7 @@ class Network:
                 f"architecture is of {inputs} and {_AXES}; train the model again"
             )
         written = lower(model, inputs)
-        if written.passive is not None:  # its wrench is in N and N m already, with no mean added
+        if written.physical:  # its wrench is in N and N m already, with no mean added
             scalers |= {"output_mean": np.zeros(_AXES), "output_scale": np.ones(_AXES)}
         return Network(
             program=written.program(),
@@ -134,7 +135,7 @@ def network_kernel(network: Weights, state: Array, memory: Array, work: Array32,
         features[own + j] = memory[j]
     for j in range(inputs):
         work[j] = np.float32((features[j] - scalers[j]) / scalers[inputs + j])
-    layers.run(network.program, network.weights, state[:6], work)
+    layers.run(network.program, network.weights, state[:6], work, np.empty(SCRATCH))
     last = work.size - out.size
     for j in range(out.size):
         out[j] = scalers[2 * inputs + j] + scalers[2 * inputs + out.size + j] * work[last + j]

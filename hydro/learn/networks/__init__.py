@@ -17,6 +17,7 @@ those here come as near as their shape allows:
 | physfeat   | 45-128-256-128-6 on 45 features          | 72,582  | "73K"     |
 | structured | C and D >= 0, D from 7-128-256-128-36     | 71,624  | -         |
 | temporal   | 54-128-256-128-6 on 8 velocities         | 73,734  | -         |
+| gp         | a Gaussian process, kept on 512 points   | 60,520  | -         |
 
 The paper's widths of its baseline do not give the count that it states.
 
@@ -37,6 +38,7 @@ from hydro.core.distillation import history
 from hydro.core.distillation.features import names
 from hydro.core.errors import DataError, UsageError
 from hydro.io.model import Model
+from hydro.learn.networks.gaussian_process import GaussianProcess
 from hydro.learn.networks.mlp import MLP
 from hydro.learn.networks.moe import MixtureOfExperts
 from hydro.learn.networks.multihead import MultiHead
@@ -53,6 +55,7 @@ NETWORKS: dict[str, type[Residual]] = {
     "physfeat": MLP,
     "structured": Structured,
     "temporal": Temporal,
+    "gp": GaussianProcess,
 }
 
 ARCHITECTURES: dict[str, dict[str, Any]] = {
@@ -75,6 +78,7 @@ ARCHITECTURES: dict[str, dict[str, Any]] = {
         "window": 8,
         "period": 0.04,
     },
+    "gp": {"features": "raw", "points": 512},
 }
 
 

@@ -1,0 +1,201 @@
+"""The wrench of a hull as sums over points of the sphere of motions, each seen in the mirrors of the hull.
+
+Motion about a centre c is z = scale * nu_c, of size m = |z| and direction d = z / m; near rest, m is EPSILON.
+
+    tau = L z  +  sum_p m^p (B_p b(d) + sum_k sum_s W_pks S_s(d, d_k)),        p = 1, 2, 3
+
+b(d) are the 57 numbers |d_i| d_j and d_i d_j, of which drag and Coriolis forces are sums at p = 2.  The S are
+of radial functions R(d, d_k) = (1 + r) exp(-r), r = sqrt(3) |d - d_k| / WIDTH (Matern's of order 3/2: drag
+has kinks where it changes sides), between directions:
+
+    0  sum over the eight mirror images g of chi(g) R(g d, d_k) / 8
+    1  (R(d, d_k) + chi R(d', d_k)) / 2, d' the image in the plane of port and starboard
+    2  R(d, d_k)
+
+chi(g) = +-1 is what the mirror makes of the axis, so that S 0 holds for a hull with three planes of symmetry,
+S 1 for one whose sides are equal, and S 2 for any.
+
+There are two such sums.  The drag F of the first, which is all of it but the d_i d_j at p = 2, steers the
+second: a drag coefficient may depend on where the force and where the moment points.  The wrench about c is
+
+    tau_c,i = tau_i  +  sum_j T_ij F_i |F_j| / |F|
+
+with j and |F| over the forces for a force, over the moments for a moment.  Far from all points the R are 0
+and what is left grows with the powers of the speed.  Beyond the greatest m that was seen the wrench grows as
+the square.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array, Array32
+from hydro.core.compiled import kernel
+
+AXES, POWERS, SUMS, STAGES = 6, 3, 3, 2
+WIDTH = 2.0
+"""Of the radial functions; directions are up to 2 apart."""
+EPSILON = 0.05
+PRODUCTS = 57
+SIGNED = 36
+"""Of the products, those that are |d_i| d_j."""
+PORT = 2
+"""Number of the image in the plane of port and starboard; 0 is the motion itself."""
+MIRRORS = np.array(
+    [[a, b, c, b * c, a * c, a * b] for a in (1.0, -1.0) for b in (1.0, -1.0) for c in (1.0, -1.0)]
+)
+"""chi: signs of (u, v, w, p, q, r), and of X to N, in each image, (8, 6)."""
+CENTRE, SCALE, TOP, STEERING, LINEAR = 0, 3, 9, 10, 28
+LIBRARY = LINEAR + STAGES * AXES * AXES
+POINTS = LIBRARY + STAGES * POWERS * PRODUCTS * AXES
+"""Where the weights begin: c, scale, greatest m, T, L row by row, B by power, product and axis, points."""
+OF_POINT = AXES + STAGES * SUMS * POWERS * AXES
+"""Weights of a point: its direction, then W by stage, sum, power and axis."""
+TINY = 1e-9
+"""N or N m: no drag points anywhere below."""
+SCRATCH = 155
+"""Numbers that the kernel works on."""
+
+
+def products(z: Array) -> Array:
+    """The numbers |z_i| z_j, then z_i z_j of i <= j, (N, PRODUCTS), of z (N, 6)."""
+    signed = [np.abs(z[:, [i]]) * z for i in range(AXES)]
+    return np.hstack([*signed, *(z[:, [i]] * z[:, i:] for i in range(AXES))])
+
+
+def parities() -> Array:
+    """Signs of the six z and of the products in each image, (8, 6 + PRODUCTS)."""
+    one = np.ones((1, AXES))
+    plain = np.hstack([one, products(one)])
+    return np.vstack([np.hstack([one * g, products(one * g)]) / plain for g in MIRRORS])
+
+
+@kernel
+def mirrored_wrench(
+    weights: Array32, start: int, points: int, nu: Array, scratch: Array, out: Array32
+) -> None:
+    """Write the wrench (6,) about CO [N, N m] of a velocity nu (6,), with weights from `start` on.
+
+    Sums are in float64 (`scratch`, of SCRATCH numbers): weights of points side by side nearly cancel.
+    """
+    z, d, even, image = scratch[:6], scratch[6:12], scratch[12:18], scratch[18:26]
+    x, b = scratch[26:32], scratch[32 : 32 + PRODUCTS]
+    sums, tau = scratch[89:107].reshape(SUMS, AXES), scratch[107:119].reshape(STAGES, AXES)
+    grown = scratch[119:155].reshape(STAGES, POWERS, AXES)
+    tau[:] = 0.0
+    grown[:] = 0.0
+    one, two, three = weights[start], weights[start + 1], weights[start + 2]
+    z[0] = nu[0] + nu[4] * three - nu[5] * two
+    z[1] = nu[1] + nu[5] * one - nu[3] * three
+    z[2] = nu[2] + nu[3] * two - nu[4] * one
+    square = EPSILON**2
+    for i in range(AXES):
+        z[i] = (z[i] if i < 3 else nu[i]) * weights[start + SCALE + i]
+        square += z[i] ** 2
+    beyond = max(np.sqrt(square) / weights[start + TOP], 1.0)
+    square = 0.0
+    for i in range(AXES):
+        z[i] /= beyond
+        square += z[i] ** 2
+    m = np.sqrt(square + EPSILON**2)
+    for i in range(AXES):
+        d[i] = z[i] / m
+    at = start + LINEAR
+    for stage in range(STAGES):
+        for i in range(AXES):
+            for j in range(AXES):
+                tau[stage, i] += weights[at + j] * z[j]
+            at += AXES
+    _grow_products(weights, start + LIBRARY, d, b, even, grown)
+    square /= m * m
+    for k in range(points):
+        at = start + POINTS + OF_POINT * k
+        _images(weights, at, d, square, x, image)
+        _sum_images(image, sums)
+        at += AXES
+        for stage in range(STAGES):
+            for s in range(SUMS):
+                for p in range(POWERS):
+                    for i in range(AXES):
+                        grown[stage, p, i] += weights[at + i] * sums[s, i]
+                    at += AXES
+    for stage in range(STAGES):
+        for i in range(AXES):
+            rest = grown[stage, 1, i] + m * grown[stage, 2, i]
+            tau[stage, i] += m * (grown[stage, 0, i] + m * rest)
+    for i in range(AXES):
+        tau[0, i] -= m * m * even[i]
+    _steer(weights, start + STEERING, tau[0], tau[1])
+    force, moment = tau[1, :3], tau[1, 3:]
+    for i in range(AXES):
+        tau[1, i] *= beyond**2
+    out[0], out[1], out[2] = np.float32(force[0]), np.float32(force[1]), np.float32(force[2])
+    out[3] = np.float32(moment[0] + two * force[2] - three * force[1])
+    out[4] = np.float32(moment[1] + three * force[0] - one * force[2])
+    out[5] = np.float32(moment[2] + one * force[1] - two * force[0])
+
+
+@kernel
+def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
+    """Add T_ij F_i |F_j| / |F| to the wrench (6,), F the drag (6,)."""
+    for half in range(2):
+        square = 0.0
+        for j in range(3):
+            square += drag[3 * half + j] ** 2
+        size = max(np.sqrt(square), TINY)
+        for i in range(3):
+            factor = 0.0
+            for j in range(3):
+                factor += weights[at + j] * abs(drag[3 * half + j])
+            tau[3 * half + i] += factor * drag[3 * half + i] / size
+            at += 3
+
+
+@kernel
+def _grow_products(weights: Array32, at: int, d: Array, b: Array, even: Array, grown: Array) -> None:
+    """Add B_p b(d) to `grown`; `even` is that of d_i d_j in the first stage at p = 2, b (57,) is scratch."""
+    count = 0
+    for i in range(AXES):
+        for j in range(AXES):
+            b[count] = abs(d[i]) * d[j]
+            count += 1
+    for i in range(AXES):
+        for j in range(i, AXES):
+            b[count] = d[i] * d[j]
+            count += 1
+    even[:] = 0.0
+    for stage in range(STAGES):
+        for p in range(POWERS):
+            for j in range(PRODUCTS):
+                for i in range(AXES):
+                    grown[stage, p, i] += weights[at + i] * b[j]
+                    if stage == 0 and p == 1 and j >= SIGNED:
+                        even[i] += weights[at + i] * b[j]
+                at += AXES
+
+
+@kernel
+def _images(weights: Array32, at: int, d: Array, square: float, x: Array, image: Array) -> None:
+    """Write R(g d, d_k) for the eight images g; square is |d|^2, x (6,) scratch."""
+    far = square
+    for i in range(AXES):
+        x[i] = 2.0 * d[i] * weights[at + i]
+        far += weights[at + i] ** 2
+    for g in range(8):
+        apart = far
+        for i in range(AXES):
+            apart -= MIRRORS[g, i] * x[i]
+        r = np.sqrt(3.0 * max(apart, 0.0)) / WIDTH
+        image[g] = (1.0 + r) * np.exp(-r)
+
+
+@kernel
+def _sum_images(image: Array, sums: Array) -> None:
+    """Write the three sums S of each axis."""
+    for i in range(AXES):
+        total = 0.0
+        for g in range(8):
+            total += MIRRORS[g, i] * image[g]
+        sums[0, i] = total / 8.0
+        sums[1, i] = 0.5 * (image[0] + MIRRORS[PORT, i] * image[PORT])
+        sums[2, i] = image[0]

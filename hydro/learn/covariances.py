@@ -1,0 +1,108 @@
+"""Covariances of a hull's wrench: the processes that `learn.gaussian_process` weighs, axis by axis."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydro.core.columns import Array
+from hydro.core.residual.mirrors import (
+    AXES,
+    EPSILON,
+    MIRRORS,
+    PORT,
+    POWERS,
+    SIGNED,
+    WIDTH,
+    parities,
+    products,
+)
+
+GUESSES = np.log(
+    [
+        *(1.0, 0.1, 1.0, 1.0),  # linear, and products of each power, as the mirrors have them
+        *(0.03, 0.1, 1.0),  # radial functions of each power, likewise
+        *(0.002, 0.006, 0.06),  # those of port and starboard
+        *(0.0001, 0.0003, 0.003),  # those without any mirror
+        *(0.01, 0.001, 0.001, 0.001),  # linear and products as no mirror has them
+        *(1e-4, 1e-4),  # errors of the label that grow as m^3, and that do not
+    ]
+)
+"""Logarithms of variances to begin with, in units of the label's mean square."""
+PRODUCTS_AT, OTHERS_AT = 2, 15
+"""Which of them are of products at p = 2, as the mirrors have them and as they have not."""
+
+
+class Motion(NamedTuple):
+    """Motions about the centre: z (N, 6), its size (N,), direction (N, 6), and products (N, 57)."""
+
+    z: Array
+    size: Array
+    direction: Array
+    products: Array
+
+
+class Hull(NamedTuple):
+    """The centre of the mirrors [m] (3,), and the scale of velocities (6,)."""
+
+    centre: Array
+    scale: Array
+
+    def motion(self, nu: Array) -> Motion:
+        """Motions of velocities (N, 6)."""
+        z = np.hstack([nu[:, :3] + np.cross(nu[:, 3:], self.centre), nu[:, 3:]]) * self.scale
+        size = np.sqrt((z**2).sum(axis=1) + EPSILON**2)
+        direction = z / size[:, None]
+        return Motion(z, size, direction, products(direction))
+
+    def about(self, tau: Array) -> Array:
+        """Wrenches (N, 6) about the centre, of those about CO."""
+        return np.hstack([tau[:, :3], tau[:, 3:] - np.cross(self.centre, tau[:, :3])])
+
+
+def images_of(one: Motion, other: Motion) -> Array:
+    """R(g d, d'), (8, N, M)."""
+    far = (one.direction**2).sum(axis=1)[:, None] + (other.direction**2).sum(axis=1)
+    apart = np.stack([far - 2.0 * (one.direction * g) @ other.direction.T for g in MIRRORS])
+    r = np.sqrt(3.0 * np.maximum(apart, 0.0)) / WIDTH
+    return np.asarray((1.0 + r) * np.exp(-r))
+
+
+def _sums(images: Array, axis: int) -> list[Array]:
+    """The sums S of `core.residual.mirrors`, (N, M) each."""
+    sign = MIRRORS[:, axis]
+    return [np.tensordot(sign, images, 1) / 8.0, 0.5 * (images[0] + sign[PORT] * images[PORT]), images[0]]
+
+
+def mirrored(axis: int) -> NDArray[np.bool_]:
+    """Which of z and its products an axis has on a hull with three planes of symmetry, (63,)."""
+    return np.asarray((parities() == MIRRORS[:, [axis]]).all(axis=0))
+
+
+def parts_of(one: Motion, other: Motion, images: Array, axis: int) -> list[Array]:
+    """Covariances of the processes, (N, M) each, in the order of GUESSES; then of the two that are no drag.
+
+    These are the d_i d_j at p = 2, as the mirrors have them and as they have not, parts of two before.
+    """
+    own = mirrored(axis)
+    grown = [np.outer(one.size**p, other.size**p) for p in range(1, POWERS + 1)]
+
+    def polynomial(chosen: NDArray[np.bool_]) -> list[Array]:
+        line, product = chosen[:AXES], chosen[AXES:]
+        together = one.products[:, product] @ other.products[:, product].T
+        return [one.z[:, line] @ other.z[:, line].T, *(together * power for power in grown)]
+
+    def even(chosen: NDArray[np.bool_]) -> Array:
+        product = chosen & (np.arange(len(chosen)) >= AXES + SIGNED)
+        together = one.products[:, product[AXES:]] @ other.products[:, product[AXES:]].T
+        return np.asarray(together * grown[1])
+
+    radial = [part * power for part in _sums(images, axis) for power in grown]
+    return [*polynomial(own), *radial, *polynomial(~own), even(own), even(~own)]
+
+
+def noise_of(motion: Motion, logs: Array) -> Array:
+    """Variance of the label's error (N,)."""
+    return np.asarray(np.exp(logs[-2]) * motion.size ** (2 * POWERS) + np.exp(logs[-1]))

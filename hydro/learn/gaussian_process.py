@@ -1,0 +1,359 @@
+"""A Gaussian process of a hull's wrench from labels: for minutes of data, of which networks make little.
+
+Each axis is a sum of independent processes: a linear one, products of velocities and radial functions of the
+direction of motion, that grow as the first to third power of the speed (`core.residual.mirrors`), once as the
+mirrors of the hull have them and once as they have not. How large each is, and with them how drag grows with
+the speed and how far the hull is from symmetric, is chosen by the error of folds of the data left out; so are
+the arms that make velocities of rates, and the centre of the mirrors where that of gravity is not known. A
+second process is steered by the drag that the first predicts: the forces, the moments, or both, where folds
+left out gain by it.
+
+The mean of the process is then kept on some of the rows, by the projected process (Rasmussen and Williams
+2006, section 8.3.4), as weights of `learn.networks.gaussian_process`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import minimize
+
+from hydro.core.columns import Array, Rows
+from hydro.core.residual.mirrors import AXES, POWERS, PRODUCTS, STAGES, SUMS, TINY
+from hydro.learn.covariances import (
+    GUESSES,
+    OTHERS_AT,
+    PRODUCTS_AT,
+    Hull,
+    Motion,
+    images_of,
+    mirrored,
+    noise_of,
+    parts_of,
+)
+
+ROWS_WEIGHED = 900  # on which the processes are weighed
+ROWS_EXPLORED = 450  # on which centre and arms are looked for
+ROWS_LEARNT = 4500  # that teach the mean
+FOLDS = 60
+USUAL = 0.9  # share of the rows that are slower than 1 in units of the process
+ARM = 0.5  # m, to begin with
+STEPS = 25  # of the search for the variances of an axis
+STIFFNESS = 5e-3  # what a variance e times its guess must win of the logarithm of the error
+LEAST = 1e-6  # of the label's square: a fold cannot do better
+JITTER = 1e-9
+STEERING = 1.0  # variance of what turns drag by its own direction
+BOUNDS = (-16.0, 7.0)  # of the logarithms of variances
+
+
+class Fit(NamedTuple):
+    """What was found.
+
+    Attributes:
+        tensors: Of the network.
+        left_out_rmse: Root mean square error over rows of folds left out and all axes, in N and N m mixed.
+    """
+
+    tensors: dict[str, NDArray[np.float32]]
+    left_out_rmse: float
+
+
+def fit(
+    nu: Array,
+    tau: Array,
+    blocks: Sequence[str],
+    *,
+    points: int,
+    seed: int,
+    centre: Sequence[float] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Fit:
+    """Find the process and its mean.
+
+    Args:
+        nu: Velocities (N, 6) [m/s, rad/s].
+        tau: Labels (N, 6) [N, N m].
+        blocks: Block of each row, two or more; rows of a block stand together.
+        points: Rows to keep the mean on, at most N.
+        seed: Of the choice of rows.
+        centre: Of gravity [m], FRD from CO; by default it is looked for.
+        progress: Called with the steps done, and how many there are.
+    """
+    draw = np.random.default_rng(seed)
+    fold = _folds(blocks)
+    told = progress or (lambda done, of: None)
+    some = _some(draw, len(nu), ROWS_EXPLORED)
+    hull = _explored(nu[some], tau[some], fold[some], centre)
+    told(1, 2 + AXES)
+    some = _some(draw, len(nu), ROWS_WEIGHED)
+    motion, labels = hull.motion(nu[some]), hull.about(tau[some])
+    unit = np.sqrt((labels**2).mean(axis=0))
+    unit[unit == 0.0] = 1.0
+    scaled, images, found = labels / unit, images_of(motion, motion), []
+    for axis in range(AXES):
+        parts = parts_of(motion, motion, images, axis)
+        found.append(_weighed(parts, motion, scaled[:, axis], fold[some]))
+        told(2 + axis, 2 + AXES)
+    missed, steered = _both_stages(motion, images, scaled, unit, fold[some], found)
+    many = _some(draw, len(nu), ROWS_LEARNT)
+    kept = hull.motion(nu[draw.permutation(len(nu))[:points]])
+    known = hull.about(tau[many]) / unit
+    tensors = _mean(hull.motion(nu[many]), known, kept, found, unit, steered)
+    tensors |= {"centre": hull.centre, "scale": hull.scale, "top": np.array([hull.motion(nu).size.max()])}
+    told(2 + AXES, 2 + AXES)
+    stored = {name: value.astype(np.float32) for name, value in tensors.items()}
+    return Fit(stored, float(np.sqrt(((unit * missed) ** 2).mean())))
+
+
+def _folds(blocks: Sequence[str]) -> Rows:
+    """Number of the fold of each row: blocks, or neighbouring blocks together where there are many."""
+    names = np.asarray(blocks)
+    block = np.concatenate([[0], np.cumsum(names[1:] != names[:-1])])
+    return np.asarray(block // -(-(int(block[-1]) + 1) // FOLDS), dtype=np.int64)
+
+
+def _some(draw: np.random.Generator, count: int, most: int) -> Rows:
+    """Every so many-th of some rows, at most so many."""
+    step = -(-count // most)
+    return np.arange(int(draw.integers(step)), count, step)
+
+
+def _explored(nu: Array, tau: Array, fold: Rows, centre: Sequence[float] | None) -> Hull:
+    """Arms, then the centre if it is not given, that leave the least error of folds left out.
+
+    The search is along the axes. Drag is steered by moments about the centre of gravity, which is looked for
+    with both stages.
+    """
+    place = np.concatenate([np.zeros(3) if centre is None else centre, np.log(np.full(3, ARM))])
+    searches = [((3, 4, 5), np.log(2.0), 2, 1), ((2, 0, 1), 0.1 * ARM, 3, 2)]
+    for numbers, step, rounds, stages in searches[: 2 if centre is None else 1]:
+        cost = _cost(_hull(nu, place), nu, tau, fold, stages)
+        for turn in range(rounds):
+            for number in numbers:
+                for sign in (1.0, -1.0):
+                    tried = place.copy()
+                    tried[number] += sign * step / 2**turn
+                    if (now := _cost(_hull(nu, tried), nu, tau, fold, stages)) < cost:
+                        place, cost = tried, now
+                        break
+    return _hull(nu, place)
+
+
+def _hull(nu: Array, place: Array) -> Hull:
+    """The hull of a centre and the logarithms of arms about x, y, z, in units of the usual motion."""
+    scale = np.concatenate([np.ones(3), np.exp(place[3:])])
+    usual = float(np.quantile(Hull(place[:3], scale).motion(nu).size, USUAL))
+    return Hull(place[:3], scale / usual)
+
+
+def _cost(hull: Hull, nu: Array, tau: Array, fold: Rows, stages: int) -> float:
+    """Mean over axes of the logarithm of the error of folds left out, with the variances of GUESSES."""
+    motion, labels = hull.motion(nu), hull.about(tau)
+    unit = np.maximum(np.sqrt((tau**2).mean(axis=0)), TINY)
+    given = (motion, images_of(motion, motion), labels / unit, unit, fold)
+    missed, _ = _both_stages(*given, [GUESSES] * AXES, stages)
+    return _error(missed, fold)
+
+
+def _both_stages(
+    motion: Motion,
+    images: Array,
+    labels: Array,
+    unit: Array,
+    fold: Rows,
+    found: Sequence[Array],
+    stages: int = 2,
+) -> tuple[Array, list[bool]]:
+    """What is missed of folds left out (N, 6), and the axes of which the second stage misses less.
+
+    The forces together, or the moments: they are steered by one another.
+
+    Labels (N, 6) are in their units (6,); variances by their logarithms, an array for each axis.
+    """
+    parts = [parts_of(motion, motion, images, axis) for axis in range(AXES)]
+    first = [
+        _left_out(_process(parts[axis], motion, logs), labels[:, axis], fold)
+        for axis, logs in enumerate(found)
+    ]
+    missed = np.stack([one.missed for one in first], axis=1)
+    steered = [False] * AXES
+    if stages == 1:
+        return missed, steered
+    drags = ([one.fitted for one in first], [one.drag for one in first])
+    seen, unseen = (_directed(unit * np.stack(drag, axis=1)) / unit[:, None] for drag in drags)
+    again = np.empty_like(missed)
+    for axis, logs in enumerate(found):
+        columns = seen[:, axis]
+        process = _process(parts[axis], motion, logs, columns)
+        other = unseen[:, axis] - columns
+        again[:, axis] = _left_out(process, labels[:, axis], fold, (columns, other)).missed
+    for half in (range(3), range(3, AXES)):
+        if _error(again[:, half], fold) < _error(missed[:, half], fold):
+            missed[:, half] = again[:, half]
+            steered[half.start : half.stop] = [True] * 3
+    return missed, steered
+
+
+class Process(NamedTuple):
+    """Of one axis.
+
+    Attributes:
+        whole: Covariance with that of the label's error, (N, N).
+        even: Covariance of what is no drag, d_i d_j at p = 2.
+        noise: Variance of the label's error (N,).
+    """
+
+    whole: Array
+    even: Array
+    noise: Array
+
+
+class LeftOut(NamedTuple):
+    """What the mean says of rows whose fold was left out, (N,) each.
+
+    Attributes:
+        missed: What it misses of the label.
+        drag: The drag that it predicts.
+        fitted: The drag that it has where nothing was left out.
+    """
+
+    missed: Array
+    drag: Array
+    fitted: Array
+
+
+def _process(parts: Sequence[Array], motion: Motion, logs: Array, steering: Array | None = None) -> Process:
+    """The process with these logarithms of variances, steered by the columns (N, 3) if given."""
+    *parts, even, other = parts
+    variances, noise = np.exp(logs), noise_of(motion, logs)
+    whole = np.asarray(sum(v * part for v, part in zip(variances, parts, strict=False))) + np.diag(noise)
+    if steering is not None:
+        whole += STEERING * steering @ steering.T
+    return Process(whole, variances[PRODUCTS_AT] * even + variances[OTHERS_AT] * other, noise)
+
+
+def _left_out(
+    process: Process, label: Array, fold: Rows, steering: tuple[Array, Array] | None = None
+) -> LeftOut:
+    """What the mean of a process says of every fold without its labels (N,).
+
+    Args:
+        process: Of an axis.
+        label: In units of the process.
+        fold: Of each row.
+        steering: Its columns (N, 3), and how much else they are in a row whose fold the drag has not seen.
+    """
+    inverse = np.linalg.inv(process.whole)
+    known = inverse @ label
+    missed, even = np.empty_like(label), np.empty_like(label)
+    for number in np.unique(fold):
+        rows = np.flatnonzero(fold == number)
+        missed[rows] = np.linalg.solve(inverse[np.ix_(rows, rows)], known[rows])
+        without = known - inverse[:, rows] @ missed[rows]
+        even[rows] = process.even[rows] @ without
+        if steering is not None:
+            missed[rows] -= STEERING * steering[1][rows] @ (steering[0].T @ without)
+    fitted = label - process.noise * known - process.even @ known
+    return LeftOut(missed, label - missed - even, fitted)
+
+
+def _error(missed: Array, fold: Rows) -> float:
+    """Mean over axes of the logarithm of the mean over folds of the root mean square missed (N, axes)."""
+    number = np.unique(fold, return_inverse=True)[1]
+    squares = np.stack([np.bincount(number, column**2) for column in missed.T]) / np.bincount(number)
+    return float(np.log(np.sqrt(squares + LEAST).mean(axis=1)).mean())
+
+
+def _directed(drag: Array) -> Array:
+    """F_i |F_j| / |F| of drag (N, 6), over the forces or over the moments, (N, 6, 3)."""
+    halves = drag.reshape(-1, 2, 3)
+    size = np.maximum(np.sqrt((halves**2).sum(axis=2)), TINY)
+    made = halves[:, :, :, None] * np.abs(halves)[:, :, None, :] / size[:, :, None, None]
+    return np.asarray(made.reshape(-1, AXES, 3))
+
+
+def _weighed(parts: list[Array], motion: Motion, label: Array, fold: Rows) -> Array:
+    """Logarithms of the variances that leave the least error of folds left out."""
+    covariances = [torch.from_numpy(part) for part in parts[:-2]]
+    guesses, truth = torch.from_numpy(GUESSES), torch.from_numpy(label)
+    growth = torch.from_numpy(motion.size ** (2 * POWERS))
+    where = [torch.from_numpy(np.flatnonzero(fold == number)) for number in np.unique(fold)]
+
+    def missed(logs: torch.Tensor) -> list[torch.Tensor]:
+        variances = torch.exp(logs)
+        K = sum((v * part for v, part in zip(variances, covariances, strict=False)), torch.zeros(()))
+        inverse = torch.linalg.inv(K + torch.diag(variances[-2] * growth + variances[-1]))
+        known = inverse @ truth
+        return [torch.linalg.solve(inverse[rows][:, rows], known[rows]) for rows in where]
+
+    def cost(values: Array) -> tuple[float, Array]:
+        logs = torch.tensor(values, requires_grad=True)
+        error = torch.stack([torch.sqrt(one.square().mean() + LEAST) for one in missed(logs)]).mean()
+        total = torch.log(error) + STIFFNESS * (logs - guesses).square().sum()
+        torch.autograd.backward(total)
+        assert logs.grad is not None
+        return float(total.detach()), logs.grad.numpy()
+
+    limits = [BOUNDS] * len(GUESSES)
+    options = {"maxiter": STEPS, "maxfun": STEPS + 10}
+    found = minimize(cost, GUESSES, jac=True, method="L-BFGS-B", bounds=limits, options=options)
+    return np.asarray(found.x)
+
+
+def _mean(
+    motion: Motion, labels: Array, kept: Motion, found: Sequence[Array], unit: Array, steered: Sequence[bool]
+) -> dict[str, Array]:
+    """The mean of both stages on points, as tensors of the network; labels (N, 6) are in their units (6,)."""
+    linear = np.zeros((STAGES, AXES, AXES))
+    library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
+    radial = np.zeros((len(kept.size), STAGES, SUMS, POWERS, AXES))
+    steering, drag = np.zeros((AXES, 3)), np.empty_like(labels)
+    across, within = images_of(motion, kept), images_of(kept, kept)
+    for stage in range(STAGES):
+        for axis, logs in enumerate(found):
+            parts, square = parts_of(motion, kept, across, axis), parts_of(kept, kept, within, axis)
+            columns = sum(v * part for v, part in zip(np.exp(logs), parts[:-2], strict=False))
+            prior = sum(v * part for v, part in zip(np.exp(logs), square[:-2], strict=False))
+            columns, prior = np.asarray(columns), np.asarray(prior)
+            if stage and steered[axis]:
+                columns = np.hstack([columns, _directed(unit * drag)[:, axis] / unit[axis]])
+                prior = block_diag(prior, np.eye(3) / STEERING)
+            alpha = _solved(columns, prior, labels[:, axis], noise_of(motion, logs))
+            on_points = alpha[: len(kept.size)]
+            if not stage:
+                even = np.exp(logs[PRODUCTS_AT]) * parts[-2] + np.exp(logs[OTHERS_AT]) * parts[-1]
+                drag[:, axis] = columns @ alpha - even @ on_points
+            elif steered[axis]:
+                steering[axis] = alpha[len(kept.size) :]
+            folded = _folded(kept, unit[axis] * on_points, np.exp(logs), axis)
+            linear[stage, axis], library[stage, :, :, axis], radial[:, stage, :, :, axis] = folded
+    return {
+        "steering": steering,
+        "linear": linear,
+        "library": library,
+        "points": kept.direction,
+        "weights": radial,
+    }
+
+
+def _solved(columns: Array, prior: Array, label: Array, noise: Array) -> Array:
+    """Weights of columns (N, K), of this inverse variance, that explain labels (N,) with errors."""
+    sure = columns.T / noise
+    normal = sure @ columns + prior
+    normal += JITTER * np.trace(normal) / len(normal) * np.eye(len(normal))
+    return np.asarray(np.linalg.solve(normal, sure @ label))
+
+
+def _folded(kept: Motion, alpha: Array, variances: Array, axis: int) -> tuple[Array, Array, Array]:
+    """Weights alpha (K,) of the rows kept as those of z (6,), products (3, 57), and points (K, 3, 3)."""
+    own, rest = mirrored(axis), variances[OTHERS_AT - 2 :]
+    grown = kept.size ** np.arange(1, POWERS + 1)[:, None] * alpha
+    linear = np.where(own[:AXES], variances[0], rest[0]) * (kept.z.T @ alpha)
+    sizes = np.where(own[AXES:], variances[1 : 1 + POWERS, None], rest[1 : 1 + POWERS, None])
+    radial = variances[1 + POWERS : 1 + POWERS * (1 + SUMS)].reshape(SUMS, POWERS)
+    return linear, sizes * (grown @ kept.products), np.einsum("sp,pk->ksp", radial, grown)

@@ -1,0 +1,115 @@
+"""The mean of a Gaussian process of a hull's wrench, in the mirrors of the hull: for minutes of data.
+
+What it is and what its weights mean stands in `core.residual.mirrors`; how they are found from labels,
+without any descent, in `learn.gaussian_process`. Accelerations are no input.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from hydro.core.distillation.features import names
+from hydro.core.residual.mirrors import (
+    EPSILON,
+    MIRRORS,
+    PORT,
+    POWERS,
+    PRODUCTS,
+    SIGNED,
+    STAGES,
+    SUMS,
+    TINY,
+    WIDTH,
+)
+from hydro.learn.networks.residual import AXES, Residual
+
+
+class GaussianProcess(Residual):
+    """Sums over points of the sphere of motions, and over products of velocities.
+
+    Tensors `centre` (3,) [m], `scale` (6,), `top` (1,), `steering` (6, 3), and by stage `linear` (2, 6, 6),
+    `library` (2, 3, 57, 6), `points` (k, 6), and `weights` (k, 2, 3, 3, 6), whose wrenches are in N and N m.
+    """
+
+    mirrors: Tensor
+
+    def __init__(self, *, features: str, points: int) -> None:
+        if features != "raw" or points < 1:
+            raise ValueError(f"{points} points of features {features}: there must be some, of features raw")
+        super().__init__(inputs=len(names(features)), features=features)
+        self.centre = nn.Parameter(torch.zeros(3))
+        self.scale = nn.Parameter(torch.ones(AXES))
+        self.top = nn.Parameter(torch.full((1,), 2.0))
+        self.steering = nn.Parameter(torch.randn(AXES, 3))
+        self.linear = nn.Parameter(torch.randn(STAGES, AXES, AXES))
+        self.library = nn.Parameter(torch.randn(STAGES, POWERS, PRODUCTS, AXES))
+        self.points = nn.Parameter(nn.functional.normalize(torch.randn(points, AXES), dim=1))
+        self.weights = nn.Parameter(torch.randn(points, STAGES, SUMS, POWERS, AXES))
+        self.register_buffer("mirrors", torch.from_numpy(MIRRORS), persistent=False)
+
+    def standardised(self, inputs: Tensor) -> Tensor:
+        """The wrench of `forward` in units of its scales, from standardised features."""
+        wrench = self.forward(self.input_mean + self.input_scale * inputs)
+        return (wrench - self.output_mean) / self.output_scale
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Map features (N, 12) to tau_res (N, 6) [N and N m], body FRD, order X Y Z K M N."""
+        nu = features[:, :AXES].double()  # weights of points side by side nearly cancel
+        centre = self.centre.double()[None]
+        v = nu[:, :3] + torch.linalg.cross(nu[:, 3:], centre)
+        z = torch.cat([v, nu[:, 3:]], dim=1) * self.scale.double()
+        beyond = (_size(z) / self.top.double()).clamp(min=1.0)
+        z = z / beyond
+        m = _size(z)
+        d = z / m
+        products, images = _products(d), self._images(d)
+        library, weights = self.library.double(), self.weights.double()
+        stages = []
+        for stage in range(STAGES):
+            tau = z @ self.linear[stage].double().T
+            for power in range(POWERS):
+                radial = self._radial(images, weights[:, stage, :, power])
+                tau = tau + m ** (power + 1) * (products @ library[stage, power] + radial)
+            stages.append(tau)
+        drag = stages[0] - m.square() * (products[:, SIGNED:] @ library[0, 1, SIGNED:])
+        tau = beyond.square() * (stages[1] + _steered(drag, self.steering.double()))
+        moment = tau[:, 3:] + torch.linalg.cross(centre, tau[:, :3])
+        return torch.cat([tau[:, :3], moment], dim=1).to(features.dtype)
+
+    def _images(self, d: Tensor) -> Tensor:
+        """R(g d, d_k) of directions (N, 6), (8, N, k)."""
+        points, mirrors = self.points.double(), self.mirrors.double()
+        far = d.square().sum(dim=1, keepdim=True) + points.square().sum(dim=1)
+        apart = torch.stack([far - 2.0 * (d * signs) @ points.T for signs in mirrors])
+        r = (3.0 * apart.clamp(min=0.0)).sqrt() / WIDTH
+        return (1.0 + r) * torch.exp(-r)
+
+    def _radial(self, images: Tensor, weights: Tensor) -> Tensor:
+        """The sum over points and sums S with weights (k, 3, 6), (N, 6)."""
+        mirrors = self.mirrors.double()
+        eight = torch.stack([image @ weights[:, 0] for image in images])
+        two, one = images[PORT] @ weights[:, 1], images[0] @ (0.5 * weights[:, 1] + weights[:, 2])
+        return (mirrors[:, None] * eight).sum(dim=0) / 8.0 + 0.5 * mirrors[PORT] * two + one
+
+
+def _size(z: Tensor) -> Tensor:
+    """The size m of motions (N, 6), (N, 1)."""
+    return (z.square().sum(dim=1, keepdim=True) + EPSILON**2).sqrt()
+
+
+def _products(d: Tensor) -> Tensor:
+    """The products (N, 57) of directions (N, 6)."""
+    first, second = torch.triu_indices(AXES, AXES).unbind()
+    signed = (d.abs()[:, :, None] * d[:, None, :]).flatten(1)
+    return torch.cat([signed, d[:, first] * d[:, second]], dim=1)
+
+
+def _steered(drag: Tensor, steering: Tensor) -> Tensor:
+    """The sum over j of T_ij F_i |F_j| / |F| (N, 6), of drag F (N, 6) and T (6, 3)."""
+    halves = []
+    for half in (slice(0, 3), slice(3, 6)):
+        part = drag[:, half]
+        size = part.square().sum(dim=1, keepdim=True).clamp(min=TINY**2).sqrt()
+        halves.append(part * (part.abs() @ steering[half].T) / size)
+    return torch.cat(halves, dim=1)
