@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.diagnosis import imperfect
-from hydro.core.diagnosis.confidence import by_transfer_confidence
+from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import SURE, Finding, extended
+from hydro.core.diagnosis.transfer import Survey
 from hydro.core.identification.fit import Fit
 from hydro.io import vehicle as files
 
@@ -31,8 +32,8 @@ def named(x: float) -> Finding:
     normal = SimpleNamespace(score=np.ones((20, 1)), chi2=50.0)
     model = SimpleNamespace(normal=normal, costs=np.ones(20), excesses=np.full(20, 9.0))
     lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0))
-    survey = SimpleNamespace(rivals=[rival])
-    parts = cast(Any, (rival, survey, model, lesser, cast(Fit, fit), 0.02))
+    survey = Survey(cast(Any, None), cast(Any, (rival,)))
+    parts = cast(Any, (rival, survey, [], model, lesser, cast(Fit, fit), 0.02))
     return imperfect._finding(*parts)
 
 
@@ -55,3 +56,14 @@ def test_a_name_is_surer_the_more_it_removes_and_the_farther_it_is_ahead(score, 
     assert by_transfer_confidence(score, [rival]) >= by_transfer_confidence(score, [rival, more])
     assert by_transfer_confidence(score, [score]) < SURE
     assert by_transfer_confidence(1.0, [0.5]) >= SURE
+
+
+def test_a_name_by_evidence_is_surer_the_farther_it_is_ahead():
+    sure = [by_evidence_confidence(lead + 20.0, [20.0, -5.0]) for lead in (0.0, 3.0, 20.0, 200.0)]
+    assert sure == sorted(sure)
+    assert sure[0] < 0.1 < sure[1] < 0.5
+    assert 0.9 < sure[2] < sure[3] < 1.0
+    assert by_evidence_confidence(5.0, [40.0]) == sure[0], "outdone is no surer than equal"
+    assert by_evidence_confidence(20.0, [-30.0]) == by_evidence_confidence(20.0, []), (
+        "nothing is a rival, too"
+    )

@@ -11,7 +11,18 @@ import pytest
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
-from hydro.core.diagnosis.transfer import DRAG, KEPT, Rival, dragged, left_out, one_change, ranked, weighed
+from hydro.core.diagnosis.transfer import (
+    DRAG,
+    GAPS,
+    KEPT,
+    Rival,
+    Survey,
+    dragged,
+    left_out,
+    one_change,
+    ranked,
+    weighed,
+)
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Prior
 from hydro.core.identification.normal_equations import Normal
@@ -87,6 +98,28 @@ def test_what_absorbs_a_hull_must_remove_more_than_that():
         assert Rival(name, False, None, share, 1.0).score == pytest.approx(share)
     other = next(name for name in CATALOGUE if name not in absorbing)
     assert weighed(Rival(other, False, None, 0.4, 0.2)).score == pytest.approx(0.2)
+
+
+def test_of_evidence_counts_what_goes_with_more_than_such_an_effect_absorbs():
+    absorbing = weighed(Rival(CROSS_AXIS, False, None, 0.5, 0.5))
+    assert absorbing.beyond == pytest.approx(absorbing.score / 0.5)
+    assert weighed(Rival(CROSS_AXIS, False, None, -0.1, 0.2)).beyond == 0.0, "it removes nothing elsewhere"
+    assert weighed(Rival("ocean_current", False, None, 0.5, 0.4)).beyond == 1.0
+
+
+def test_laws_of_the_hull_need_more_evidence_for_a_lead():
+    def lead(name: str) -> float:
+        return Rival(name, False, None, 0.5, 0.5, evidence=50.0).lead
+
+    assert lead("ocean_current") == lead("thruster_lag") == lead("payload") == 50.0
+    assert lead("linear_damping") == lead("body_lift") == lead("added_mass") == 50.0 - GAPS
+
+
+def test_the_best_by_evidence_has_a_worth_of_one_and_others_their_share():
+    best, other = (Rival("payload", False, None, 0.2, 0.2, evidence=e) for e in (80.0, 20.0))
+    surveyed = Survey(cast(Any, None), (best, other), by_evidence=True)
+    assert (surveyed.worth(best), surveyed.worth(other)) == (1.0, 0.25)
+    assert Survey(cast(Any, None), (best, other)).worth(other) == pytest.approx(0.2)
 
 
 @dataclass(frozen=True)
