@@ -39,7 +39,7 @@ ODDS, ODDS_BY_SCORE, ODDS_BY_LEAD = -1.76, 2.74, 2.02
 """Logarithm of the odds that a name by transfer is right, at a score of 0, for a score of 1 more, and where
 nothing comes near it."""
 BY_LEAD, HALF = 1.8, 1.6
-"""The same of a name by evidence, for each unit of log(1 + lead), and where it is as likely right as wrong."""
+"""The same of a name by evidence, for each unit of log(1 + lead), and where it is as likely right as not."""
 RESAMPLES = 2000
 TIED = 0.02
 """Part of the resamples that a rival must win to be named beside the best."""
