@@ -116,6 +116,10 @@ def diagnose(
     clearly, that is said. Findings are printed on the terminal, on stderr where stdout is a pipe; hydro add
     writes them into the file. Beside the table that -o names lies the covariance of all values.
 
+    Where no model reaches the noise, as on a hull that no file describes exactly, what a hull may do beside
+    its file is allowed for: it takes nothing from the values of what is named. Drag, lift and added mass are
+    only suspected there.
+
     With --before it finds what has changed since another recording: what the hull does beside the file is
     learnt from that one, by a regression on a library of forces, and held fixed: the longer it is the better,
     ten minutes of all axes rather than two. The file's effects keep

@@ -276,8 +276,10 @@ def _suspect(rival: Rival, model: Model, without: Model, fit: Fit, words: str) -
 
 def _standing(rival: Rival, model: Model, near: Sequence[str]) -> str:
     """How far the name is to be believed, in words."""
+    evidence = f", and beside what a hull may do the logarithm of its evidence is {rival.evidence:.0f}"
     words = (
-        f"; fitted to the rest it removes {rival.score:.0%} of the error of sessions and regimes left out. "
+        f"; fitted to the rest it removes {rival.score:.0%} of the error of sessions and regimes left out"
+        f"{evidence * (rival.allowed is not None)}. "
         f"{model.normal.chi2:.3g} of the noise remain, which is the hull's own error or more that is "
         "missing: a recording from before the change (`--before`) parts the two"
     )
