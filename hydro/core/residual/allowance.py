@@ -40,7 +40,7 @@ NUMBERS = 6
 """Independent numbers that a shot counts for."""
 FACTORS = 10.0 ** np.arange(-3.5, -0.9, 0.5)
 """Times the hull's size that coefficients may be (`residual.library.sizes`)."""
-TEMPERS = np.exp(np.arange(-1.0, 9.0, 0.25))
+TEMPERS = np.exp(np.arange(-1.0, 15.0, 0.25))
 """Mean squared residuals, in units of the noise."""
 STEPS, WORTH, SHORTER = 6, 0.5, 0.3
 """Gauss-Newton steps at most, evidence that one must bring, and part of the way that is tried besides."""
@@ -56,12 +56,14 @@ class Held:
         evidence: Logarithm of the evidence; minus infinity where a prediction diverges.
         best: The most probable values, (P,),
         covariance: and how far they may be off, (P, P).
+        left: Mean squared residual beside them and the library, in units of the noise.
     """
 
     values: Array
     evidence: float
     best: Array
     covariance: Array
+    left: float
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,7 @@ class Allowance:
         error = _error(vehicle, self.shots)
         counted = self.weight > 0.0
         if not (np.abs(error[counted]) < ENDLESS).all():
-            return Held(values, -np.inf, values, np.diag(unknown.scales**2 / prior.information))
+            return Held(values, -np.inf, values, np.diag(unknown.scales**2 / prior.information), np.inf)
         columns = np.empty((*error.shape, count + 1))
         columns[..., -1] = error
         changed, steps = moved(unknown, values)
@@ -159,12 +161,14 @@ class Allowance:
             across += self.weight[s] * (self.across[s].T @ x.astype(np.float32))
         scales = unknown.scales
         away = values / scales - prior.centre
-        evidence, stride, spread = self._integrated(own, across, away, prior)
+        evidence, stride, spread, left = self._integrated(own, across, away, prior)
         most = unknown.within(values + stride * scales)
-        return Held(values, evidence, most, spread * np.outer(scales, scales))
+        return Held(values, evidence, most, spread * np.outer(scales, scales), left)
 
-    def _integrated(self, own: Array, across: Array, away: Array, prior: Prior) -> tuple[float, Array, Array]:
-        """Evidence, the greatest over factors and tempers; step to the best values there, their covariance.
+    def _integrated(
+        self, own: Array, across: Array, away: Array, prior: Prior
+    ) -> tuple[float, Array, Array, float]:
+        """Evidence, the greatest over factors and tempers; there the best step, its covariance, what is left.
 
         Args:
             own: Normal equations of the effect's columns and the residual, beginnings taken out.
@@ -183,12 +187,13 @@ class Allowance:
         pull = left[..., :-1, -1] - prior.information * away
         step = np.linalg.solve(matrix, pull[..., None])[..., 0]
         misfit = left[..., -1, -1] + prior.information @ away**2 - (pull * step).sum(axis=-1)
-        spread = np.log1p(size).sum(axis=-1) + np.linalg.slogdet(matrix)[1]
-        spread -= np.log(prior.information).sum()
+        width = np.log1p(size).sum(axis=-1) + np.linalg.slogdet(matrix)[1]
+        width -= np.log(prior.information).sum()
         numbers = NUMBERS * float(self.weight.sum())
-        evidence = -0.5 * (numbers * np.log(TEMPERS) + misfit + spread)
+        evidence = -0.5 * (numbers * np.log(TEMPERS) + misfit + width)
         at = np.unravel_index(int(np.argmax(evidence)), evidence.shape)
-        return float(evidence[at]), np.asarray(step[at]), np.asarray(np.linalg.inv(matrix[at]))
+        spread = np.asarray(np.linalg.inv(matrix[at]))
+        return float(evidence[at]), np.asarray(step[at]), spread, float(TEMPERS[at[1]])
 
     def refined(self, unknown: Free, held: Held, prior: Prior) -> Held:
         """The same about the most probable values, as long as the way to them brings evidence.

@@ -63,7 +63,8 @@ def test_a_name_by_evidence_is_surer_the_farther_it_is_ahead():
     assert sure == sorted(sure)
     assert sure[0] < 0.1 < sure[1] < 0.5
     assert 0.9 < sure[2] < sure[3] < 1.0
-    assert by_evidence_confidence(5.0, [40.0]) == sure[0], "outdone is no surer than equal"
+    assert by_evidence_confidence(5.0, [40.0]) == sure[0] == 0.0, "outdone is no surer than equal"
+    assert by_evidence_confidence(1558.0, [1449.0]) < 0.5, "a lead of 109, but any of them could be it"
     assert by_evidence_confidence(20.0, [-30.0]) == by_evidence_confidence(20.0, []), (
         "nothing is a rival, too"
     )

@@ -39,11 +39,11 @@ def test_evidence_is_that_of_the_whole_normal_equations(seed: int, count: int):
     sizes, axes = np.linalg.eigh(library.T @ library)
     both = np.column_stack([columns, error])
     allowance = Allowance(None, np.ones(3), np.zeros((3, 20, 12)), np.zeros((3, 20, 7)), sizes, 20.0)
-    evidence, step, spread = allowance._integrated(
+    evidence, step, spread, left = allowance._integrated(
         both.T @ both, axes.T @ library.T @ both, away, Prior(np.zeros(count), information)
     )
 
-    def whole(factor: float, temper: float) -> tuple[float, np.ndarray, np.ndarray]:
+    def whole(factor: float, temper: float) -> tuple[float, np.ndarray, np.ndarray, float]:
         x, scale = np.column_stack([library, columns]), NUMBERS / (20.0 * temper)
         known = np.concatenate([np.full(7, factor**-2), information])
         matrix = scale * x.T @ x + np.diag(known)
@@ -52,10 +52,11 @@ def test_evidence_is_that_of_the_whole_normal_equations(seed: int, count: int):
         misfit = scale * error @ error + information @ away**2 - pull @ found
         wide = np.linalg.slogdet(matrix)[1] - np.log(known).sum()
         value = -0.5 * (NUMBERS * 3.0 * np.log(temper) + misfit + wide)
-        return value, found[7:], np.linalg.inv(matrix)[7:, 7:]
+        return value, found[7:], np.linalg.inv(matrix)[7:, 7:], temper
 
-    best, found, errors = max((whole(f, t) for f in FACTORS for t in TEMPERS), key=lambda one: one[0])
+    best, found, errors, temper = max((whole(f, t) for f in FACTORS for t in TEMPERS), key=lambda one: one[0])
     assert evidence == pytest.approx(best, rel=1e-8)
+    assert left == temper
     assert step == pytest.approx(found, rel=1e-5, abs=1e-8)
     assert spread == pytest.approx(errors, rel=1e-5, abs=1e-10)
 
