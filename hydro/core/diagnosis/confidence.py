@@ -312,8 +312,8 @@ def by_evidence_confidence(evidence: float, others: Sequence[float]) -> float:
     A logistic curve in the logarithm of its lead, on 29 recordings of hulls of panels with one change and 16
     with none (`benchmarks.imperfect_base`, seeds 1000 to 1029): in theory a lead of 3 leaves one in twenty,
     but no library has all that a hull does.  Evidence counts numbers as independent that may not be, so that
-    the lead has to be a part of it, too: of a real vehicle, at 16,000 times the noise, gains of nine thrusters
-    led by 109 of 1558 with three of them dead.
+    the lead has to be a part of it, too: in a real vehicle's log, of which 16,000 times the noise is left,
+    gains of nine thrusters led by 109 of 1558, three of them dead.
 
     Args:
         evidence: Logarithm of the evidence for it, see `residual.allowance`.

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hydro.core.diagnosis import imperfect
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import SURE, Finding, extended
-from hydro.core.diagnosis.transfer import Survey
+from hydro.core.diagnosis.transfer import Rival, Survey
 from hydro.core.identification.fit import Fit
 from hydro.io import vehicle as files
 
@@ -28,7 +28,7 @@ def named(x: float) -> Finding:
     fit = SimpleNamespace(
         vehicle=extended(vehicle, [{"name": "payload", **table}]), table=lambda effect: (table, {})
     )
-    rival = SimpleNamespace(effect="payload", own=False, score=0.98)
+    rival = Rival("payload", False, cast(Any, None), 0.98, 0.98)
     normal = SimpleNamespace(score=np.ones((20, 1)), chi2=50.0)
     model = SimpleNamespace(normal=normal, costs=np.ones(20), excesses=np.full(20, 9.0))
     lesser = SimpleNamespace(costs=np.full(20, 10.0), excesses=np.full(20, 9.0))
