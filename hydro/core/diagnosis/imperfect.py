@@ -26,7 +26,7 @@ from hydro.core.diagnosis.transfer import (
     Known,
     Rival,
     Survey,
-    beside_hull,
+    dragged,
     one_change,
     resolved,
     survey,
@@ -41,6 +41,7 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
+from hydro.core.residual.allowance import Allowance
 
 NAMED = 0.05
 """Share of the error of left-out data that an effect must remove to be named at all."""
@@ -58,6 +59,10 @@ LITTLE = 1e-3
 """Of what is plain to see of a value: less is not there."""
 OUTDONE = 0.8
 """The same where another has more evidence and cannot be it."""
+TELLING = 10.0
+"""Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+CLOSEST = 5
+"""Names whose values are refined beside what the hull may do."""
 STEPS = 12
 """Of the last fit."""
 
@@ -153,6 +158,38 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         if not fanciful.findings:
             fanciful, least = named, max(NEARLY * surveyed.worth(rival), NAMED)
     return fanciful
+
+
+def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
+    """The survey by the evidence beside what the hull may do; as it is where that tells nothing.
+
+    It tells nothing where the file leaves the hull to others: all its drag is then what a hull may do.
+
+    Args:
+        surveyed: The survey.
+        baseline: The vehicle file and the shots.
+        refitted: The file's own effects, fitted to all shots within what is known of them.
+        known: That.
+    """
+    if not dragged(baseline.vehicle):
+        return surveyed
+    allowance = Allowance.of(baseline.vehicle, baseline.problem.shots)
+    alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
+    found = []
+    for rival in surveyed.rivals:
+        unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
+        held = allowance.held(unknown, rival.model.values, prior)
+        if np.isfinite(held.evidence):
+            found.append((rival, held, prior))
+    found.sort(key=lambda one: -one[1].evidence)
+    rivals = []
+    for number, (rival, held, prior) in enumerate(found):
+        best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
+        rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
+    rivals.sort(key=lambda rival: -rival.evidence)
+    if not rivals or not TELLING <= rivals[0].evidence < np.inf:
+        return surveyed
+    return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
 
 def _there(fit: Fit, effect: str) -> bool:

@@ -10,9 +10,8 @@ of them.  Where the file states how well it knows all of its own, they were fitt
 does, and stay as they are: one change at a time is held against the file (`one_change`).  Free, they take up
 what is missing, and with it what would tell of it.
 
-What bends to the hull's own error may transfer, too: the hull goes through all regimes.  So where the file
-describes the hull, the order is that of the evidence beside what a hull may do (`residual.allowance`), if the
-best has any to speak of.
+What bends to the hull's own error may transfer, too: the hull goes through all regimes.  So a rival may have
+its evidence beside what a hull may do (`residual.allowance`), and the order may be by that.
 
 The squared residual is tempered: divided by its own mean and by the length for which errors of a model last,
 so that what is known weighs something beside ten thousands of numbers that err alike.
@@ -47,7 +46,7 @@ from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import Shots
-from hydro.core.residual.allowance import Allowance, Held
+from hydro.core.residual.allowance import Held
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0
@@ -68,14 +67,10 @@ BEFORE_OTHERS = 0.7
 """Part of the best score from which drag is named first where the file has none."""
 KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
-TELLING = 10.0
-"""Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
 GAPS = 30.0
-"""The same that a law of the hull may have of what the library lacks of an unchanged hull,"""
+"""Logarithm of the evidence that a law of the hull may have of an unchanged one that no library holds,"""
 HULLS = ("inertia", "damping", "hull", "memory", "formula")
 """and families of effects that are such laws."""
-CLOSEST = 5
-"""Names whose values are refined beside what the hull may do."""
 
 
 @dataclass(frozen=True)
@@ -230,37 +225,6 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     if dragged(file):
         return Survey(refitted, ranked([weighed(one) for one in rivals]))
     return Survey(refitted, ranked(rivals, DRAG))
-
-
-def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Known) -> Survey:
-    """The survey by the evidence beside what the hull may do; as it is where that tells nothing.
-
-    It tells nothing where the file leaves the hull to others: all its drag is then what a hull may do.
-
-    Args:
-        surveyed: The survey.
-        baseline: The vehicle file and the shots.
-        refitted: The file's own effects, fitted to all shots within what is known of them.
-        known: That.
-    """
-    if not dragged(baseline.vehicle):
-        return surveyed
-    allowance = Allowance.of(baseline.vehicle, baseline.problem.shots)
-    alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown))
-    found = []
-    for rival in surveyed.rivals:
-        unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
-        found.append((rival, allowance.held(unknown, rival.model.values, prior), prior))
-    found.sort(key=lambda one: -one[1].evidence)
-    rivals = []
-    for number, (rival, held, prior) in enumerate(found):
-        best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
-        evidence = rival.beyond * (best.evidence - alone.evidence)
-        rivals.append(replace(rival, evidence=evidence, allowed=best))
-    rivals.sort(key=lambda rival: -rival.evidence)
-    if not rivals or not TELLING <= rivals[0].evidence < np.inf:
-        return surveyed
-    return Survey(surveyed.refitted, tuple(rivals), by_evidence=True)
 
 
 def dragged(file: Vehicle) -> bool:

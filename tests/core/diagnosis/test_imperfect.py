@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pytest
@@ -68,3 +68,46 @@ def test_a_name_by_evidence_is_surer_the_farther_it_is_ahead():
     assert by_evidence_confidence(20.0, [-30.0]) == by_evidence_confidence(20.0, []), (
         "nothing is a rival, too"
     )
+
+
+class Weighing:
+    """An allowance that has an evidence for each effect."""
+
+    evidence: ClassVar[dict[str, float]] = {}
+
+    @classmethod
+    def of(cls, *_):
+        return cls()
+
+    def held(self, unknown, values, prior):
+        return SimpleNamespace(evidence=self.evidence[unknown], best=values)
+
+    def refined(self, unknown, held, prior):
+        return held
+
+
+def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> tuple[bool, list[str]]:
+    """Whether evidence orders rivals of these scores, and their order."""
+    monkeypatch.setattr(Weighing, "evidence", {"alone": -100.0, **evidence})
+    monkeypatch.setattr(imperfect, "Allowance", Weighing)
+    file = files.read(Path(__file__).parents[3] / "datasets" / "vehicles" / "auv151.toml")[0]
+    baseline = SimpleNamespace(vehicle=file, problem=SimpleNamespace(shots=None))
+
+    def model(name: str) -> Any:
+        return SimpleNamespace(unknown=name, values=np.zeros(1))
+
+    known: Any = SimpleNamespace(alone=lambda _: None, releasing=lambda _: known)
+    rivals = tuple(Rival(name, False, model(name), score, score) for name, score in scores.items())
+    surveyed = Survey(model("alone"), rivals)
+    found = imperfect.beside_hull(surveyed, cast(Any, baseline), model("alone"), known)
+    return found.by_evidence, [rival.effect for rival in found.rivals]
+
+
+def test_evidence_orders_names_where_it_tells(monkeypatch):
+    scores = {"thruster_inflow": 0.5, "payload": 0.4, "tether": -0.1}
+    evidence = {"thruster_inflow": -80.0, "payload": -40.0, "tether": -np.inf}
+    assert order(monkeypatch, evidence, scores) == (True, ["payload", "thruster_inflow"])
+    evidence["tether"] = 500.0
+    assert order(monkeypatch, evidence, scores)[1][0] == "payload", "a tether removes nothing elsewhere"
+    evidence |= {"payload": -95.0, "thruster_inflow": -98.0}
+    assert order(monkeypatch, evidence, scores) == (False, list(scores)), "chance alone gives as much"
