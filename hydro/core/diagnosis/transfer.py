@@ -69,7 +69,7 @@ KEPT = 1.0 / 3.0
 """Part of an effect's information that must remain where a regime is left out."""
 GAPS = 30.0
 """Logarithm of the evidence that a law of the hull may have of an unchanged one that no library holds,"""
-HULLS = ("inertia", "damping", "hull", "memory", "formula")
+HULLS = ("inertia", "damping", "hull", "memory")
 """and families of effects that are such laws."""
 
 
