@@ -22,9 +22,6 @@ from benchmarks.kept_tables import Row, keep, origin
 from hydro.io import table
 
 POLICY = "policy"
-STAGES = ("point_to_point", "slalom", "forest")
-SHARE = 0.97
-"""Share of an examination's episodes that passes a level."""
 HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
 """Tasks that go on to their end, so that no time tells."""
 
@@ -94,9 +91,12 @@ def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 def training(run: Path) -> Row:
     """Steps until a training had passed each task for the first time, and all with its last policy."""
+    from hydro.rl.tasks.registry import STAGES
+    from hydro.rl.training.config import Curriculum
+
     found = table.read(run / "evaluations.parquet", "evaluations").frame
     exams = found.filter(pl.col("purpose") == "exam")
-    passed = exams.filter(pl.col("success") >= SHARE)
+    passed = exams.filter(pl.col("success") >= Curriculum.share)
     first: dict[str, int] = {row["task"]: row["steps"] for row in reversed(passed.to_dicts())}
     at_last = passed.filter(steps=pl.col("steps").max())["task"].n_unique()
     end = f"{found['steps'].max():,}"

@@ -313,20 +313,22 @@ def _mean(
     library = np.zeros((STAGES, POWERS, PRODUCTS, AXES))
     radial = np.zeros((len(kept.size), STAGES, SUMS, POWERS, AXES))
     steering, drag = np.zeros((AXES, 3)), np.empty_like(labels)
-    across, within = images_of(motion, kept), images_of(kept, kept)
+    across, within, covariances = images_of(motion, kept), images_of(kept, kept), []
+    for axis, logs in enumerate(found):
+        parts, square = parts_of(motion, kept, across, axis), parts_of(kept, kept, within, axis)
+        columns = sum(v * part for v, part in zip(np.exp(logs), parts[:-2], strict=False))
+        prior = sum(v * part for v, part in zip(np.exp(logs), square[:-2], strict=False))
+        even = np.exp(logs[PRODUCTS_AT]) * parts[-2] + np.exp(logs[OTHERS_AT]) * parts[-1]
+        covariances.append((np.asarray(columns), np.asarray(prior), even))
     for stage in range(STAGES):
         for axis, logs in enumerate(found):
-            parts, square = parts_of(motion, kept, across, axis), parts_of(kept, kept, within, axis)
-            columns = sum(v * part for v, part in zip(np.exp(logs), parts[:-2], strict=False))
-            prior = sum(v * part for v, part in zip(np.exp(logs), square[:-2], strict=False))
-            columns, prior = np.asarray(columns), np.asarray(prior)
+            columns, prior, even = covariances[axis]
             if stage and steered[axis]:
                 columns = np.hstack([columns, _directed(unit * drag)[:, axis] / unit[axis]])
                 prior = block_diag(prior, np.eye(3) / STEERING)
             alpha = _solved(columns, prior, labels[:, axis], noise_of(motion, logs))
             on_points = alpha[: len(kept.size)]
             if not stage:
-                even = np.exp(logs[PRODUCTS_AT]) * parts[-2] + np.exp(logs[OTHERS_AT]) * parts[-1]
                 drag[:, axis] = columns @ alpha - even @ on_points
             elif steered[axis]:
                 steering[axis] = alpha[len(kept.size) :]

@@ -212,9 +212,8 @@ def _moved(rival: Rival, baseline: Baseline) -> bool:
     """Whether the fit of an effect of the file moves it farther than what is known of it allows for."""
     unknown = rival.model.unknown
     own = [i for i, entry in enumerate(unknown.entries) if entry.effect == rival.effect]
-    values = rival.model.values if rival.allowed is None else rival.allowed.best
     entries = [unknown.entries[i] for i in own]
-    return greatest_change(baseline.vehicle, entries, values[own]).deviations >= MOVED
+    return greatest_change(baseline.vehicle, entries, rival.values[own]).deviations >= MOVED
 
 
 def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
@@ -225,7 +224,7 @@ def _to_the_end(rival: Rival, baseline: Baseline, known: Known) -> Model:
     own, reach = rival.model.unknown, baseline.log.track
     if rival.allowed is not None:
         names = list(dict.fromkeys(entry.effect for entry in own.entries))
-        return fit_model(own.at(rival.allowed.best), names, baseline.problem, reach, 0)
+        return fit_model(own.at(rival.values), names, baseline.problem, reach, 0)
     table = next(iter(rival.model.vehicle.effects(rival.effect)))
     others = [name for name in baseline.effects if name != rival.effect]
     vehicle, released = rival.model.vehicle, known.releasing(rival.effect)

@@ -42,7 +42,7 @@ from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import Suspect, is_curved, shapes, suspects
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
-from hydro.core.recording.shots import evenly
+from hydro.core.recording.shots import kept_evenly
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
@@ -414,6 +414,4 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
 
 def over_few(model: Model) -> Model:
     """The model over FEW of its shots, spread evenly."""
-    kept = np.zeros(len(model.costs), bool)
-    kept[evenly(len(kept), FEW)] = True
-    return model.over(kept)
+    return model.over(kept_evenly(len(model.costs), FEW))

@@ -108,11 +108,17 @@ class Rival:
         """The lesser of both, beyond what such an effect absorbs."""
         return (min(self.sessions, self.regimes) - self.absorbs) / (1.0 - self.absorbs)
 
+    @property
+    def values(self) -> Array:
+        """Of its entries and those fitted with it, beside what the hull may do where that was asked for."""
+        return self.model.values if self.allowed is None else self.allowed.best
+
     def estimated(self) -> Fit:
-        """Its values and their standard errors; beside what the hull may do where that was asked for."""
+        """Its values and their standard errors."""
+        fit = replace(self.model, values=self.values).estimated()
         if self.allowed is None:
-            return self.model.estimated()
-        fit, spread = replace(self.model, values=self.allowed.best).estimated(), self.allowed.covariance
+            return fit
+        spread = self.allowed.covariance
         return replace(fit, covariance=spread, standard_errors=np.sqrt(np.diag(spread)))
 
     @property

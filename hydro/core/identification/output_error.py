@@ -22,7 +22,7 @@ from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import Candidate, candidate
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.parameters import Free
-from hydro.core.recording.shots import Shots, evenly
+from hydro.core.recording.shots import Shots, kept_evenly
 from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle
 
@@ -51,8 +51,7 @@ class OutputError:
 
     def some(self, most: int) -> OutputError:
         """The problem with at most so many of its shots, spread evenly; itself where it has no more."""
-        kept = np.zeros(len(self.shots.starts), bool)
-        kept[evenly(len(kept), most)] = True
+        kept = kept_evenly(len(self.shots.starts), most)
         return self if kept.all() else OutputError(self.shots.of(kept))
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.vehicle.frames import body_states
@@ -175,6 +175,13 @@ def make_shots(
         share=len(kept) / room,
         seen=None if record.seen is None else record.seen[rows],
     )
+
+
+def kept_evenly(count: int, most: int | None) -> Mask:
+    """The same as a mask, (count,), see `evenly`."""
+    kept = np.zeros(count, np.bool_)
+    kept[evenly(count, most)] = True
+    return kept
 
 
 def evenly(count: int, most: int | None) -> Rows:

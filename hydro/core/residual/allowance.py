@@ -24,16 +24,16 @@ from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import Prior, moved
 from hydro.core.identification.multiple_shooting import (
     ENDLESS,
-    SHOTS_TOGETHER,
     corrected_first,
     prepare,
     residuals,
 )
+from hydro.core.identification.normal_equations import eliminate
 from hydro.core.identification.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
-from hydro.core.residual.library import AXES, RESTING, Flow, sizes, terms
-from hydro.core.residual.regression import robust, thinning
-from hydro.core.residual.response import Transitions, rows_of
+from hydro.core.residual.library import RESTING, Flow, sizes, terms
+from hydro.core.residual.regression import answers, robust, thinning
+from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 NUMBERS = 6
@@ -97,20 +97,8 @@ class Allowance:
         transitions = Transitions.of(candidate(vehicle), shots)
         library = terms(Flow.of(transitions.model, shots))[:, :-RESTING]
         prior = sizes(vehicle)[:-RESTING].ravel()
-        thin, made = thinning(shots), list[Array]()
-        begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
-        for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
-            part = slice(begin, begin + SHOTS_TOGETHER)
-            force = library[rows_of(shots, part)]
-            wrenches = np.zeros((*force.shape[:2], AXES, CHANNELS + prior.size))
-            for axis in range(AXES):
-                wrenches[:, :, axis, CHANNELS + axis :: AXES] = force * prior[axis::AXES]
-            columns = transitions.answers(part, wrenches, begun)[:, shots.lead :: thin]
-            columns /= shots.sigma[:, None]
-            if (counted := shots.weights(part)) is not None:
-                columns[~counted[:, ::thin]] = 0.0
-            made.append(columns.reshape(len(columns), -1, CHANNELS + prior.size).astype(np.float32))
-        both = np.concatenate(made)
+        made = (columns.astype(np.float32) for _, columns in answers(transitions, library, prior))
+        both = np.concatenate(list(made)).reshape(len(shots.starts), -1, CHANNELS + prior.size)
         error = _error(vehicle, shots)
         tame = (np.abs(both) < ENDLESS).all(axis=(1, 2)) & (np.abs(error) < ENDLESS).all(axis=1)
         weight = np.zeros(len(error))
@@ -121,13 +109,14 @@ class Allowance:
     @classmethod
     def _turned(cls, shots: Shots, weight: Array, beginnings: Array, library: Array) -> Allowance:
         """The library with the beginnings taken out, turned to the axes of its normal equations."""
-        gram, across = np.zeros((library.shape[2], library.shape[2])), library.copy()
+        gram, across, known = np.zeros((library.shape[2], library.shape[2])), library.copy(), _known(shots)
         seen = shots.weights(slice(None))
         compared = library.shape[1] if seen is None else float(seen[:, :: thinning(shots)].sum() / len(seen))
-        for s, known in enumerate(_known(shots)):
-            z, x = beginnings[s].astype(float), library[s].astype(float)
-            across[s] -= z @ np.linalg.solve(z.T @ z + np.diag(known), z.T @ x)
-            gram += weight[s] * (x.T @ across[s])
+        for s in range(len(library)):
+            both = np.hstack([beginnings[s], library[s]]).astype(float)
+            (left,), (follow,) = eliminate((both.T @ both)[None], CHANNELS, known[s : s + 1])
+            across[s] -= both[:, :CHANNELS] @ follow
+            gram += weight[s] * left
         found, axes = np.linalg.eigh(gram)
         turned = across @ axes.astype(np.float32)
         return cls(shots, weight, beginnings, turned, np.maximum(found, 0.0), compared)
@@ -152,13 +141,11 @@ class Allowance:
             columns[..., i] = (error - _error(other, self.shots)) / step
         columns[~counted] = 0.0
         columns[~(np.abs(columns) < ENDLESS).all(axis=(1, 2)), :, :-1] = 0.0
-        own, across = np.zeros((count + 1, count + 1)), np.zeros((len(self.sizes), count + 1))
-        known = _known(self.shots)
+        both = np.concatenate([self.beginnings, columns], axis=-1)[counted]
+        begun, _ = eliminate(both.transpose(0, 2, 1) @ both, CHANNELS, _known(self.shots)[counted])
+        own, across = np.tensordot(self.weight[counted], begun, 1), np.zeros((len(self.sizes), count + 1))
         for s in np.flatnonzero(counted):
-            z, x = self.beginnings[s].astype(float), columns[s]
-            begun = z.T @ x
-            own += self.weight[s] * (x.T @ x - begun.T @ np.linalg.solve(z.T @ z + np.diag(known[s]), begun))
-            across += self.weight[s] * (self.across[s].T @ x.astype(np.float32))
+            across += self.weight[s] * (self.across[s].T @ columns[s].astype(np.float32))
         scales = unknown.scales
         away = values / scales - prior.centre
         evidence, stride, spread, left = self._integrated(own, across, away, prior)

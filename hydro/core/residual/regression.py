@@ -8,6 +8,7 @@ recording is the normal equations of each stretch.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,26 +119,43 @@ def _normal_equations(vehicle: Vehicle, transitions: Transitions, fold: Rows, pr
     known = np.broadcast_to(shots.trust**-2, (len(shots.starts), CHANNELS))
     size, weight = prior.size, robust(costs(prepared, shots))
     out = np.zeros((int(fold.max()) + 1, size + 1, size + 1))
-    begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, size))])
-    for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
-        part = slice(begin, begin + SHOTS_TOGETHER)
-        made = library[rows_of(shots, part)]
-        wrenches = np.zeros((*made.shape[:2], AXES, CHANNELS + size))
-        for axis in range(AXES):
-            wrenches[:, :, axis, CHANNELS + axis :: AXES] = made * prior[axis::AXES]
-        columns = transitions.answers(part, wrenches, begun)[:, shots.lead :: thin]
+    for part, columns in answers(transitions, library, prior):
         error = residuals(prepared, shots, None, part)[:, ::thin]
-        columns /= shots.sigma[:, None]
-        if (counted := shots.weights(part)) is not None:
-            columns[~counted[:, ::thin]] = 0.0
         flat = np.concatenate([columns, error[..., None]], axis=-1).reshape(
-            len(made), -1, CHANNELS + size + 1
+            len(columns), -1, CHANNELS + size + 1
         )
         tame = (np.abs(flat) < ENDLESS).all(axis=(1, 2))
         gram = np.stack([one.T @ one for one in flat[tame]]) * thin
         left, _ = eliminate(gram, CHANNELS, known[part][tame])
         np.add.at(out, fold[part][tame], weight[part][tame, None, None] * left)
     return out
+
+
+def answers(transitions: Transitions, library: Array, prior: Array) -> Iterator[tuple[slice, Array]]:
+    """How a few shots at a time answer to their beginnings, and to every term of a library on every axis.
+
+    Args:
+        transitions: The shots.
+        library: The terms at every row of the recording, (N, F).
+        prior: Units of their coefficients, F of six axes each, (6 F,).
+
+    Yields:
+        Which shots, and answers of the rows that are compared, in units of the noise,
+        (s, rows, 12, 12 + 6 F).
+    """
+    shots, thin = transitions.shots, thinning(transitions.shots)
+    begun = np.hstack([np.eye(CHANNELS), np.zeros((CHANNELS, prior.size))])
+    for begin in range(0, len(shots.starts), SHOTS_TOGETHER):
+        part = slice(begin, begin + SHOTS_TOGETHER)
+        force = library[rows_of(shots, part)]
+        wrenches = np.zeros((*force.shape[:2], AXES, CHANNELS + prior.size))
+        for axis in range(AXES):
+            wrenches[:, :, axis, CHANNELS + axis :: AXES] = force * prior[axis::AXES]
+        columns = transitions.answers(part, wrenches, begun)[:, shots.lead :: thin]
+        columns /= shots.sigma[:, None]
+        if (counted := shots.weights(part)) is not None:
+            columns[~counted[:, ::thin]] = 0.0
+        yield part, columns
 
 
 def thinning(shots: Shots) -> int:
