@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,6 +36,9 @@ if TYPE_CHECKING:
     from hydro.io.table import Artefact
 
 
+NOT_STATED = ", not stated: of what was tried it predicts best what its fit left out"
+
+
 def explain(
     vehicle: ModelFile,
     folder: Annotated[
@@ -64,12 +68,13 @@ def explain(
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
-    and the held-out one. What is only suspected is told and not added, unless nothing is stated and one
-    suspect has a confidence of 20 % or more: then each is tried, and everyday faults of weight, trim, current
-    and thrusters beside them, and the one joins that predicts best, five seconds ahead, stretches of the
-    recording that its fit leaves out. It ends when nothing is significant and
-    material, when a step makes the predictions of the held-out recording worse, or after six steps. Without
-    --holdout, stretches that are left out take its place.
+    and the held-out one. Where no statement comes first, and a suspect has a confidence of 20 % or more or no
+    model is near the noise, suspects are tried and, beside them, what else of the catalogue promises most:
+    the one joins that predicts best, five seconds ahead, stretches of the recording that its fit leaves out,
+    if it lowers their error by 2 % or more. Such a step predicts better; that its name is right it does not
+    say, and it is marked as not stated. It ends when nothing is significant and material and no trial
+    predicts better, when a step makes the predictions of the held-out recording worse, or after six steps.
+    Without --holdout, stretches that are left out take its place.
 
     DIR gets comparison-K.parquet, diagnosis-K.parquet, vehicle-K.toml and, with its covariance,
     vehicle-K.covariance.parquet of every step K, and ladder.parquet, the errors of all. Of the first and the
@@ -215,6 +220,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     import polars as pl
 
     from hydro.core.explanation.ladder import DATASETS
+    from hydro.core.explanation.options import is_stated
     from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 
@@ -227,8 +233,9 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
         console.print(told)
     if change.PARAMETER in study.parameters:
         console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
-    for step in steps[1:]:
-        console.print(f"\nStep {step.number}", style="bold")
+    for last, step in pairwise(steps):
+        how = "" if is_stated(last, step) else NOT_STATED
+        console.print(f"\nStep {step.number}{how}", style="bold")
         for table in step.tables:
             if table["name"] in step.added:
                 console.print(f"    {table['name']}", *ladder.values(table), sep="\n        ", soft_wrap=True)
@@ -258,8 +265,14 @@ def _print_json(study: Study, steps: Sequence[Step], chosen: Step, reason: str) 
     """The ladder, what each step fitted, and the file to use, for a program."""
     import polars as pl
 
+    from hydro.core.explanation.options import is_stated
+
     every = pl.concat([step.ladder for step in steps], how="diagonal_relaxed")
-    fitted = [{"step": step.number, "added": step.added, "effects": step.tables} for step in steps]
+    stated = [False, *(is_stated(*both) for both in pairwise(steps))]
+    fitted = [
+        {"step": step.number, "added": step.added, "stated": sure, "effects": step.tables}
+        for step, sure in zip(steps, stated, strict=True)
+    ]
     use = study.folder / f"vehicle-{chosen.number}.toml"
     beyond = _implausible(chosen)
     print_json(

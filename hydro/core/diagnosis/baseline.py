@@ -37,7 +37,7 @@ from hydro.core.identification.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread
-from hydro.core.recording.shots import SHOT_SECONDS
+from hydro.core.recording.shots import SHOT_SECONDS, kept_evenly
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -61,6 +61,8 @@ DIVERGED_REFIT = "the refit of the file's own effects diverged: they stand as th
 STABLE = 0.95
 """Part of the shots that must not diverge."""
 LEAST_SHOTS = 16
+LOUD, ENOUGH = 1e3, 120
+"""Mean squared residual, in units of the noise, from which so many shots tell as much as all."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,17 @@ class Baseline:
     def beforehand(self) -> Vehicle:
         """The vehicle whose values are known whatever this recording says."""
         return self.file or self.vehicle
+
+    def thinned(self) -> Baseline:
+        """The same over ENOUGH of its shots where the file's own effects leave far more than the noise.
+
+        What no noise blurs every shot tells; itself where it leaves less, or has no more shots.
+        """
+        kept = kept_evenly(len(self.refitted.costs), ENOUGH)
+        if kept.all() or not self.refitted.normal.chi2 > LOUD:
+            return self
+        given, refitted = self.given.over(kept), self.refitted.over(kept)
+        return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
 
     def explained(self, model: Model) -> float:
         """Part of the error beyond the noise that a model explains of what the file's own effects leave."""

@@ -17,6 +17,7 @@ import polars as pl
 from scipy.stats import f as fisher
 
 from hydro.core.diagnosis.baseline import (
+    LOUD,
     MATERIAL,
     VISIBLE,
     Baseline,
@@ -141,7 +142,10 @@ def diagnose_log(
 def _searched_for(baseline: Baseline, progress: Progress) -> Diagnosis:
     """What is missing beside a baseline."""
     vehicle, log = baseline.vehicle, baseline.log
-    search, outcome = searched(baseline, progress)
+    search, outcome = searched(baseline.thinned(), progress)
+    if search.baseline is not baseline and outcome.model.normal.chi2 <= LOUD:
+        search, outcome = searched(baseline, progress)
+    baseline = search.baseline
     if search.wrong(outcome):
         return named_by_transfer(baseline, outcome, progress)
     outcome = search.settle(outcome, part(progress, 0.8, 0.85))

@@ -61,6 +61,8 @@ OUTDONE = 0.8
 """The same where another has more evidence and cannot be it."""
 TELLING = 10.0
 """Logarithm of the evidence from which it orders names: chance and the library's gaps give less."""
+ALLOWED = 96
+"""Shots at most that evidence is taken from: what it has to tell is known of as many."""
 CLOSEST = 5
 """Names whose values are refined beside what the hull may do."""
 STEPS = 12
@@ -173,16 +175,18 @@ def beside_hull(surveyed: Survey, baseline: Baseline, refitted: Model, known: Kn
     """
     if not dragged(baseline.vehicle):
         return surveyed
-    allowance = Allowance.of(baseline.vehicle, baseline.problem.shots)
+    allowance = Allowance.of(baseline.vehicle, baseline.problem.some(ALLOWED).shots)
     alone = allowance.held(refitted.unknown, refitted.values, known.alone(refitted.unknown)).evidence
-    found = []
+    found, rivals = [], []
     for rival in surveyed.rivals:
+        if not rival.beyond:  # whatever its evidence, it absorbs all that it removes
+            rivals.append(rival)
+            continue
         unknown, prior = rival.model.unknown, known.releasing(rival.effect).alone(rival.model.unknown)
         held = allowance.held(unknown, rival.model.values, prior)
         if np.isfinite(held.evidence):
             found.append((rival, held, prior))
     found.sort(key=lambda one: -one[1].evidence)
-    rivals = []
     for number, (rival, held, prior) in enumerate(found):
         best = allowance.refined(rival.model.unknown, held, prior) if number < CLOSEST else held
         rivals.append(replace(rival, evidence=rival.beyond * (best.evidence - alone), allowed=best))
@@ -274,7 +278,8 @@ def _also(
 ) -> Iterator[Finding]:
     """What else transfers at least half as well as what is named, with the values that the survey fitted.
 
-    What the name leaves of all probability they share by their scores, with one part for something else.
+    What the name leaves of all probability they share by their scores, with one part for something else; none
+    is surer than the name, which is better.
     """
     worth = surveyed.worth
     near = [one for one in others if worth(one) >= max(ALSO * worth(rival), NAMED)]
@@ -287,7 +292,7 @@ def _also(
             continue
         adding = advice.adding(one.effect, fit.table(one.effect)[0], dt)
         words = f"{adding}; {worth(one) / worth(rival):.0%} as good as {rival.effect} {by}"
-        confidence = (1.0 - finding.confidence) * worth(one) / whole
+        confidence = min((1.0 - finding.confidence) * worth(one) / whole, finding.confidence)
         yield replace(_suspect(one, one.model, surveyed.refitted, fit, words), confidence=confidence)
 
 

@@ -60,6 +60,8 @@ STEPS = 4
 RESOLUTION = np.repeat([0.005, 0.001, 0.005, 0.002], 3)
 """Least deviation of position [m], attitude [rad], velocity [m/s] and rates [rad/s]: no sensor is truer, a
 filtered log only smoother."""
+FOLDS = 6
+"""Parts at most of which each is left out of a fit once."""
 AGAIN = 3
 """Steps from a fit to all shots to one where some are left out."""
 DRAG = frozenset(with_role(Role.DRAG))
@@ -315,6 +317,7 @@ def left_out_error(
     if not fitted:
         return error_ahead(vehicle, ahead, weights)
     fold, shots = sessions_of(problem.shots), problem.shots
+    fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     whole, total, count = begun(vehicle, fitted, problem, np.zeros((1, 3))), 0.0, 0
     for number in np.unique(fold):

@@ -47,7 +47,6 @@ BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
 MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
 TIMES, MORE_TIMES = (0.05, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
 POWERS, MORE_POWERS = (-0.5, 0.5), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve
-EVERYDAY = frozenset({Role.EVERYDAY})
 PLAIN = 0.05  # of a whole power, within which a curve is taken for the other that a file can name
 
 
@@ -229,7 +228,6 @@ EFFECTS = (
         ),
         Advice(parted_by=(COASTING,)),
         Identification(absorbs=SLIGHTLY_ABSORBED),
-        EVERYDAY,
     ),
     _effect(
         "thruster_asymmetry",
@@ -272,7 +270,6 @@ EFFECTS = (
             coarse=of_sizes("thruster_lag", "dT", room_of_lag, TIMES),
             fine=of_sizes("thruster_lag", "dT", room_of_lag, MORE_TIMES),
         ),
-        EVERYDAY,
     ),
     _effect(
         "command_delay",
@@ -300,7 +297,6 @@ EFFECTS = (
             coarse=of_sizes("command_delay", "d", room_of_delay, TIMES),
             fine=of_sizes("command_delay", "d", room_of_delay, MORE_TIMES),
         ),
-        EVERYDAY,
     ),
     _effect(
         "thruster_deadband",

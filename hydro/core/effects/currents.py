@@ -156,7 +156,7 @@ EFFECTS = (
                 for north, east in ((1, 0), (-1, 0), (0, 1), (0, -1))
             )
         ),
-        roles=frozenset({Role.OFTEN_LACKING, Role.EVERYDAY}),
+        roles=frozenset({Role.OFTEN_LACKING}),
     ),
     Effect(
         name="current_shear",

@@ -225,7 +225,7 @@ BUOYANCY_OFFSET = Effect(
     ),
     kernel=buoyancy_offset,
     advice=Advice(parted_by=(TILTS,)),
-    roles=frozenset({Role.OFTEN_LACKING, Role.EVERYDAY}),
+    roles=frozenset({Role.OFTEN_LACKING}),
 )
 PAYLOAD = Effect(
     name="payload",
@@ -336,7 +336,7 @@ EFFECTS = (
         ),
         kernel=net_buoyancy,
         advice=Advice(parted_by=(TILTS,)),
-        roles=frozenset({Role.OFTEN_LACKING, Role.EVERYDAY}),
+        roles=frozenset({Role.OFTEN_LACKING}),
     ),
     BUOYANCY_OFFSET,
     PAYLOAD,

@@ -19,7 +19,8 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
-from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial, of_change, options
+from hydro.core.explanation.options import is_open, of_change, options
+from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial
 from hydro.core.identification.tracking import tracked
 from hydro.core.progress import Progress, part, silent
 from hydro.core.recording.arrays import recording
@@ -30,6 +31,7 @@ MOST_STEPS = 6
 """The file as given not counted."""
 UNEXPLAINED = ("none_of_the_known", "far_from_noise")
 """Verdicts that something is left which no effect explains."""
+NO_BETTER = "nothing else that was tried predicts stretches better that it was not fitted to"
 Beyond = Callable[[Vehicle, Preprocessed, Diagnosis, Progress], Diagnosis]
 """A diagnosis of a vehicle and a recording, and what lies beyond its catalogue."""
 
@@ -66,12 +68,15 @@ def explain(
         if recorded is not None:
             long_enough(vehicle, recorded, beside=hull is not None)
     steps = list(done)
-    if steps and ending(steps):
+    if steps and over(steps):
         return
     recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or silent
-    while not (steps and ending(steps)):
-        steps.append(_next(steps, vehicle, recordings, progress, beyond))
-        yield steps[-1]
+    while not (steps and over(steps)):
+        step = _next(steps, vehicle, recordings, progress, beyond)
+        if step is None:
+            return
+        steps.append(step)
+        yield step
 
 
 def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) -> None:
@@ -90,7 +95,12 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step]) -> str:
-    """Why no step follows the last of these, in words; empty where one does."""
+    """Why no step follows the last of these, in words."""
+    return over(steps) or _with_suspects(NO_BETTER, steps[-1])
+
+
+def over(steps: Sequence[Step]) -> str:
+    """The same where the steps themselves say that none follows; empty where one is to be tried."""
     last = steps[-1]
     if best(steps) is not last:
         held_out = not last.ladder.filter(dataset="holdout").is_empty()
@@ -98,22 +108,29 @@ def ending(steps: Sequence[Step]) -> str:
         return (
             f"step {last.number} predicts {data} worse than step {last.number - 1}, which is the one to use"
         )
-    if not options(last):
+    if not (options(last) or is_open(last)):
         known = last.diagnosis.filter(pl.col("verdict").is_in(UNEXPLAINED)).is_empty()
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
         words = words if known else "what is left no effect of the catalogue explains"
-        suspected = ", ".join(suspects(last.diagnosis))
-        return f"{words}; only suspected, and not added: {suspected}" if suspected else words
+        return _with_suspects(words, last)
     return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
+
+
+def _with_suspects(words: str, last: Step) -> str:
+    """The words, with what is suspected and was not added."""
+    suspected = ", ".join(suspects(last.diagnosis))
+    return f"{words}; only suspected, and not added: {suspected}" if suspected else words
 
 
 def _next(
     steps: Sequence[Step], file: Vehicle, recordings: Recordings, progress: Progress, beyond: Beyond | None
-) -> Step:
-    """The step after these."""
-    number, log, hull, tried = len(steps), recordings.log, recordings.hull, Trial((), (), file)
-    if steps:
-        tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, 0.3))
+) -> Step | None:
+    """The step after these; None where nothing that may be added predicts better."""
+    number, log, hull = len(steps), recordings.log, recordings.hull
+    first = Trial((), (), file)
+    tried = best_trial(steps[-1], file, recordings, part(progress, 0.0, 0.3)) if steps else first
+    if tried is None:
+        return None
     compared = [recordings.compared(tried.vehicle, log, part(progress, 0.3, 0.5))]
     if recordings.holdout is not None:
         compared.append(recordings.compared(tried.vehicle, recordings.holdout, part(progress, 0.5, 0.6)))

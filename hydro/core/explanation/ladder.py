@@ -62,6 +62,12 @@ class Step:
         row = self.ladder.filter(dataset=dataset, axis="all", horizon=HORIZON)
         return None if row.is_empty() else float(row["rmse"][0])
 
+    @property
+    def left_out(self) -> float | None:
+        """Error of stretches left out of the fit [m/s]; None where others decide which step to use."""
+        row = self.ladder.filter(axis=LEFT_OUT)
+        return None if row.is_empty() else float(row["rmse"][0])
+
 
 def best(steps: Sequence[Step]) -> Step:
     """The step to use: the last, or the one before where the last went too far."""

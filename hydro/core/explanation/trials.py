@@ -1,36 +1,38 @@
-"""What a step may add, and which of it predicts best the stretches that it was not fitted to.
+"""Which of what a step may add predicts best the stretches of the recording that it was not fitted to.
 
-What a diagnosis states makes one step.  Of what it only suspects each is tried: fitted together with all that
-is there already, and held against stretches of the recording that the fit leaves out, as far ahead as the
-ladder looks.  With the hull that a recording before has taught, a step adds what changed most, and fits with
-it nothing but the changes of earlier steps.
+What a diagnosis only suspects is tried, and beside it what else of the catalogue promises most
+(`explanation.screening`): fitted together with all that is there already, and held against stretches that the
+fit leaves out, as far ahead as the ladder looks.  With the hull that a recording before has taught, what
+changed is fitted with nothing but the changes of earlier steps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from hydro.core.diagnosis.baseline import stable_start, weighed_fit
-from hydro.core.diagnosis.before import FLOOR, fit_changes, with_hull
+from hydro.core.diagnosis.before import fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
-from hydro.core.diagnosis.findings import FIT, extended, tables
+from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of
 from hydro.core.diagnosis.transfer import error_ahead, left_out_error, resolved
-from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
-from hydro.core.effects.record import BOOKKEEPING, Role
+from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
+from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
+from hydro.core.explanation.options import Table, is_open, options, states
+from hydro.core.explanation.screening import promising
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
@@ -40,17 +42,15 @@ from hydro.core.progress import Progress
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
-from hydro.core.vehicle.description import Vehicle, called
+from hydro.core.vehicle.description import Vehicle
 
-Table = Mapping[str, Any]
-
-STEP_VERDICTS = ("missing", "cannot_tell_apart")
-"""Verdicts that make a step; new values of what is there already come along with it."""
-PART, QUICK, SHORTLIST = 96, 6, 4
-"""Shots and steps of the fits that tell suspects apart, and how many of these are fitted with stretches left
-out."""
-LIKELY = 0.2
-"""Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
+PART, QUICK = 96, 6
+"""Shots and steps of the fits that tell apart what may be added."""
+TRIED, SHORTLIST = 8, 3
+"""How many are fitted so, and how many of these with stretches left out."""
+LOWER = 0.98
+"""Part of the error of stretches left out that what is not stated may leave of it to be added, and from which
+two errors are alike."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +102,10 @@ class Recordings:
         ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
         return left_out_error(vehicle, fitted, problem, ahead, weights)
 
+    def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
+        """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
+        return promising(vehicle, own, self.problem.at_measured_states(vehicle), self.log.track)
+
     def tried(self, vehicle: Vehicle, wanted: Wanted) -> Vehicle:
         """The vehicle with effects fitted to a part of the shots.
 
@@ -130,78 +134,54 @@ class Trial:
     estimates: Estimates | None = None
 
 
-def options(step: Step) -> list[dict[str, Table]]:
-    """What the next step may fit anew, by effect: the best that is missing first, then new values.
-
-    What is stated makes one step; of what is only suspected each may make it, and so may everyday faults,
-    from no values.  New values alone make a step only where the effects have not been fitted in this one.
-    """
-    with_values = step.diagnosis.filter(pl.col("parameters") != "")
-    if of_change(step):
-        return _change(step, with_values)
-    missing = with_values.filter(pl.col("verdict").is_in(STEP_VERDICTS)).sort("rank")["effect"].to_list()[:1]
-    fitted = {table["name"] for table in step.tables}
-    everyday = list[str]()
-    if not missing and (missing := _likely(with_values, fitted)):
-        there = {*missing, *(name for table in step.vehicle.effect for name in called(table))}
-        everyday = [name for name in with_role(Role.EVERYDAY) if name not in there]
-    missing = missing or _discovered(with_values)
-    retuned = with_values.filter(verdict="retune").sort("rank")["effect"].to_list()
-    if not missing and fitted.issuperset(retuned):
-        return []
-    wanted = [[name, *retuned] for name in missing] or [retuned]
-    found: list[dict[str, Table]] = [
-        {table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted
-    ]
-    found += [{name: {"name": name}} for name in everyday]
-    return found
-
-
-def of_change(step: Step) -> bool:
-    """Whether the step tells of what has changed since a recording before."""
-    return not step.ladder.filter(axis=FLOOR).is_empty()
-
-
-def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
-    """The best change that is stated, or else likely, and has not been fitted in the step."""
-    fitted = {table["name"] for table in step.tables}
-    stated = findings.filter(pl.col("verdict").is_in((*STEP_VERDICTS, "retune"))).sort("rank")["effect"]
-    names = [name for name in stated if name not in fitted] or _likely(findings, fitted)
-    return [{table["name"]: table for table in tables(step.diagnosis, names[:1])}] if names else []
-
-
-def _likely(findings: pl.DataFrame, fitted: AbstractSet[str]) -> list[str]:
-    """Suspects that have not been fitted in the step, where one of them is not unlikely; the best first."""
-    suspected = findings.filter(~pl.col("effect").is_in(list(fitted)), verdict="suspect").sort("rank")
-    likely = suspected.filter(pl.col("confidence") >= LIKELY)
-    return [] if likely.is_empty() else suspected["effect"].to_list()
-
-
-def _discovered(findings: pl.DataFrame) -> list[str]:
-    """The formula that was discovered beyond the catalogue."""
-    formulas = [name for name, effect in CATALOGUE.items() if effect.words]
-    return findings.filter(pl.col("effect").is_in(formulas), verdict="suspect")["effect"].to_list()
-
-
-def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial:
+def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial | None:
     """Of what the next step may add, what predicts best the stretches that it was not fitted to.
 
     Those are asked of the few that predict best what a quick fit saw.  Values that physics does not leave to
-    an effect stand for something else: others come first.
+    an effect stand for something else: others come first.  None where what is not stated predicts these
+    stretches no better than the last step does.
     """
     every = options(last)
-    quick = sorted(quick_fits(last, every, recordings, progress), key=lambda one: (one.fanciful, one.error))
-
-    def elsewhere(one: Quick) -> tuple[bool, float]:
-        return one.fanciful, recordings.left_out(one.vehicle, names_of(one.wanted))
-
-    if not quick:
+    if not is_open(last) and len(every) == 1:
         progress("all together", 0.0)
         return _trial(last, every[0], file, recordings)
+    if is_open(last):
+        progress("all effects against what is left", 0.0)
+        every += _beside(last, every, recordings)
+    quick = sorted(quick_fits(last, every, recordings, progress), key=lambda one: (one.fanciful, one.error))
     progress("the best of them, stretches left out", 0.5)
-    best = min(quick[:SHORTLIST], key=elsewhere)
+    best = _best_of(quick, last, recordings)
     progress("all together", 0.8)
-    return _trial(last, best.found, file, recordings, best.vehicle)
+    return None if best is None else _trial(last, best.found, file, recordings, best.vehicle)
+
+
+def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings) -> Quick | None:
+    """The quick fit that predicts best the stretches that it was not fitted to; None where none betters them.
+
+    Of those that predict them alike, to within LOWER, it is the one that has the fewest numbers.
+    """
+    least, errors = np.inf, list[tuple[float, Quick]]()
+    for one in quick[:SHORTLIST]:
+        if errors and (one.fanciful > errors[0][1].fanciful or one.error >= least / LOWER):
+            break  # no fit predicts better what it did not see
+        errors.append((recordings.left_out(one.vehicle, names_of(one.wanted)), one))
+        least = min(least, errors[-1][0])
+    here = last.left_out
+    enough = LOWER * (recordings.left_out(last.vehicle, names_of(last.tables)) if here is None else here)
+    alike = [one for error, one in errors if error <= least / LOWER]
+    alike = [one for one in alike if least < enough or states(last, one.effect)]
+    return min(alike, key=lambda one: one.entries, default=None)
+
+
+def _beside(
+    last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
+) -> list[dict[str, Table]]:
+    """What else of the catalogue may be added, the most promising first."""
+    own = [name for name in _there(last) if not CATALOGUE[name].is_random]
+    found = recordings.promising(last.vehicle, own)
+    tried = {next(iter(one)) for one in every}
+    others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
+    return others[: max(TRIED - len(every), 0)]
 
 
 @dataclass(frozen=True)
@@ -222,12 +202,22 @@ class Quick:
     fanciful: bool
     error: float
 
+    @property
+    def effect(self) -> str:
+        """What is new in it."""
+        return next(iter(self.found))
+
+    @property
+    def entries(self) -> int:
+        """How many numbers of what is fitted together it has."""
+        return len(free(self.vehicle, names_of(self.wanted)).entries)
+
 
 def quick_fits(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings, progress: Progress
 ) -> Iterator[Quick]:
-    """Quick fits of what may be added, where there is a choice; of what diverges none."""
-    for number, found in enumerate(every if len(every) > 1 else ()):
+    """Quick fits of what may be added; of what diverges none."""
+    for number, found in enumerate(every):
         progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
         wanted = _wanted(last, found)
         with suppress(DataError):
@@ -306,13 +296,17 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
 
     What acts by chance is estimated by the diagnosis, not by a fit.
     """
-    known = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
     new = [
         bare(table) if len(table) > 1 else name
         for name, table in found.items()
         if not CATALOGUE[name].is_random
     ]
-    return [*(name for name in known if name not in found and not CATALOGUE[name].is_random), *new]
+    return [*(name for name in _there(last) if name not in found and not CATALOGUE[name].is_random), *new]
+
+
+def _there(last: Step) -> list[str]:
+    """The file's own effects and all that was added."""
+    return list(dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)]))
 
 
 def bare(table: Table) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -222,18 +223,20 @@ def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, 
 def better(monkeypatch):
     """Says which effect predicts best what a fit leaves out."""
 
-    def let(best: str) -> None:
+    def let(best: str, beside: Sequence[dict] = (), others: float = 0.2) -> None:
         def tried(_, vehicle, wanted):
             return extended(vehicle, [{"name": one} if isinstance(one, str) else one for one in wanted])
 
         def error(_, vehicle, names):
-            return 0.1 if vehicle.effects(best) else 0.2
+            new = {"ocean_current", "payload", "command_delay"} & {one["name"] for one in vehicle.effect}
+            return 0.2 if not new else 0.1 if best in new else others
 
         monkeypatch.setattr(trials.Recordings, "tried", tried)
         monkeypatch.setattr(trials.Recordings, "left_out", error)
         monkeypatch.setattr(
             trials.Recordings, "error_ahead", lambda recordings, vehicle: error(recordings, vehicle, [])
         )
+        monkeypatch.setattr(trials.Recordings, "promising", lambda *_: list(beside))
 
     return let
 
@@ -242,33 +245,63 @@ LIKELY = replace(finding("suspect", "ocean_current", v_N=0.2), confidence=0.5)
 
 
 @pytest.mark.parametrize("best", ["ocean_current", "payload", "command_delay"])
-def test_of_suspects_and_everyday_faults_the_one_joins_that_predicts_what_is_left_out(staged, better, best):
-    better(best)
+def test_of_suspects_and_what_else_promises_the_one_joins_that_predicts_what_is_left_out(
+    staged, better, best
+):
+    better(best, beside=[{"name": "command_delay", "d": 0.1}])
     beside = replace(finding("suspect", "payload", w=1.0), confidence=0.1)
-    steps, asked = staged([[LIKELY, beside], [finding("far_from_noise")]], [2.0, 1.0])
+    steps, asked = staged([[LIKELY, beside], [finding("nothing_missing")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), (best,)]
-    values = {"ocean_current": {"v_N": 0.2}, "payload": {"w": 1.0}}
-    begun = {"name": best} | values[best] if best in values else best  # an everyday fault has no values
-    assert asked[-1][-1] == begun
+    values = {"ocean_current": {"v_N": 0.2}, "payload": {"w": 1.0}, "command_delay": {"d": 0.1}}
+    assert asked[-1][-1] == {"name": best} | values[best]
 
 
-def test_values_beyond_belief_join_where_nothing_else_would(staged, better, monkeypatch):
-    better("payload")
+def test_values_beyond_belief_join_where_nothing_else_would(staged, better):
+    better("payload", beside=[{"name": "ocean_current", "v_N": 0.1}], others=0.15)
     fanciful = replace(finding("suspect", "payload", w=1.0, x=40.0), confidence=0.5)
-    steps, _ = staged([[fanciful], [finding("far_from_noise")]], [2.0, 1.0])
-    assert len(steps) == 2
-    assert steps[1].added != ("payload",)
-    monkeypatch.setattr(trials, "with_role", lambda _: ())
-    steps, _ = staged([[fanciful], [finding("far_from_noise")]], [2.0, 1.0])
+    steps, _ = staged([[fanciful], [finding("nothing_missing")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("ocean_current",)]
+    better("payload")
+    steps, _ = staged([[fanciful], [finding("nothing_missing")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("payload",)]
 
 
-def test_suspects_are_told_and_not_added(staged):
+def test_what_predicts_what_is_left_out_no_better_is_told_and_not_added(staged, better):
+    better("", beside=[{"name": "command_delay", "d": 0.1}])
     steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
     assert [step.added for step in steps] == [()]
+    assert ending(steps) == f"{module.NO_BETTER}; only suspected, and not added: ocean_current"
+
+
+def test_of_two_that_predict_alike_the_plainer_joins(staged, better):
+    """A current of the water's three numbers, and a delay of one that predicts 1 % worse."""
+    better("ocean_current", beside=[{"name": "command_delay", "d": 0.1}], others=0.101)
+    steps, _ = staged([[LIKELY], [finding("nothing_missing")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("command_delay",)]
+
+
+def test_a_suspect_that_explains_more_than_what_is_stated_is_tried_beside_it(staged, better):
+    stated = finding("cannot_tell_apart", "payload", w=1.0)
+    for order, added in (([LIKELY, stated], "ocean_current"), ([stated, LIKELY], "payload")):
+        better("ocean_current")
+        steps, _ = staged([order, [finding("nothing_missing")]], [2.0, 1.0])
+        assert [step.added for step in steps] == [(), (added,)]
+
+
+def test_what_is_unlikely_is_told_and_not_tried(staged):
+    unlikely = replace(LIKELY, confidence=0.1)
+    steps, _ = staged([[unlikely, finding("none_of_the_known")]], [1.0])
     assert ending(steps) == (
         "what is left no effect of the catalogue explains; only suspected, and not added: ocean_current"
     )
+
+
+def test_drag_of_a_bare_hull_promises_most(known):
+    """By one step of all effects about the bare file, damping that it lacks; and what is there it is not."""
+    bare = known.without("linear_damping").without("quadratic_damping")
+    recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
+    assert {one["name"] for one in recordings.promising(bare, [])[:3]} & {*DAMPING, "power_drag"}
+    assert not {one["name"] for one in recordings.promising(known, DAMPING)} & {*DAMPING}
 
 
 def test_it_goes_on_from_steps_that_are_done(staged):

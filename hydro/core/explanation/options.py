@@ -1,0 +1,110 @@
+"""What the next step may add, as the diagnosis of a step has it.
+
+What is stated, and explains most, makes one step.  Where nothing is, or a suspect explains more, trials
+decide (`explanation.trials`).  With the hull that a recording before has taught, a step adds what changed
+most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import polars as pl
+
+from hydro.core.diagnosis.before import FLOOR
+from hydro.core.diagnosis.findings import tables
+from hydro.core.effects.catalogue import CATALOGUE
+from hydro.core.explanation.ladder import Step
+
+Table = Mapping[str, Any]
+
+STEP_VERDICTS = ("missing", "cannot_tell_apart")
+"""Verdicts that make a step; new values of what is there already come along with it."""
+LIKELY = 0.2
+"""Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
+SUSPECTED, FAR = "suspect", "far_from_noise"
+"""Verdicts on what is named without being sure, and on a recording whose noise no model reaches."""
+
+
+def options(step: Step) -> list[dict[str, Table]]:
+    """What the diagnosis says that the next step may fit anew, by effect: the best that is missing first.
+
+    What is stated, and explains most, makes one step alone; what is suspected to explain more may make it,
+    too, and all suspects where nothing is stated.  New values alone make a step only where the effects have
+    not been fitted in this one.
+    """
+    with_values = step.diagnosis.filter(pl.col("parameters") != "").sort("rank")
+    if of_change(step):
+        return _change(step, with_values)
+    fitted = {table["name"] for table in step.tables}
+    first = _stated(with_values)
+    missing = [*_suspected(step), *first] if is_open(step) else first or _discovered(with_values)
+    retuned = with_values.filter(verdict="retune")["effect"].to_list()
+    if not missing and fitted.issuperset(retuned):
+        return []
+    wanted = [[name, *retuned] for name in missing] or [retuned]
+    return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
+
+
+def is_open(step: Step) -> bool:
+    """Whether it is left to trials what the next step adds, among them others of the catalogue.
+
+    So it is where no statement comes first, and a suspect is likely or no model is near the noise.
+    """
+    if of_change(step):
+        return False
+    named = step.diagnosis.filter(pl.col("verdict").is_in([SUSPECTED, *STEP_VERDICTS])).sort("rank")
+    decided = not named.is_empty() and named["verdict"][0] != SUSPECTED
+    return not decided and bool(_likely(step) or FAR in step.diagnosis["verdict"])
+
+
+def is_stated(last: Step, step: Step) -> bool:
+    """Whether the diagnosis of the last step states what the next one adds, or gives new values to."""
+    return all(states(last, name) for name in step.added)
+
+
+def states(step: Step, effect: str) -> bool:
+    """Whether the diagnosis of a step states that an effect is missing or has changed."""
+    verdicts = (*STEP_VERDICTS, "retune")
+    return not step.diagnosis.filter(pl.col("verdict").is_in(verdicts), effect=effect).is_empty()
+
+
+def of_change(step: Step) -> bool:
+    """Whether the step tells of what has changed since a recording before."""
+    return not step.ladder.filter(axis=FLOOR).is_empty()
+
+
+def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
+    """The best change that is stated, or else likely, and has not been fitted in the step."""
+    fitted = {table["name"] for table in step.tables}
+    stated = findings.filter(pl.col("verdict").is_in((*STEP_VERDICTS, "retune"))).sort("rank")["effect"]
+    names = [name for name in stated if name not in fitted] or _likely(step)
+    return [{table["name"]: table for table in tables(step.diagnosis, names[:1])}] if names else []
+
+
+def _stated(findings: pl.DataFrame) -> list[str]:
+    """The best that is stated to be missing."""
+    return findings.filter(pl.col("verdict").is_in(STEP_VERDICTS))["effect"].to_list()[:1]
+
+
+def _suspected(step: Step) -> list[str]:
+    """Suspects that have not been fitted in the step, the best first."""
+    fitted = [table["name"] for table in step.tables]
+    rows = step.diagnosis.filter(
+        pl.col("parameters") != "", ~pl.col("effect").is_in(fitted), verdict=SUSPECTED
+    )
+    return rows.sort("rank")["effect"].to_list()
+
+
+def _likely(step: Step) -> list[str]:
+    """The same where one of them is not unlikely."""
+    suspected = _suspected(step)
+    rows = step.diagnosis.filter(pl.col("effect").is_in(suspected), pl.col("confidence") >= LIKELY)
+    return [] if rows.is_empty() else suspected
+
+
+def _discovered(findings: pl.DataFrame) -> list[str]:
+    """The formula that was discovered beyond the catalogue."""
+    formulas = [name for name, effect in CATALOGUE.items() if effect.words]
+    return findings.filter(pl.col("effect").is_in(formulas), verdict=SUSPECTED)["effect"].to_list()

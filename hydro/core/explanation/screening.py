@@ -1,0 +1,54 @@
+"""Which effects of the catalogue promise most of what a model leaves, before any of them is fitted.
+
+Where no model is right a diagnosis names one change at a time, and what stands for the hull is no name.  Yet
+a better model may have it.  All effects are linearised together about the present one; each is scored by what
+a step of it and of all that is there removes of stretches that the step does not see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.diagnosis.confidence import Fitted, left_out_costs
+from hydro.core.diagnosis.model import as_it_is, begun, screened
+from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
+from hydro.core.identification.normal_equations import Normal
+from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.suspects import suspects
+from hydro.core.vehicle.description import Vehicle
+
+
+def promising(
+    vehicle: Vehicle, own: Sequence[str], problem: OutputError, reach: Array
+) -> list[dict[str, Any]]:
+    """The tables that fits of the effects begin from, the most promising first.
+
+    An effect that promises nothing has none.
+
+    Args:
+        vehicle: The model.
+        own: Effects of it that are fitted together with each.
+        problem: Shots, begun where the recording saw the vehicle.
+        reach: Positions and times of the recording, (N, 4), among which an anchor is looked for.
+    """
+    model = begun(vehicle, own, problem, reach) if own else as_it_is(vehicle, problem)
+    screening = screened(model, suspects(vehicle, without=own, reach=reach), len(problem.shots.starts))
+    fold, there = sessions_of(problem.shots), list(screening.own)
+    weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT**-2
+
+    def left(normal: Normal) -> float:
+        count = len(normal.gram[0]) - 1
+        return float(left_out_costs(Fitted(normal, np.zeros(count), np.full(count, weight)), fold).sum())
+
+    without = left(screening.normal.of(there))
+    found = list[tuple[float, dict[str, Any]]]()
+    for name, (suspect, columns) in screening.ranked.items():
+        normal = screening.normal.of([*there, *columns])
+        known = normal.matrix.sum(axis=0) + weight * np.eye(len(normal.gram[0]) - 1)
+        step = np.linalg.solve(known, normal.score.sum(axis=0))[len(there) :]
+        found.append((without - left(normal), {**suspect.begin(step), "name": name}))
+    return [table for gain, table in sorted(found, key=lambda one: -one[0]) if gain > 0.0]
