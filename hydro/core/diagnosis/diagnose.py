@@ -35,6 +35,7 @@ from hydro.core.diagnosis.confidence import (
     by_likelihood_confidence,
     doubted,
     explained_share,
+    outshone,
     selection_frequency,
     shared,
     stated,
@@ -226,6 +227,8 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
     remaining = unexplained(baseline, outcome)
     together = float(np.clip(baseline.explained(model), 0.0, 1.0))
     named = shared([_named(found, baseline, outcome) for found in outcome.found], together)
+    if baseline.sea is None:
+        named = outshone(named, model.normal.chi2)
     findings = [stated(doubted(finding, remaining)) for finding in named] + remaining
     findings.sort(key=lambda finding: -finding.share)
     if not findings:

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.diagnosis.baseline import stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import ENOUGH, STABLE, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.misread import by_kinematics
-from hydro.core.diagnosis.model import Diverges, Wanted, fit_model, names_of
+from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
 from hydro.core.diagnosis.transfer import error_ahead, left_out_error, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
 from hydro.core.effects.record import BOOKKEEPING
@@ -33,6 +33,8 @@ from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, is_open, options, states
 from hydro.core.explanation.screening import promising
+from hydro.core.identification import multiple_shooting
+from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
@@ -44,9 +46,10 @@ from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 
-PART, QUICK = 96, 6
-"""Shots and steps of the fits that tell apart what may be added."""
-TRIED, SHORTLIST = 8, 3
+PART, FEW, QUICK = 96, 48, 6
+"""Shots that the catalogue is linearised about; shots, HORIZON long, and steps of the fits that tell apart
+what may be added."""
+TRIED, SHORTLIST = 8, 4
 """How many are fitted so, and how many of these with stretches left out."""
 LOWER = 0.98
 """Part of the error of stretches left out that what is not stated may leave of it to be added, and from which
@@ -84,8 +87,26 @@ class Recordings:
 
     @cached_property
     def problem(self) -> OutputError:
-        """A part of the shots: by fits to it suspects are told apart, and with some left out."""
+        """A part of the shots of a diagnosis: about them the catalogue is linearised."""
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
+
+    def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
+        """At most so many shots as long as the ladder looks ahead; None where they diverge.
+
+        Each channel is weighed by what the vehicle leaves of it: far from the noise, that of the sensors says
+        nothing of what counts.
+        """
+        problem = OutputError.of(self.log.shots(HORIZON), vehicle)
+        prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
+        stable = multiple_shooting.bounded(prepared, problem.shots)
+        if stable.mean() < STABLE:
+            return None
+        problem = OutputError(problem.shots.of(stable)).some(most)
+        return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
+
+    def judged(self, vehicle: Vehicle) -> OutputError:
+        """What suspects are fitted to beside a vehicle, and told apart by with some left out."""
+        return self.ahead(vehicle, FEW) or self.problem
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
@@ -96,24 +117,27 @@ class Recordings:
         """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
         return error_ahead(vehicle, self.log.shots(HORIZON), self.yardstick.weights.velocity)
 
-    def left_out(self, vehicle: Vehicle, fitted: Sequence[str]) -> float:
-        """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s]."""
-        problem = self.problem.at_measured_states(vehicle)
+    def left_out(self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None) -> float:
+        """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s].
+
+        The fits are to `problem`, by default what is judged by about the vehicle itself.
+        """
+        begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
         ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
-        return left_out_error(vehicle, fitted, problem, ahead, weights)
+        return left_out_error(vehicle, fitted, begun, ahead, weights)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
         return promising(vehicle, own, self.problem.at_measured_states(vehicle), self.log.track)
 
-    def tried(self, vehicle: Vehicle, wanted: Wanted) -> Vehicle:
+    def tried(self, vehicle: Vehicle, wanted: Wanted, problem: OutputError) -> Vehicle:
         """The vehicle with effects fitted to a part of the shots.
 
         Raises:
             Diverges: The predicted motion does.
         """
         begun = free(vehicle, wanted, reach=self.log.track)
-        problem = self.problem.at_measured_states(begun.at(begun.starts[0]))
+        problem = problem.at_measured_states(begun.at(begun.starts[0]))
         return fit_model(vehicle, wanted, problem, self.log.track, QUICK).vehicle
 
 
@@ -138,8 +162,8 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     """Of what the next step may add, what predicts best the stretches that it was not fitted to.
 
     Those are asked of the few that predict best what a quick fit saw.  Values that physics does not leave to
-    an effect stand for something else: others come first.  None where what is not stated predicts these
-    stretches no better than the last step does.
+    an effect, in that fit or the last, stand for something else: others come first.  None where what is not
+    stated predicts these stretches no better than the last step does.
     """
     every = options(last)
     if not is_open(last) and len(every) == 1:
@@ -148,29 +172,38 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     if is_open(last):
         progress("all effects against what is left", 0.0)
         every += _beside(last, every, recordings)
-    quick = sorted(quick_fits(last, every, recordings, progress), key=lambda one: (one.fanciful, one.error))
+    problem = recordings.judged(last.vehicle)
+    found = quick_fits(last, every, recordings, problem, progress)
+    quick = sorted(found, key=lambda one: (one.fanciful, one.error))
     progress("the best of them, stretches left out", 0.5)
-    best = _best_of(quick, last, recordings)
+    order, first = _best_of(quick, last, recordings, problem), None
     progress("all together", 0.8)
-    return None if best is None else _trial(last, best.found, file, recordings, best.vehicle)
+    for one in order:
+        trial = _trial(last, one.found, file, recordings, one.vehicle)
+        if not implausible(trial.vehicle, trial.added):
+            return trial
+        first = first or trial
+    return first
 
 
-def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings) -> Quick | None:
-    """The quick fit that predicts best the stretches that it was not fitted to; None where none betters them.
+def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
+    """The quick fits that better the stretches that they were not fitted to, the best first.
 
-    Of those that predict them alike, to within LOWER, it is the one that has the fewest numbers.
+    Of those that predict them alike, to within LOWER, the one comes first that has the fewest numbers.
     """
-    least, errors = np.inf, list[tuple[float, Quick]]()
+    errors = list[tuple[float, Quick]]()
     for one in quick[:SHORTLIST]:
-        if errors and (one.fanciful > errors[0][1].fanciful or one.error >= least / LOWER):
-            break  # no fit predicts better what it did not see
-        errors.append((recordings.left_out(one.vehicle, names_of(one.wanted)), one))
-        least = min(least, errors[-1][0])
+        if errors and one.fanciful > errors[0][1].fanciful:
+            break
+        errors.append((recordings.left_out(one.vehicle, names_of(one.wanted), problem), one))
     here = last.left_out
-    enough = LOWER * (recordings.left_out(last.vehicle, names_of(last.tables)) if here is None else here)
-    alike = [one for error, one in errors if error <= least / LOWER]
-    alike = [one for one in alike if least < enough or states(last, one.effect)]
-    return min(alike, key=lambda one: one.entries, default=None)
+    if here is None:
+        here = recordings.left_out(last.vehicle, names_of(last.tables), problem)
+    better = [(error, one) for error, one in errors if error < LOWER * here or states(last, one.effect)]
+    better.sort(key=lambda found: found[0])
+    least = better[0][0] if better else np.inf
+    alike = sorted((one for error, one in better if error <= least / LOWER), key=lambda one: one.entries)
+    return [*alike[:1], *(one for _, one in better if one is not alike[0])]
 
 
 def _beside(
@@ -214,14 +247,18 @@ class Quick:
 
 
 def quick_fits(
-    last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings, progress: Progress
+    last: Step,
+    every: Sequence[Mapping[str, Table]],
+    recordings: Recordings,
+    problem: OutputError,
+    progress: Progress,
 ) -> Iterator[Quick]:
     """Quick fits of what may be added; of what diverges none."""
     for number, found in enumerate(every):
         progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
         wanted = _wanted(last, found)
         with suppress(DataError):
-            vehicle = recordings.tried(last.vehicle, wanted)
+            vehicle = recordings.tried(last.vehicle, wanted, problem)
             fanciful = bool(implausible(vehicle, list(found)))
             yield Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))
 
@@ -267,8 +304,9 @@ def _fit_together(
 
     What the recording does not show stays as it stands in the file of step 0.  Far from the noise it is no
     measure of what counts: the channel that is measured best would decide all.  Then shots weighed by what
-    matters of each are fitted too, from where a quick fit has been; these values are not drawn back to the
-    file: no straight line leads so far.  Of both vehicles the one is taken that predicts better.
+    matters of each are fitted too, from where a quick fit has been, and from the better of both shots as long
+    as the ladder looks ahead; these values are not drawn back to the file: no straight line leads so far.
+    Of all the vehicle is taken that predicts best.
     """
     if not wanted:
         return None
@@ -282,13 +320,22 @@ def _fit_together(
     fit = settled(model, file)[1]
     if fit is None or model.normal.chi2 <= FIT:
         return fit
-    there = start if tried is None else tried
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
-    try:
-        other = fit_model(there, names, resolved(problem).at_measured_states(there), log.track, ITERATIONS)
-    except Diverges:
-        return fit
-    return min(fit, other.estimated(), key=lambda one: recordings.error_ahead(one.vehicle))
+    found = [fit]
+
+    def best() -> Fit:
+        return min(found, key=lambda one: recordings.error_ahead(one.vehicle))
+
+    def fitted(there: Vehicle, problem: OutputError) -> None:
+        with suppress(Diverges):
+            begun = problem.at_measured_states(there)
+            found.append(fit_model(there, names, begun, log.track, ITERATIONS).estimated())
+
+    fitted(start if tried is None else tried, resolved(problem))
+    there = best().vehicle
+    if (ahead := recordings.ahead(there, ENOUGH)) is not None:
+        fitted(there, ahead)
+    return best()
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:

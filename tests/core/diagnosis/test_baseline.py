@@ -5,14 +5,24 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.diagnosis.baseline import MATERIAL, MUCH_OF_IT, PLAIN, VISIBLE, Baseline, Outcome
+from hydro.core.diagnosis.baseline import (
+    ENOUGH,
+    MATERIAL,
+    MUCH_OF_IT,
+    PLAIN,
+    VISIBLE,
+    Baseline,
+    Outcome,
+)
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
 from hydro.core.progress import silent
+from hydro.core.recording.shots import kept_evenly
 
 RESIDUALS = 10_000.0
 
@@ -45,6 +55,28 @@ def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_
     assert plain < MATERIAL * baseline.refitted.excess
     assert baseline.material(1.01 * plain, before)
     assert not baseline.material(0.9 * plain, before)
+
+
+@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, ENOUGH), (2e3, 100, 100), (50.0, 300, 300)])
+def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: int, left: int):
+    """Both models and the problem keep the same of them; a recording near the noise keeps all."""
+    costs = np.arange(shots, dtype=float)
+
+    def over(kept: np.ndarray) -> Any:
+        return SimpleNamespace(costs=costs[kept])
+
+    def some(most: int) -> Any:
+        return over(kept_evenly(shots, most))
+
+    model = cast(Any, SimpleNamespace(costs=costs, normal=SimpleNamespace(chi2=chi2), over=over))
+    problem = cast(Any, SimpleNamespace(some=some))
+    baseline = Baseline(cast(Any, None), (), cast(Any, None), problem, model, model, {})
+    thinned = baseline.thinned()
+    assert (thinned is baseline) == (left == shots)
+    assert len(thinned.refitted.costs) == left
+    if thinned is not baseline:
+        for one in (thinned.given, thinned.refitted):
+            np.testing.assert_array_equal(one.costs, cast(Any, thinned.problem).costs)
 
 
 @pytest.mark.parametrize(("effect", "fitted"), [("thruster_deadband", True), ("ocean_current", False)])

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from hydro.core.diagnosis import confidence
-from hydro.core.diagnosis.confidence import Fitted, doubted, folds, left_out_costs, scores, shared, stated
+from hydro.core.diagnosis.confidence import (
+    Fitted,
+    doubted,
+    folds,
+    left_out_costs,
+    outshone,
+    scores,
+    shared,
+    stated,
+)
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.identification.normal_equations import Normal
@@ -186,3 +195,11 @@ def test_a_name_that_is_not_sure_is_a_suspect(verdict, sure, told):
     found = stated(Finding(verdict, "body_lift", ("body_lift",), 0.5, confidence=sure, advice=words))
     assert found.verdict == told
     assert ("--effect body_lift" in found.advice) == (told == "suspect")
+
+
+def test_what_explains_little_beside_another_is_less_sure_where_no_model_is_right():
+    first = Finding("missing", "payload", share=0.8, confidence=0.86)
+    second = Finding("missing", "coupled_damping", share=0.2, confidence=0.86)
+    assert outshone([first, second], 1.5) == [first, second]
+    assert outshone([second, first], 5.0) == [replace(second, confidence=0.86 / 4), first]
+    assert outshone([], 5.0) == []

@@ -91,7 +91,8 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
     monkeypatch.setattr(Weighing, "evidence", {"alone": -100.0, **evidence})
     monkeypatch.setattr(imperfect, "Allowance", Weighing)
     file = files.read(Path(__file__).parents[3] / "datasets" / "vehicles" / "auv151.toml")[0]
-    baseline = SimpleNamespace(vehicle=file, problem=SimpleNamespace(shots=None))
+    few = SimpleNamespace(shots=None)
+    baseline = SimpleNamespace(vehicle=file, problem=SimpleNamespace(some=lambda _: few))
 
     def model(name: str) -> Any:
         return SimpleNamespace(unknown=name, values=np.zeros(1))
@@ -106,8 +107,28 @@ def order(monkeypatch, evidence: dict[str, float], scores: dict[str, float]) -> 
 def test_evidence_orders_names_where_it_tells(monkeypatch):
     scores = {"thruster_inflow": 0.5, "payload": 0.4, "tether": -0.1}
     evidence = {"thruster_inflow": -80.0, "payload": -40.0, "tether": -np.inf}
-    assert order(monkeypatch, evidence, scores) == (True, ["payload", "thruster_inflow"])
+    assert order(monkeypatch, evidence, scores) == (True, ["payload", "thruster_inflow", "tether"])
     evidence["tether"] = 500.0
     assert order(monkeypatch, evidence, scores)[1][0] == "payload", "a tether removes nothing elsewhere"
     evidence |= {"payload": -95.0, "thruster_inflow": -98.0}
     assert order(monkeypatch, evidence, scores) == (False, list(scores)), "chance alone gives as much"
+
+
+def test_none_of_what_is_told_beside_a_name_is_surer_than_it():
+    """Two that have all but the same evidence: neither is likely, and the better is not the less sure."""
+    table = {"v_N": 0.2, "v_E": 0.1}
+    vehicle = extended(files.read(VEHICLES / "auv151.toml")[0], [{"name": "ocean_current", **table}])
+    free = SimpleNamespace(entries=[SimpleNamespace(effect="ocean_current")], scales=np.ones(1))
+    fit = SimpleNamespace(vehicle=vehicle, free=free, values=np.ones(1), table=lambda effect: (table, {}))
+    model = SimpleNamespace(normal=SimpleNamespace(score=np.ones((20, 1))), costs=np.ones(20))
+    model.excesses = np.ones(20)
+    first, second = (
+        SimpleNamespace(
+            effect=name, own=False, evidence=evidence, score=0.5, model=model, estimated=lambda: fit
+        )
+        for name, evidence in (("payload", 30.0), ("ocean_current", 29.0))
+    )
+    survey = Survey(cast(Any, model), cast(Any, (first, second)), by_evidence=True)
+    finding = SimpleNamespace(confidence=0.05)
+    (told,) = imperfect._also(*cast(Any, (first, survey, [second], finding, 0.02)))
+    assert (told.effect, told.confidence) == ("ocean_current", finding.confidence)

@@ -16,11 +16,12 @@ from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_
 from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
+from hydro.core.diagnosis.model import as_it_is
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
 from hydro.core.explanation import trials
 from hydro.core.explanation.explain import ending, explain
-from hydro.core.explanation.ladder import LEFT_OUT, Step, best, best_step
+from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step, best, best_step
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -224,10 +225,10 @@ def better(monkeypatch):
     """Says which effect predicts best what a fit leaves out."""
 
     def let(best: str, beside: Sequence[dict] = (), others: float = 0.2) -> None:
-        def tried(_, vehicle, wanted):
+        def tried(_, vehicle, wanted, problem):
             return extended(vehicle, [{"name": one} if isinstance(one, str) else one for one in wanted])
 
-        def error(_, vehicle, names):
+        def error(_, vehicle, names, problem=None):
             new = {"ocean_current", "payload", "command_delay"} & {one["name"] for one in vehicle.effect}
             return 0.2 if not new else 0.1 if best in new else others
 
@@ -264,6 +265,27 @@ def test_values_beyond_belief_join_where_nothing_else_would(staged, better):
     better("payload")
     steps, _ = staged([[fanciful], [finding("nothing_missing")]], [2.0, 1.0])
     assert [step.added for step in steps] == [(), ("payload",)]
+
+
+def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, better, monkeypatch):
+    better("payload", beside=[{"name": "ocean_current", "v_N": 0.1}], others=0.15)
+    quick_or_last = iter([[], [], ["beyond belief"], []])
+    monkeypatch.setattr(trials, "implausible", lambda *_: next(quick_or_last))
+    suspect = replace(finding("suspect", "payload", w=1.0), confidence=0.5)
+    steps, asked = staged([[suspect], [finding("nothing_missing")]], [2.0, 1.0])
+    assert [one[-1]["name"] for one in asked] == ["payload", "ocean_current"]
+    assert steps[1].added == ("ocean_current",)
+
+
+def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
+    """So that each of them counts alike: the mean square of their residuals is 1."""
+    hidden = extended(known, [CURRENT, WEAK])
+    recordings = trials.Recordings.of(known, flown(hidden, 10, 60.0), None, None)
+    ahead = recordings.ahead(known, 8)
+    assert ahead is not None
+    assert (len(ahead.shots.starts), round(ahead.shots.length * 0.02)) == (8, HORIZON)
+    left = as_it_is(known, ahead).normal.rms
+    np.testing.assert_allclose(left, 1.0, atol=0.15)
 
 
 def test_what_predicts_what_is_left_out_no_better_is_told_and_not_added(staged, better):
