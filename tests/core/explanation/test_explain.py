@@ -278,14 +278,15 @@ def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, bet
 
 
 def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
-    """So that each of them counts alike: the mean square of their residuals is 1."""
+    """So that each counts alike, whatever its sensor's noise, as nearly as beginnings that go along let it."""
     hidden = extended(known, [CURRENT, WEAK])
     recordings = trials.Recordings.of(known, flown(hidden, 10, 60.0), None, None)
     ahead = recordings.ahead(known, 8)
     assert ahead is not None
     assert (len(ahead.shots.starts), round(ahead.shots.length * 0.02)) == (8, HORIZON)
     left = as_it_is(known, ahead).normal.rms
-    np.testing.assert_allclose(left, 1.0, atol=0.15)
+    assert ((left > 0.5) & (left < 2.0)).all()
+    assert np.ptp(np.log(ahead.shots.sigma / recordings.log.noise)) > np.log(4.0)
 
 
 def test_what_predicts_what_is_left_out_no_better_is_told_and_not_added(staged, better):
