@@ -278,7 +278,7 @@ def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, bet
 
 
 def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
-    """So that each counts alike, whatever its sensor's noise, as nearly as beginnings that go along let it."""
+    """So that each counts alike, whatever its sensor's noise, as nearly as free beginnings let it."""
     hidden = extended(known, [CURRENT, WEAK])
     recordings = trials.Recordings.of(known, flown(hidden, 10, 60.0), None, None)
     ahead = recordings.ahead(known, 8)
