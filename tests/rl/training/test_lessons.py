@@ -8,6 +8,7 @@ from fleets import vehicle
 
 from hydro.commands.rl_flights import _flyers
 from hydro.core.errors import UsageError
+from hydro.io.schema import load
 from hydro.rl.environment.helmsman import Manner, helmsman
 from hydro.rl.tasks.registry import TASKS
 from hydro.rl.training.build import Builder
@@ -84,7 +85,7 @@ def test_he_who_teaches_is_quicker_and_firmer_than_he_who_is_in_tables():
 
 
 def test_who_flies_beside_a_policy_is_also_who_taught_it():
-    """He has a map, and so stays away where none is shown."""
+    """He has a map, and so stays away where none is shown; tables know them all."""
     known = replace(TAUGHT, pace=2.0), replace(TAUGHT, demonstrations=0, clone=0, corrections=0, lessons=0)
     names = [
         [name for name, *_ in _flyers(None, TASKS["forest"], config, pilot=True, planless=planless)]
@@ -92,6 +93,8 @@ def test_who_flies_beside_a_policy_is_also_who_taught_it():
     ]
     pilots = ["helmsman", "helmsman with map"]
     assert names == [[*pilots, "pilot who taught"], pilots[:1], pilots]
+    (known_by,) = (one for one in load("evaluations", 2).fields if one.name == "flown_by")
+    assert set(names[0]) < set(known_by.constraints.enum or ())
 
 
 def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
