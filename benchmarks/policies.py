@@ -26,12 +26,18 @@ HOLDING = ("station_keeping", "circle", "helix", "lemniscate")
 """Tasks that go on to their end, so that no time tells."""
 
 
-def cell(row: Row) -> str:
-    """One evaluation in words."""
+def arrivals(row: Row) -> list[str]:
+    """Successes of one evaluation in words, and the time that they took."""
     low, high = 100.0 * row["success_low"], 100.0 * row["success_high"]
     words = [f"{100.0 * row['success']:.3g}% ({low:.1f} to {high:.1f}){spread(row)}"]
     if row["task"] not in HOLDING and row["time_to_goal"] is not None:
         words.append(f"{row['time_to_goal']:.1f} s")
+    return words
+
+
+def cell(row: Row) -> str:
+    """One evaluation in words."""
+    words = arrivals(row)
     if row["success"] > 0.5:
         words += [f"{row['tracking_error']:.2f} m off", f"energy {row['energy']:.2g} s"]
     return ", ".join(words) + (f"; hit {100.0 * row['collision']:.3g}%" if row["collision"] else "")
@@ -79,13 +85,13 @@ def by_task(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
 
 
 def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
-    """A row for each task, who flies it and where: shares that succeeded by setting."""
+    """A row for each task, who flies it and where: successes and their time by setting."""
     rows: dict[tuple[str, str, str], Row] = {}
     for row in medians(found):
         key = named(row, counted), flyer(row), row["plant"]
         columns = dict(zip(("task", "flown by", "in the"), key, strict=True))
         made = rows.setdefault(key, columns | {"tasks": str(row["episodes"])})
-        made[row["setting"].replace("_", " ")] = f"{100.0 * row['success']:.3g}%{spread(row)}"
+        made[row["setting"].replace("_", " ")] = ", ".join(arrivals(row))
     return list(rows.values())
 
 

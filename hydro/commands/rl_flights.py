@@ -162,8 +162,9 @@ def eval_(
     (Wilson), collisions, time to goal of those that arrived, energy, distance from what is to be followed,
     and how far baffles or pillars are passed on alternating sides. A policy that wins in its own simulator
     alone has not won, nor one that the helmsman beats: a pilot by hand of eight lines, who flies the same
-    tasks besides, and once more with a map where there is something to go round. With a vehicle file in the
-    place of RUN he flies alone. On a terminal without -o the result is printed.
+    tasks besides, and once more with a map where there is something to go round. Who taught the policy flies
+    them too, where he flies otherwise than that. With a vehicle file in the place of RUN the helmsman flies
+    alone. On a terminal without -o the result is printed.
 
     \b
     task             what is asked
@@ -201,7 +202,7 @@ def eval_(
 
     rows = list[pl.DataFrame]()
     for where, trial in trials.items():
-        for name, actor, led in _flyers(policy, chosen, pilot=pilot, planless=trial.planless):
+        for name, actor, led in _flyers(policy, chosen, builder.config, pilot=pilot, planless=trial.planless):
             fleet = builder(episodes, seed, simulator, trial)
             fleet.set_level(chosen, level, led=led)
             with progress(f"fly {episodes} tasks ({name}, {where})"):
@@ -220,10 +221,10 @@ def eval_(
 
 
 def _flyers(
-    policy: Policy | None, task: Task, *, pilot: bool, planless: bool
+    policy: Policy | None, task: Task, config: TrainingConfig, *, pilot: bool, planless: bool
 ) -> list[tuple[str, Callable[[Fleet], Actor], bool]]:
     """Who flies a task: a name, what makes the actor of a fleet, and whether a planned way is shown."""
-    from hydro.rl.environment.helmsman import NAME, WITH_MAP
+    from hydro.rl.environment.helmsman import NAME, PLAIN, TAUGHT, WITH_MAP
     from hydro.rl.training.evaluate import POLICY
     from hydro.rl.training.pilots import WithMap, pilot_of
 
@@ -234,6 +235,8 @@ def _flyers(
         flyers.append((NAME, lambda fleet: pilot_of(task), False))
         if task.levels and not planless:
             flyers.append((WITH_MAP, WithMap, task.guided))
+        if config.demonstrations and config.manner != PLAIN and not planless:
+            flyers.append((TAUGHT, lambda fleet: WithMap(fleet, config.manner), task.guided))
     return flyers
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from hydro.core import seeds
 from hydro.core.errors import UsageError
+from hydro.rl.environment.helmsman import Manner
 from hydro.rl.tasks.registry import STAGES, task_of
 from hydro.rl.world.config import Settings
 from hydro.rl.world.planner import Grid
@@ -168,6 +169,9 @@ class TrainingConfig:
         margin: Distance that the pilot who teaches keeps from pillars where there is room, unless he is led
             along the policy's way [m].  With the planner's he cuts corners to a tenth of a metre from the
             hull, and who does nearly as he does hits.
+        pace: His speeds then, in multiples of those that he has in tables.  Who learns from him is no faster.
+        firmness: His demands then for an angle of roll, pitch or heading, likewise.  Where water turns the
+            hull by more than he else stands up to it pitches by tens of degrees, and is slow.
         push: Standard deviation of demands in roll and pitch, a third of it in the others, that are added to
             what the policy does with every other vehicle then: a hull in other water trims otherwise.
         curriculum: When it goes on.
@@ -190,6 +194,8 @@ class TrainingConfig:
     corrections: int = 0
     lessons: int = 0
     margin: float = Grid.margin
+    pace: float = 1.0
+    firmness: float = 1.0
     push: float = 0.0
     curriculum: Curriculum = field(default_factory=Curriculum)
     sac: SACConfig = field(default_factory=SACConfig)
@@ -213,6 +219,9 @@ class TrainingConfig:
             raise UsageError(f"lessons is {self.lessons}; give 0 to {self.corrections}, the corrections")
         if not 0.0 <= self.margin < math.inf:
             raise UsageError(f"margin is {self.margin:g} m; give 0 or more")
+        for name in ("pace", "firmness"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise UsageError(f"{name} is {getattr(self, name):g}; give a number above 0")
         if not 0.0 <= self.pilot <= 1.0:
             raise UsageError(f"pilot is {self.pilot:g}; give a share within 0 and 1")
         if self.clone and not self.demonstrations:
@@ -225,6 +234,11 @@ class TrainingConfig:
                 f"{self.evaluate}: each must be a multiple of the one before"
             )
 
+    @property
+    def manner(self) -> Manner:
+        """How the pilot who teaches flies."""
+        return Manner(self.margin, self.pace, self.firmness)
+
 
 RECIPES = {
     "paper": TrainingConfig(),
@@ -234,6 +248,8 @@ RECIPES = {
         corrections=30,
         lessons=10,
         margin=1.6,
+        pace=1.125,
+        firmness=4.0,
         push=0.6,
         evaluate=100_000,
         curriculum=Curriculum(baffles=(4,), examine=10_000),

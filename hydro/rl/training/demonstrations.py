@@ -13,13 +13,13 @@ import numpy as np
 from hydro.core.columns import Array, Array32
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
+from hydro.rl.environment.helmsman import PLAIN, Manner
 from hydro.rl.environment.interfaces import Step
 from hydro.rl.training.pilots import Actor, WithMap
 from hydro.rl.training.returns import Transition
-from hydro.rl.world.planner import Grid
 
 
-def demonstrations(fleet: Fleet, margin: float = Grid.margin) -> Iterator[Transition]:
+def demonstrations(fleet: Fleet, manner: Manner = PLAIN) -> Iterator[Transition]:
     """Fly as long as an episode may last, one episode after the other, and tell every step.
 
     The pilot swims along a plan, whatever the policy is shown: past pillars, where that is the goal alone, he
@@ -27,10 +27,10 @@ def demonstrations(fleet: Fleet, margin: float = Grid.margin) -> Iterator[Transi
 
     Args:
         fleet: Vehicles that have not flown yet, its task and level set.
-        margin: Of his ways round pillars, where he is not led along the policy's [m].
+        manner: How he flies; his margin counts where he is not led along the policy's way.
     """
     once = np.ones(fleet.count, dtype=np.int64)
-    for observations, actions, _, step in _flown(fleet, margin=margin):
+    for observations, actions, _, step in _flown(fleet, manner=manner):
         ended = step.terminated | step.truncated
         yield Transition(observations, actions, step.reward, step.terminated, ended, step.final_obs, once)
 
@@ -68,15 +68,15 @@ class Pushed:
         return (self._actor(observations) + pushed).astype(np.float32)
 
 
-def corrections(fleet: Fleet, actor: Actor, margin: float = Grid.margin) -> Iterator[tuple[Array32, Array32]]:
+def corrections(fleet: Fleet, actor: Actor, manner: Manner = PLAIN) -> Iterator[tuple[Array32, Array32]]:
     """Let somebody else fly, likewise, and tell at every step what the pilot would do in his place.
 
     Args:
         fleet: As for `demonstrations`.
         actor: Who flies.
-        margin: As for `demonstrations`.
+        manner: As for `demonstrations`.
     """
-    for observations, said, _, _ in _flown(fleet, actor, margin):
+    for observations, said, _, _ in _flown(fleet, actor, manner):
         yield observations, said
 
 
@@ -102,14 +102,14 @@ def mastered(fleet: Fleet) -> float:
 
 
 def _flown(
-    fleet: Fleet, actor: Actor | None = None, margin: float = Grid.margin
+    fleet: Fleet, actor: Actor | None = None, manner: Manner = PLAIN
 ) -> Iterator[tuple[Array32, Array32, Array32, Step]]:
     """Fly for one episode's time, the pilot himself by default.
 
     Yields:
         What is seen (N, O), what the pilot would do and what is done (N, 6), and what comes of it.
     """
-    pilot, observations = WithMap(fleet, margin), fleet.reset()
+    pilot, observations = WithMap(fleet, manner), fleet.reset()
     for _ in range(fleet.task.steps(fleet.settings)):
         said = np.clip(pilot(observations), -1.0, 1.0)
         done = said if actor is None else actor(observations)

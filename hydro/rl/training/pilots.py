@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,19 +11,18 @@ from scipy.spatial.transform import Rotation
 from hydro.core.columns import Array32, Mask
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.guidance import Guidance
-from hydro.rl.environment.helmsman import docker, helmsman
+from hydro.rl.environment.helmsman import PLAIN, Manner, docker, helmsman
 from hydro.rl.environment.observation import TARGET
 from hydro.rl.tasks.docking import Docking
 from hydro.rl.tasks.task import Task
-from hydro.rl.world.planner import Grid
 
 Actor = Callable[[Array32], Array32]
 """Observations (N, O) to actions (N, 6)."""
 
 
-def pilot_of(task: Task) -> Actor:
+def pilot_of(task: Task, manner: Manner = PLAIN) -> Actor:
     """The pilot by hand of a task, without a map."""
-    return docker if task.name == Docking.name else helmsman
+    return partial(docker if task.name == Docking.name else helmsman, manner=manner)
 
 
 class WithMap:
@@ -32,16 +32,18 @@ class WithMap:
         begun: Vehicles (N,) whose episode has begun since he last acted.
     """
 
-    def __init__(self, fleet: Fleet, margin: float = Grid.margin) -> None:
-        """Take a seat in a fleet that has not flown yet, with ways of a margin round pillars [m]."""
-        self._fleet, self._chart = fleet, Guidance(fleet.settings, fleet.count, margin)
+    def __init__(self, fleet: Fleet, manner: Manner = PLAIN) -> None:
+        """Take a seat in a fleet that has not flown yet, to fly in a manner."""
+        self._fleet, self._manner = fleet, manner
+        self._chart = Guidance(fleet.settings, fleet.count, manner.margin)
         self.begun: Mask = np.ones(fleet.count, dtype=np.bool_)
 
     def __call__(self, observations: Array32) -> Array32:
         """Demands (N, 6) at observations (N, O)."""
         fleet = self._fleet
         on_his_own = fleet.led or not fleet.task.levels
-        return pilot_of(fleet.task)(observations if on_his_own else self._with_target(observations))
+        seen = observations if on_his_own else self._with_target(observations)
+        return pilot_of(fleet.task, self._manner)(seen)
 
     def _with_target(self, observations: Array32) -> Array32:
         """Observations (N, O) with a point ahead on a planned way for a target."""

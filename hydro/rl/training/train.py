@@ -141,9 +141,9 @@ class Training:
             fleet = self._school(level)
             if self._lessons:
                 flying = Pushed(learner.best, config.push, fleet.seed)
-                learner.heed(corrections(fleet, flying, config.margin), level)
+                learner.heed(corrections(fleet, flying, config.manner), level)
             else:
-                learner.watch(demonstrations(fleet, config.margin), level)
+                learner.watch(demonstrations(fleet, config.manner), level)
         self._lessons += 1
         if config.clone:
             with self._part("learning"):

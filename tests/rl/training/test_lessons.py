@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from fleets import vehicle
 
+from hydro.commands.rl_flights import _flyers
 from hydro.core.errors import UsageError
-from hydro.rl.environment.helmsman import helmsman
+from hydro.io.schema import load
+from hydro.rl.environment.helmsman import Manner, helmsman
+from hydro.rl.tasks.registry import TASKS
 from hydro.rl.training.build import Builder
 from hydro.rl.training.config import RECIPES, Curriculum, SACConfig, TrainingConfig
 from hydro.rl.training.demonstrations import PUSHED, Pushed, corrections, habits
@@ -56,16 +59,42 @@ def trained(script, **more):
 def test_the_pilot_teaches_with_the_room_that_is_asked_for():
     """A way further from the end of a baffle bears more to the side there."""
 
-    def told(**margin):
+    def told(**manner):
         fleet = Builder(TAUGHT, vehicle())(1, 3)
         fleet.set_level("slalom", 4)
-        return next(corrections(fleet, lambda seen: np.zeros((len(seen), 6)), **margin))[1]
+        return next(corrections(fleet, lambda seen: np.zeros((len(seen), 6)), Manner(**manner)))[1]
 
     assert np.abs(told(margin=0.4) - told(margin=1.6)).max() > 0.05
     np.testing.assert_array_equal(told(), told(margin=1.2))
     assert RECIPES["demos"].margin > TrainingConfig().margin == 1.2
     with pytest.raises(UsageError, match="margin"):
         TrainingConfig(margin=-1.0)
+
+
+def test_he_who_teaches_is_quicker_and_firmer_than_he_who_is_in_tables():
+    """A hull at rest, pitched and rolled by 0.1 rad, that turns; the target far ahead."""
+    seen = np.zeros((1, 36), dtype=np.float32)
+    seen[0, :3], seen[0, 6:9], seen[0, 13:16] = (10.0, 0.1, 0.0), (0.01, 0.02, 0.03), (-0.98, 0.98, 9.71)
+    plain, taught = helmsman(seen)[0], helmsman(seen, RECIPES["demos"].manner)[0]
+    np.testing.assert_allclose(taught[:3], 1.125 * plain[:3], rtol=1e-5)
+    rates = 0.8 * seen[0, 6:9]
+    np.testing.assert_allclose(taught[3:] + 2.0 * rates, 4.0 * (plain[3:] + rates), rtol=1e-4)
+    for name in ("pace", "firmness"):
+        with pytest.raises(UsageError, match=name):
+            TrainingConfig(**{name: 0.0})
+
+
+def test_who_flies_beside_a_policy_is_also_who_taught_it():
+    """He has a map, and so stays away where none is shown; tables know them all."""
+    known = replace(TAUGHT, pace=2.0), replace(TAUGHT, demonstrations=0, clone=0, corrections=0, lessons=0)
+    names = [
+        [name for name, *_ in _flyers(None, TASKS["forest"], config, pilot=True, planless=planless)]
+        for config, planless in ((known[0], False), (known[0], True), (known[1], False))
+    ]
+    pilots = ["helmsman", "helmsman with map"]
+    assert names == [[*pilots, "pilot who taught"], pilots[:1], pilots]
+    (known_by,) = (one for one in load("evaluations", 2).fields if one.name == "flown_by")
+    assert set(names[0]) < set(known_by.constraints.enum or ())
 
 
 def test_the_pilot_tells_what_he_would_do_where_another_comes_to():
