@@ -23,7 +23,7 @@ from hydro.core.vehicle.description import Vehicle
 HORIZON = 5.0
 """How far ahead the predictions look by whose error steps are compared [s]."""
 RISE = 1.02
-"""Held-out error over that of the step before from which a step counts as a step too far."""
+"""Held-out error over the least of the steps before from which a step counts as a step too far."""
 DATASETS = ("fit", "holdout")
 LEFT_OUT = "left_out"
 """The axis of all velocities together, of stretches of the recording left out of the fit."""
@@ -88,7 +88,7 @@ def best_step(ladder: pl.DataFrame) -> int:
     )
     rows = next((one.sort("step") for one in tried if not one.is_empty()), held_out)
     last, errors = int(ladder["step"].max() or 0), rows["rmse"].to_list()  # type: ignore[arg-type]
-    return last - 1 if len(errors) > 1 and errors[-1] > RISE * errors[-2] else last
+    return last - 1 if len(errors) > 1 and errors[-1] > RISE * min(errors[:-1]) else last
 
 
 def rungs(number: int, added: Sequence[str], dataset: str, comparison: pl.DataFrame) -> pl.DataFrame:

@@ -215,7 +215,7 @@ def left_out(*errors: float) -> pl.DataFrame:
     return pl.DataFrame(rows)
 
 
-@pytest.mark.parametrize(("errors", "chosen"), [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1)])
+@pytest.mark.parametrize(("errors", "chosen"), [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1), ((3.0, 2.0, 2.03, 2.06), 2)])
 def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
     assert best_step(left_out(*errors)) == chosen
 
