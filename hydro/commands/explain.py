@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 
 NOT_STATED = ", not stated: of what was tried it predicts best what its fit left out"
+ONLY_SUSPECTED = ", not stated: it is suspected"
 
 
 def explain(
@@ -220,7 +221,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     import polars as pl
 
     from hydro.core.explanation.ladder import DATASETS
-    from hydro.core.explanation.options import is_stated
+    from hydro.core.explanation.options import is_open, is_stated
     from hydro.report import change, ladder, yardsticks
     from hydro.report.diagnosis import lines
 
@@ -234,7 +235,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     if change.PARAMETER in study.parameters:
         console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
     for last, step in pairwise(steps):
-        how = "" if is_stated(last, step) else NOT_STATED
+        how = "" if is_stated(last, step) else NOT_STATED if is_open(last) else ONLY_SUSPECTED
         console.print(f"\nStep {step.number}{how}", style="bold")
         for table in step.tables:
             if table["name"] in step.added:

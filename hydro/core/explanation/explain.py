@@ -1,9 +1,9 @@
 """What is missing, step by step: add the best finding, fit everything anew together, and look again.
 
-Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, refits it
-with all effects that the file has or was given, and is held against the recording and against another one
-that no fit has seen.  The errors of all steps make the ladder (`explanation.ladder`).  A step that raises the
-held-out error is the last.
+Step 0 is the vehicle file as it is given.  Each later step adds the finding that explains most, or where none
+is stated what predicts best, refits it with all effects that the file has or was given, and is held against
+the recording and against another one that no fit has seen.  The errors of all steps make the ladder
+(`explanation.ladder`).  A step that raises the held-out error is the last.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def long_enough(vehicle: Vehicle, raw: pl.DataFrame, *, beside: bool = False) ->
 
 
 def ending(steps: Sequence[Step]) -> str:
-    """Why no step follows the last of these, in words."""
+    """Why no step follows the last of these, in words, once `explain` has ended."""
     return over(steps) or _with_suspects(NO_BETTER, steps[-1])
 
 
@@ -113,12 +113,13 @@ def over(steps: Sequence[Step]) -> str:
         words = "nothing more has changed" if of_change(last) else "nothing more is found"
         words = words if known else "what is left no effect of the catalogue explains"
         return _with_suspects(words, last)
-    return f"{MOST_STEPS} steps are the most, though more is found" if last.number >= MOST_STEPS else ""
+    return f"{MOST_STEPS} steps are the most" if last.number >= MOST_STEPS else ""
 
 
 def _with_suspects(words: str, last: Step) -> str:
     """The words, with what is suspected and was not added."""
-    suspected = ", ".join(suspects(last.diagnosis))
+    fitted = {table["name"] for table in last.tables}
+    suspected = ", ".join(name for name in suspects(last.diagnosis) if name not in fitted)
     return f"{words}; only suspected, and not added: {suspected}" if suspected else words
 
 

@@ -39,11 +39,12 @@ def options(step: Step) -> list[dict[str, Table]]:
         return _change(step, with_values)
     fitted = {table["name"] for table in step.tables}
     first = _stated(with_values)
-    missing = [*_suspected(step), *first] if is_open(step) else first or _discovered(with_values)
+    formulas = _discovered(with_values)
+    missing = [*_suspected(step), *first, *formulas] if is_open(step) else first or formulas
     retuned = with_values.filter(verdict="retune")["effect"].to_list()
     if not missing and fitted.issuperset(retuned):
         return []
-    wanted = [[name, *retuned] for name in missing] or [retuned]
+    wanted = [[name, *retuned] for name in dict.fromkeys(missing)] or [retuned]
     return [{table["name"]: table for table in tables(step.diagnosis, names)} for names in wanted]
 
 
@@ -54,7 +55,9 @@ def is_open(step: Step) -> bool:
     """
     if of_change(step):
         return False
-    named = step.diagnosis.filter(pl.col("verdict").is_in([SUSPECTED, *STEP_VERDICTS])).sort("rank")
+    suspected = pl.col("effect").is_in(_suspected(step)) & (pl.col("verdict") == SUSPECTED)
+    stated = (pl.col("parameters") != "") & pl.col("verdict").is_in(STEP_VERDICTS)
+    named = step.diagnosis.filter(suspected | stated).sort("rank")
     decided = not named.is_empty() and named["verdict"][0] != SUSPECTED
     return not decided and bool(_likely(step) or FAR in step.diagnosis["verdict"])
 
@@ -106,5 +109,5 @@ def _likely(step: Step) -> list[str]:
 
 def _discovered(findings: pl.DataFrame) -> list[str]:
     """The formula that was discovered beyond the catalogue."""
-    formulas = [name for name, effect in CATALOGUE.items() if effect.words]
+    formulas = [name for name, effect in CATALOGUE.items() if effect.is_written]
     return findings.filter(pl.col("effect").is_in(formulas), verdict=SUSPECTED)["effect"].to_list()

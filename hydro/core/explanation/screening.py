@@ -40,15 +40,16 @@ def promising(
     fold, there = sessions_of(problem.shots), list(screening.own)
     weight = CORRELATED * max(model.normal.chi2, 1.0) * SUSPECT**-2
 
-    def left(normal: Normal) -> float:
+    def left(normal: Normal) -> Array:
         count = len(normal.gram[0]) - 1
-        return float(left_out_costs(Fitted(normal, np.zeros(count), np.full(count, weight)), fold).sum())
+        return left_out_costs(Fitted(normal, np.zeros(count), np.full(count, weight)), fold)
 
     without = left(screening.normal.of(there))
     found = list[tuple[float, dict[str, Any]]]()
     for name, (suspect, columns) in screening.ranked.items():
         normal = screening.normal.of([*there, *columns])
+        gain = without - left(normal)
         known = normal.matrix.sum(axis=0) + weight * np.eye(len(normal.gram[0]) - 1)
         step = np.linalg.solve(known, normal.score.sum(axis=0))[len(there) :]
-        found.append((without - left(normal), {**suspect.begin(step), "name": name}))
+        found.append((float(gain[np.isfinite(gain)].sum()), {**suspect.begin(step), "name": name}))
     return [table for gain, table in sorted(found, key=lambda one: -one[0]) if gain > 0.0]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.diagnosis.baseline import ENOUGH, STABLE, stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, STABLE, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
@@ -91,7 +91,7 @@ class Recordings:
         return resolved(stable_start(self.yardstick.vehicle, self.log)[1]).some(PART)
 
     def ahead(self, vehicle: Vehicle, most: int) -> OutputError | None:
-        """At most so many shots as long as the ladder looks ahead; None where they diverge.
+        """At most so many shots as long as the ladder looks ahead; None of few, and where they diverge.
 
         Each channel is weighed by what the vehicle leaves of it: far from the noise, that of the sensors says
         nothing of what counts.
@@ -99,14 +99,14 @@ class Recordings:
         problem = OutputError.of(self.log.shots(HORIZON), vehicle)
         prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
         stable = multiple_shooting.bounded(prepared, problem.shots)
-        if stable.mean() < STABLE:
+        if stable.mean() < STABLE or stable.sum() < LEAST_SHOTS:
             return None
         problem = OutputError(problem.shots.of(stable)).some(most)
         return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
         """What suspects are fitted to beside a vehicle, and told apart by with some left out."""
-        return self.ahead(vehicle, FEW) or self.problem
+        return self.ahead(vehicle, FEW) or OutputError.of(self.problem.shots, vehicle)
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
@@ -128,10 +128,10 @@ class Recordings:
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
-        return promising(vehicle, own, self.problem.at_measured_states(vehicle), self.log.track)
+        return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
     def tried(self, vehicle: Vehicle, wanted: Wanted, problem: OutputError) -> Vehicle:
-        """The vehicle with effects fitted to a part of the shots.
+        """The vehicle with effects fitted to some shots.
 
         Raises:
             Diverges: The predicted motion does.
@@ -161,9 +161,10 @@ class Trial:
 def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Progress) -> Trial | None:
     """Of what the next step may add, what predicts best the stretches that it was not fitted to.
 
-    Those are asked of the few that predict best what a quick fit saw.  Values that physics does not leave to
-    an effect, in that fit or the last, stand for something else: others come first.  None where what is not
-    stated predicts these stretches no better than the last step does.
+    Those are asked of the few whose quick fits predict the recording best.  Values that physics does not
+    leave to an effect stand for something else: in a quick fit they count only where none has others, in the
+    last one the next best comes first.  None where what is not stated predicts these stretches no better than
+    the last step does, or than the file's own effects fitted anew.
     """
     every = options(last)
     if not is_open(last) and len(every) == 1:
@@ -183,7 +184,8 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
         if not implausible(trial.vehicle, trial.added):
             return trial
         first = first or trial
-    return first
+    stated = next((one for one in every if states(last, next(iter(one)))), None)
+    return first if stated is None or first else _trial(last, stated, file, recordings)
 
 
 def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
@@ -196,9 +198,9 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
         if errors and one.fanciful > errors[0][1].fanciful:
             break
         errors.append((recordings.left_out(one.vehicle, names_of(one.wanted), problem), one))
-    here = last.left_out
-    if here is None:
-        here = recordings.left_out(last.vehicle, names_of(last.tables), problem)
+    here = np.inf if last.left_out is None else last.left_out
+    if last.left_out is None or not last.tables:
+        here = min(here, recordings.left_out(last.vehicle, _fitted_there(last), problem))
     better = [(error, one) for error, one in errors if error < LOWER * here or states(last, one.effect)]
     better.sort(key=lambda found: found[0])
     least = better[0][0] if better else np.inf
@@ -210,8 +212,7 @@ def _beside(
     last: Step, every: Sequence[Mapping[str, Table]], recordings: Recordings
 ) -> list[dict[str, Table]]:
     """What else of the catalogue may be added, the most promising first."""
-    own = [name for name in _there(last) if not CATALOGUE[name].is_random]
-    found = recordings.promising(last.vehicle, own)
+    found = recordings.promising(last.vehicle, _fitted_there(last))
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
     return others[: max(TRIED - len(every), 0)]
@@ -348,12 +349,13 @@ def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
         for name, table in found.items()
         if not CATALOGUE[name].is_random
     ]
-    return [*(name for name in _there(last) if name not in found and not CATALOGUE[name].is_random), *new]
+    return [*(name for name in _fitted_there(last) if name not in found), *new]
 
 
-def _there(last: Step) -> list[str]:
-    """The file's own effects and all that was added."""
-    return list(dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)]))
+def _fitted_there(last: Step) -> list[str]:
+    """The file's own effects and all that was added, but for what acts by chance."""
+    there = dict.fromkeys([*own_effects(last.vehicle), *(table["name"] for table in last.tables)])
+    return [name for name in there if not CATALOGUE[name].is_random]
 
 
 def bare(table: Table) -> dict[str, Any]:

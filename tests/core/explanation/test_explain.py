@@ -13,13 +13,14 @@ from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
+from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import as_it_is
 from hydro.core.errors import DataError
 from hydro.core.explanation import explain as module
-from hydro.core.explanation import trials
+from hydro.core.explanation import screening, trials
 from hydro.core.explanation.explain import ending, explain
 from hydro.core.explanation.ladder import HORIZON, LEFT_OUT, Step, best, best_step
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
@@ -215,7 +216,10 @@ def left_out(*errors: float) -> pl.DataFrame:
     return pl.DataFrame(rows)
 
 
-@pytest.mark.parametrize(("errors", "chosen"), [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1), ((3.0, 2.0, 2.03, 2.06), 2)])
+@pytest.mark.parametrize(
+    ("errors", "chosen"),
+    [((3.0, 2.0), 1), ((3.0, 2.0, 2.5), 1), ((3.0, 3.01), 1), ((3.0, 2.0, 2.03, 2.06), 2)],
+)
 def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, chosen):
     assert best_step(left_out(*errors)) == chosen
 
@@ -224,13 +228,15 @@ def test_without_held_out_data_stretches_left_out_say_which_step_to_use(errors, 
 def better(monkeypatch):
     """Says which effect predicts best what a fit leaves out."""
 
-    def let(best: str, beside: Sequence[dict] = (), others: float = 0.2) -> None:
+    def let(best: str, beside: Sequence[dict] = (), others: float = 0.2, refit: float = 0.2) -> None:
         def tried(_, vehicle, wanted, problem):
             return extended(vehicle, [{"name": one} if isinstance(one, str) else one for one in wanted])
 
         def error(_, vehicle, names, problem=None):
             new = {"ocean_current", "payload", "command_delay"} & {one["name"] for one in vehicle.effect}
-            return 0.2 if not new else 0.1 if best in new else others
+            if not new:
+                return refit if names else 0.2
+            return 0.1 if best in new else others
 
         monkeypatch.setattr(trials.Recordings, "tried", tried)
         monkeypatch.setattr(trials.Recordings, "left_out", error)
@@ -238,6 +244,7 @@ def better(monkeypatch):
             trials.Recordings, "error_ahead", lambda recordings, vehicle: error(recordings, vehicle, [])
         )
         monkeypatch.setattr(trials.Recordings, "promising", lambda *_: list(beside))
+        monkeypatch.setattr(trials.Recordings, "judged", lambda *_: None)
 
     return let
 
@@ -280,7 +287,7 @@ def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, bet
 def test_shots_ahead_weigh_each_channel_by_what_the_vehicle_leaves_of_it(known):
     """So that each counts alike, whatever its sensor's noise, as nearly as free beginnings let it."""
     hidden = extended(known, [CURRENT, WEAK])
-    recordings = trials.Recordings.of(known, flown(hidden, 10, 60.0), None, None)
+    recordings = trials.Recordings.of(known, flown(hidden, 10, 90.0), None, None)
     ahead = recordings.ahead(known, 8)
     assert ahead is not None
     assert (len(ahead.shots.starts), round(ahead.shots.length * 0.02)) == (8, HORIZON)
@@ -294,6 +301,20 @@ def test_what_predicts_what_is_left_out_no_better_is_told_and_not_added(staged, 
     steps, _ = staged([[finding("suspect", "ocean_current", v_N=0.2), finding("far_from_noise")]], [1.0])
     assert [step.added for step in steps] == [()]
     assert ending(steps) == f"{module.NO_BETTER}; only suspected, and not added: ocean_current"
+
+
+def test_what_the_files_own_effects_do_as_well_is_not_added(staged, better):
+    """Damping that is far off hides behind whatever is fitted together with it."""
+    better("ocean_current", refit=0.101)
+    steps, _ = staged([[LIKELY, finding("far_from_noise")]], [2.0])
+    assert [step.added for step in steps] == [()]
+
+
+def test_what_is_stated_joins_though_nothing_predicts_better(staged, better):
+    better("")
+    stated = finding("cannot_tell_apart", "payload", w=1.0)
+    steps, _ = staged([[LIKELY, stated], [finding("nothing_missing")]], [2.0, 1.0])
+    assert [step.added for step in steps] == [(), ("payload",)]
 
 
 def test_of_two_that_predict_alike_the_plainer_joins(staged, better):
@@ -343,6 +364,20 @@ def test_the_recordings_are_preprocessed_once_for_all_steps(staged, monkeypatch)
     steps, _ = staged([[finding("missing", "payload", w=1.0)], []], [2.0, 1.0])
     assert len(steps) == 2
     assert len(logs) == 1
+
+
+def test_a_shot_that_diverges_hides_no_effect(known, monkeypatch):
+    """What the others promise counts."""
+    bare = known.without("linear_damping").without("quadratic_damping")
+    recordings = trials.Recordings.of(bare, flown(known, 9, 60.0), None, None)
+
+    def lost(*given):
+        costs = left_out_costs(*given)
+        costs[0] = np.inf
+        return costs
+
+    monkeypatch.setattr(screening, "left_out_costs", lost)
+    assert {one["name"] for one in recordings.promising(bare, [])[:3]} & {*DAMPING, "power_drag"}
 
 
 @pytest.mark.parametrize(
