@@ -48,8 +48,9 @@ def promising(
     found = list[tuple[float, dict[str, Any]]]()
     for name, (suspect, columns) in screening.ranked.items():
         normal = screening.normal.of([*there, *columns])
-        gain = without - left(normal)
+        after = left(normal)
+        told = np.isfinite(without) & np.isfinite(after)
         known = normal.matrix.sum(axis=0) + weight * np.eye(len(normal.gram[0]) - 1)
         step = np.linalg.solve(known, normal.score.sum(axis=0))[len(there) :]
-        found.append((float(gain[np.isfinite(gain)].sum()), {**suspect.begin(step), "name": name}))
+        found.append((float((without[told] - after[told]).sum()), {**suspect.begin(step), "name": name}))
     return [table for gain, table in sorted(found, key=lambda one: -one[0]) if gain > 0.0]

@@ -99,7 +99,7 @@ class Recordings:
         problem = OutputError.of(self.log.shots(HORIZON), vehicle)
         prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
         stable = multiple_shooting.bounded(prepared, problem.shots)
-        if stable.mean() < STABLE or stable.sum() < LEAST_SHOTS:
+        if stable.sum() < max(LEAST_SHOTS, STABLE * len(stable)):
             return None
         problem = OutputError(problem.shots.of(stable)).some(most)
         return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
