@@ -204,8 +204,9 @@ def covariance(normal: Normal, prior: Array) -> Array:
     """
     information = normal.matrix.sum(axis=0)
     total = information + np.diag(prior)
-    inverse = np.linalg.inv(total)
+    inverse = _inverse(total)
     plain: Array = inverse @ (max(1.0, normal.chi2) * information + np.diag(prior)) @ inverse
+    np.fill_diagonal(plain, np.maximum(np.diag(plain), np.diag(inverse)))  # rounding may leave less
     size = block_length(normal.score)
     edges = np.arange(0, len(normal.gram), size)
     if len(edges) > 1 and len(normal.gram) - edges[-1] < size:
@@ -216,9 +217,20 @@ def covariance(normal: Normal, prior: Array) -> Array:
     matrices = np.add.reduceat(normal.matrix, edges, axis=0)
     scores = np.add.reduceat(normal.score, edges, axis=0)
     scores = scores - scores.sum(axis=0) / blocks
-    left_out = np.linalg.solve(total - matrices, -scores[..., None])[..., 0]
+    left_out = (_inverse(total - matrices) @ -scores[..., None])[..., 0]
     left_out -= left_out.mean(axis=0)
     robust = left_out.T @ left_out * (blocks - 1) / blocks
     share = np.maximum(1.0 - np.diag(robust) / np.diag(plain), 0.0) ** 0.5
     both: Array = robust + plain * np.outer(share, share)
     return both
+
+
+def _inverse(information: Array) -> Array:
+    """Inverses of information matrices (..., P, P), positive definite though rounding has made those not."""
+    diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
+    units = 1.0 / np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
+    values, ways = np.linalg.eigh(information * units)
+    least = values.shape[-1] * np.finfo(float).eps * values[..., -1:]
+    over = ways / np.maximum(values, least)[..., None, :]
+    inverse: Array = over @ np.swapaxes(ways, -2, -1) * units
+    return inverse

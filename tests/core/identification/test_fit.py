@@ -180,6 +180,19 @@ def test_three_standard_errors_reach_what_costs_hardly_more():
     assert 0.8 / FINER <= 3.0 * error <= 0.8
 
 
+def test_noise_free_data_leave_standard_errors_though_two_entries_are_all_but_one():
+    """Their information is singular to the last digit; what is known beforehand is lost in rounding."""
+    rng = np.random.default_rng(0)
+    x = 1e9 * rng.standard_normal((40, 12, 1)) * np.array([1.0, 1.0, 1e-3])
+    x[..., 1] += 1e-1 * rng.standard_normal((40, 12))
+    whole = np.concatenate([x, 1e3 * rng.standard_normal((40, 12, 1))], axis=-1)
+    gram = np.einsum("sni,snj->sij", whole, whole)
+    normal = Normal(gram, 12, gram[:, -1, -1:], np.zeros((40, 0, 4)))
+    errors = np.sqrt(np.diag(covariance(normal, np.full(3, 0.01))))
+    assert (errors > 0.0).all()
+    assert np.isfinite(errors).all()
+
+
 def test_the_same_data_give_the_same_fit():
     recording = noisy(moved(damped(), rows=600), 0)
     one, two = (fit(damped(), recording, ["linear_damping"]) for _ in range(2))
