@@ -37,7 +37,7 @@ from hydro.core.identification.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread
-from hydro.core.recording.shots import SHOT_SECONDS, kept_evenly
+from hydro.core.recording.shots import SHOT_SECONDS, Shots, kept_evenly
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -234,16 +234,20 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
             raise DataError(
                 f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; {remedy}"
             )
-        problem = OutputError.of(shots, vehicle)
-        stable = multiple_shooting.bounded(
-            multiple_shooting.prepare(candidate(vehicle), problem.shots), problem.shots
-        )
-        if stable.mean() >= STABLE:
-            return OutputError(problem.shots.of(stable))
+        if (stable := stable_part(shots, vehicle)) is not None:
+            return stable
     raise Diverges(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "
         f"damping, or begin with `hydro fit --effect {LINEAR_DAMPING.name}`"
     )
+
+
+def stable_part(shots: Shots, vehicle: Vehicle) -> OutputError | None:
+    """The shots that a vehicle's predictions do not diverge in; None where too many do."""
+    problem = OutputError.of(shots, vehicle)
+    prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
+    stable = multiple_shooting.bounded(prepared, problem.shots)
+    return OutputError(problem.shots.of(stable)) if stable.mean() >= STABLE else None
 
 
 def refit(vehicle: Vehicle, log: Preprocessed, problem: OutputError, start: Vehicle) -> Baseline:

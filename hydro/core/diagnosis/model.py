@@ -301,6 +301,18 @@ class Screening:
         """Whether any effect tells more than chance would."""
         return self.p_value <= ALPHA
 
+    def beginning(self, name: str, information: Array) -> dict[str, Any]:
+        """The table that a fit of an effect begins from: its best shape, as the linearised problem has it.
+
+        Args:
+            name: The effect.
+            information: What is known beforehand of the model's own entries and of its, (P,).
+        """
+        suspect, columns = self.ranked[name]
+        normal = self.normal.of([*self.own, *columns])
+        step = np.linalg.solve(normal.matrix.sum(axis=0) + np.diag(information), normal.score.sum(axis=0))
+        return {**suspect.begin(step[len(self.own) :]), "name": name}
+
 
 def screened(model: Model, tried: Sequence[Suspect], shots: int) -> Screening:
     """Hold some suspects against what a model leaves, over a part of so many shots or all of them."""

@@ -371,16 +371,10 @@ def _beginnings(baseline: Baseline, refitted: Model, known: Known) -> dict[str, 
     file, own = baseline.vehicle, baseline.effects
     tried = suspects(file, without=own, reach=baseline.log.track)
     screening = Search(baseline).screened(refitted, tried)
-    matrix, score = screening.normal.matrix.sum(axis=0), screening.normal.score.sum(axis=0)
-    weight = CORRELATED * known.temper
-    held = np.concatenate([known(refitted.unknown).information, np.zeros(len(matrix) - len(screening.own))])
-    tables = {}
-    for name, (suspect, columns) in screening.ranked.items():
-        both, new = [*screening.own, *columns], len(screening.own)
-        prior = held[both]
-        prior[new:] = weight * SUSPECT**-2
-        step = np.linalg.solve(matrix[np.ix_(both, both)] + np.diag(prior), score[both])
-        tables[name] = {**suspect.begin(step[new:]), "name": name}
+    weight, held, tables = CORRELATED * known.temper, known(refitted.unknown).information, {}
+    for name, (_, columns) in screening.ranked.items():
+        new = np.full(len(columns), weight * SUSPECT**-2)
+        tables[name] = screening.beginning(name, np.concatenate([held, new]))
     for table in file.effect:  # effects of the file of which no grid tells begin from its values
         name = str(table["name"])
         if name not in own and not wholly_known(file, name):

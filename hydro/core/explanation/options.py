@@ -21,6 +21,8 @@ Table = Mapping[str, Any]
 
 STEP_VERDICTS = ("missing", "cannot_tell_apart")
 """Verdicts that make a step; new values of what is there already come along with it."""
+STATED = (*STEP_VERDICTS, "retune")
+"""Verdicts that are statements about an effect."""
 LIKELY = 0.2
 """Confidence from which suspects are tried where nothing is stated; data left out decide what stays."""
 SUSPECTED, FAR = "suspect", "far_from_noise"
@@ -38,9 +40,10 @@ def options(step: Step) -> list[dict[str, Table]]:
     if of_change(step):
         return _change(step, with_values)
     fitted = {table["name"] for table in step.tables}
-    first = _stated(with_values)
+    first = _missing(step)["effect"].to_list()[:1]
     formulas = _discovered(with_values)
-    missing = [*_suspected(step), *first, *formulas] if is_open(step) else first or formulas
+    suspected = _suspected(step)["effect"].to_list()
+    missing = [*suspected, *first, *formulas] if is_open(step) else first or formulas
     retuned = with_values.filter(verdict="retune")["effect"].to_list()
     if not missing and fitted.issuperset(retuned):
         return []
@@ -55,9 +58,7 @@ def is_open(step: Step) -> bool:
     """
     if of_change(step):
         return False
-    suspected = pl.col("effect").is_in(_suspected(step)) & (pl.col("verdict") == SUSPECTED)
-    stated = (pl.col("parameters") != "") & pl.col("verdict").is_in(STEP_VERDICTS)
-    named = step.diagnosis.filter(suspected | stated).sort("rank")
+    named = pl.concat([_suspected(step), _missing(step)]).sort("rank")
     decided = not named.is_empty() and named["verdict"][0] != SUSPECTED
     return not decided and bool(_likely(step) or FAR in step.diagnosis["verdict"])
 
@@ -69,8 +70,7 @@ def is_stated(last: Step, step: Step) -> bool:
 
 def states(step: Step, effect: str) -> bool:
     """Whether the diagnosis of a step states that an effect is missing or has changed."""
-    verdicts = (*STEP_VERDICTS, "retune")
-    return not step.diagnosis.filter(pl.col("verdict").is_in(verdicts), effect=effect).is_empty()
+    return not step.diagnosis.filter(pl.col("verdict").is_in(STATED), effect=effect).is_empty()
 
 
 def of_change(step: Step) -> bool:
@@ -81,30 +81,28 @@ def of_change(step: Step) -> bool:
 def _change(step: Step, findings: pl.DataFrame) -> list[dict[str, Table]]:
     """The best change that is stated, or else likely, and has not been fitted in the step."""
     fitted = {table["name"] for table in step.tables}
-    stated = findings.filter(pl.col("verdict").is_in((*STEP_VERDICTS, "retune"))).sort("rank")["effect"]
+    stated = findings.filter(pl.col("verdict").is_in(STATED))["effect"]
     names = [name for name in stated if name not in fitted] or _likely(step)
     return [{table["name"]: table for table in tables(step.diagnosis, names[:1])}] if names else []
 
 
-def _stated(findings: pl.DataFrame) -> list[str]:
-    """The best that is stated to be missing."""
-    return findings.filter(pl.col("verdict").is_in(STEP_VERDICTS))["effect"].to_list()[:1]
+def _missing(step: Step) -> pl.DataFrame:
+    """Findings with values that state that an effect is missing, the best first."""
+    stated = pl.col("verdict").is_in(STEP_VERDICTS)
+    return step.diagnosis.filter(pl.col("parameters") != "", stated).sort("rank")
 
 
-def _suspected(step: Step) -> list[str]:
-    """Suspects that have not been fitted in the step, the best first."""
-    fitted = [table["name"] for table in step.tables]
-    rows = step.diagnosis.filter(
-        pl.col("parameters") != "", ~pl.col("effect").is_in(fitted), verdict=SUSPECTED
-    )
-    return rows.sort("rank")["effect"].to_list()
+def _suspected(step: Step) -> pl.DataFrame:
+    """Suspects with values that have not been fitted in the step, the best first."""
+    new = ~pl.col("effect").is_in([table["name"] for table in step.tables])
+    return step.diagnosis.filter(pl.col("parameters") != "", new, verdict=SUSPECTED).sort("rank")
 
 
 def _likely(step: Step) -> list[str]:
-    """The same where one of them is not unlikely."""
+    """Their names, where one of them is not unlikely."""
     suspected = _suspected(step)
-    rows = step.diagnosis.filter(pl.col("effect").is_in(suspected), pl.col("confidence") >= LIKELY)
-    return [] if rows.is_empty() else suspected
+    likely = suspected.filter(pl.col("confidence") >= LIKELY)
+    return [] if likely.is_empty() else suspected["effect"].to_list()
 
 
 def _discovered(findings: pl.DataFrame) -> list[str]:

@@ -46,11 +46,10 @@ def promising(
 
     without = left(screening.normal.of(there))
     found = list[tuple[float, dict[str, Any]]]()
-    for name, (suspect, columns) in screening.ranked.items():
-        normal = screening.normal.of([*there, *columns])
-        after = left(normal)
+    for name, (_, columns) in screening.ranked.items():
+        both = [*there, *columns]
+        after = left(screening.normal.of(both))
         told = np.isfinite(without) & np.isfinite(after)
-        known = normal.matrix.sum(axis=0) + weight * np.eye(len(normal.gram[0]) - 1)
-        step = np.linalg.solve(known, normal.score.sum(axis=0))[len(there) :]
-        found.append((float((without[told] - after[told]).sum()), {**suspect.begin(step), "name": name}))
+        table = screening.beginning(name, np.full(len(both), weight))
+        found.append((float((without[told] - after[told]).sum()), table))
     return [table for gain, table in sorted(found, key=lambda one: -one[0]) if gain > 0.0]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, STABLE, stable_start, weighed_fit
+from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes, with_hull
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
@@ -33,8 +33,6 @@ from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, is_open, options, states
 from hydro.core.explanation.screening import promising
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError
@@ -96,12 +94,11 @@ class Recordings:
         Each channel is weighed by what the vehicle leaves of it: far from the noise, that of the sensors says
         nothing of what counts.
         """
-        problem = OutputError.of(self.log.shots(HORIZON), vehicle)
-        prepared = multiple_shooting.prepare(candidate(vehicle), problem.shots)
-        stable = multiple_shooting.bounded(prepared, problem.shots)
-        if stable.sum() < max(LEAST_SHOTS, STABLE * len(stable)):
+        shots = self.log.shots(HORIZON)
+        stable = stable_part(shots, vehicle) if len(shots.starts) >= LEAST_SHOTS else None
+        if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
-        problem = OutputError(problem.shots.of(stable)).some(most)
+        problem = stable.some(most)
         return problem.reweighted(as_it_is(vehicle, problem).normal)[0]
 
     def judged(self, vehicle: Vehicle) -> OutputError:
@@ -166,11 +163,11 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     last one the next best comes first.  None where what is not stated predicts these stretches no better than
     the last step does, or than the file's own effects fitted anew.
     """
-    every = options(last)
-    if not is_open(last) and len(every) == 1:
+    every, undecided = options(last), is_open(last)
+    if not undecided and len(every) == 1:
         progress("all together", 0.0)
         return _trial(last, every[0], file, recordings)
-    if is_open(last):
+    if undecided:
         progress("all effects against what is left", 0.0)
         every += _beside(last, every, recordings)
     problem = recordings.judged(last.vehicle)
@@ -322,21 +319,20 @@ def _fit_together(
     if fit is None or model.normal.chi2 <= FIT:
         return fit
     names = list(dict.fromkeys(entry.effect for entry in model.unknown.entries))
-    found = [fit]
 
-    def best() -> Fit:
-        return min(found, key=lambda one: recordings.error_ahead(one.vehicle))
+    def better(fit: Fit, there: Vehicle, problem: OutputError) -> Fit:
+        """The fit, or one to other shots from a vehicle where that predicts better."""
+        try:
+            other = fit_model(
+                there, names, problem.at_measured_states(there), log.track, ITERATIONS
+            ).estimated()
+        except Diverges:
+            return fit
+        return min(fit, other, key=lambda one: recordings.error_ahead(one.vehicle))
 
-    def fitted(there: Vehicle, problem: OutputError) -> None:
-        with suppress(Diverges):
-            begun = problem.at_measured_states(there)
-            found.append(fit_model(there, names, begun, log.track, ITERATIONS).estimated())
-
-    fitted(start if tried is None else tried, resolved(problem))
-    there = best().vehicle
-    if (ahead := recordings.ahead(there, ENOUGH)) is not None:
-        fitted(there, ahead)
-    return best()
+    fit = better(fit, start if tried is None else tried, resolved(problem))
+    ahead = recordings.ahead(fit.vehicle, ENOUGH)
+    return fit if ahead is None else better(fit, fit.vehicle, ahead)
 
 
 def _wanted(last: Step, found: Mapping[str, Table]) -> list[str | Table]:
