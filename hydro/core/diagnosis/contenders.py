@@ -32,7 +32,7 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
-POOR, MOST_CONTENDERS = 3.0, 10
+POOR, MOST_CONTENDERS = 1.5, 10
 """Floors that the best of them leaves from which more are fitted, and how many at most: one step from the
 file says little of an effect that changes the motion altogether."""
 QUICK = 6  # iterations of a contender's fit
@@ -133,23 +133,45 @@ def contend(
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
-    floor = float(compared.weight @ last.normal.freedoms)
+    enough = POOR * float(compared.weight @ last.normal.freedoms)
     fits: dict[str, Contender] = {}
-    for number, name in enumerate(list(dict.fromkeys([*always, *ranked]))[:MOST_CONTENDERS]):
-        left = min((float(fit.costs.sum()) for fit in fits.values()), default=np.inf)
-        if name not in always and left <= POOR * floor:
-            break
+    for number, name in enumerate(always):
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
         fine = [] if vehicle.effects(name) else shapes(vehicle, name, reach=log.track)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
-        try:
-            fit = fitted(compared, last, table)
-        except (Diverges, np.linalg.LinAlgError):
-            continue
-        test = log.sensors.get(name)
-        if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(name)):
-            fits[name] = fit
+        _join(fits, compared, last, table)
+    if not _reached(fits, enough):
+        others = [name for name in ranked if name not in always]
+        fine = [one for name in others if not vehicle.effects(name) for one in _shapes(compared, last, name)]
+        finer = {name: ranked[name] for name in others} | stepped(compared, last, fine)
+        order = sorted(others, key=lambda name: -max(finer[name][0], ranked[name][0]))
+        for number, name in enumerate(order[: MOST_CONTENDERS - len(always)], len(always)):
+            progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
+            _join(fits, compared, last, finer[name][1])
+            if _reached(fits, enough):
+                break
     return fits
+
+
+def _reached(fits: Mapping[str, Contender], enough: float) -> bool:
+    """Whether the best of some fits leaves no more than is enough."""
+    return min((float(fit.costs.sum()) for fit in fits.values()), default=np.inf) <= enough
+
+
+def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
+    """The finer grid of an effect: a kink or an anchor lies between the places of a coarse one."""
+    return shapes(last.vehicle, name, reach=compared.log.track)
+
+
+def _join(fits: dict[str, Contender], compared: Compared, last: Model, table: Mapping[str, object]) -> None:
+    """Fit an effect from a table, and put it among the fits unless it diverges or kinematics refutes it."""
+    try:
+        fit = fitted(compared, last, table)
+    except (Diverges, np.linalg.LinAlgError):
+        return
+    test = compared.log.sensors.get(fit.effect)
+    if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(fit.effect)):
+        fits[fit.effect] = fit
 
 
 def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Suspect]:

@@ -32,7 +32,7 @@ def possible(unknown: Free, values: Array, information: Array) -> Array:
     """Values that `validate` accepts: the fitted ones (P,), or the best of those that it does.
 
     Where no cuts lead there, couplings, or all, are drawn back toward where the fit began, or toward nothing
-    where that is not accepted either.
+    where that is not accepted either.  Where nothing is not, it is not theirs to mend: they stay.
 
     Args:
         unknown: The entries.
@@ -110,8 +110,10 @@ def _least_distance(root: Array, sides: Array, edges: Array) -> Array:
 
 def _drawn_back(unknown: Free, values: Array) -> Array:
     """Couplings, or all values, as far toward the start, or toward nothing, as they must."""
-    start = unknown.starts[0]
-    home = start if accepted(unknown, start) else unknown.within(np.zeros(len(values)))
+    nothing = unknown.within(np.zeros(len(values)))
+    home = next((one for one in (unknown.starts[0], nothing) if accepted(unknown, one)), None)
+    if home is None:
+        return values
     couplings = np.array([_couples(entry) for entry in unknown.entries])
     for moving in (couplings, np.ones(len(values), bool)):
         way = np.where(moving, values - home, 0.0)

@@ -8,6 +8,7 @@ import pytest
 import synthetic
 from recordings import WEAK, damped, flown
 
+from hydro.core.diagnosis import contenders
 from hydro.core.diagnosis.diagnose import diagnose, hull_of
 from hydro.core.diagnosis.findings import SURE
 from hydro.core.diagnosis.log_faults import preprocess
@@ -56,6 +57,29 @@ def test_a_change_of_what_the_file_has_and_is_not_linear_is_named():
     assert (found.verdict, found.effect) == ("retune", "command_delay")
     assert found.confidence >= SURE
     assert found.parameters["d"] == pytest.approx(0.2, abs=4.0 * found.standard_errors["d"] + 1e-3)
+
+
+def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(before, monkeypatch):
+    """A cable's coarse places may say nothing of it: the pull of one with slack is not linear in them."""
+    cable = {
+        "name": "tether",
+        "k": 30.0,
+        "slack": 4.0,
+        "attachment": [-0.3, 0.0, 0.0],
+        "anchor": [1.0, -3.0, 9.0],
+    }
+    stepped = contenders.stepped
+
+    def blind(compared, last, tried):
+        ranked = stepped(compared, last, tried)
+        if GAINS in ranked and cable["name"] in ranked:  # all effects at once, at their coarse places
+            _, table = ranked.pop(cable["name"])
+            ranked[cable["name"]] = (-1.0, table)
+        return ranked
+
+    monkeypatch.setattr(contenders, "stepped", blind)
+    found = diagnose(damped(), flown(cable, seed=40), before=before).findings[0]
+    assert (found.verdict, found.effect) == ("missing", "tether")
 
 
 def test_of_two_fins_the_one_that_was_turned_is_named():

@@ -68,6 +68,13 @@ def test_possible_values_stay_as_they_are(craft):
     assert possible(unknown, unknown.starts[0], np.eye(42)) is unknown.starts[0]
 
 
+def test_values_that_bear_on_no_sum_stay_where_the_rest_of_the_vehicle_is_not_possible(craft):
+    wrong = {"name": "added_mass_coupling", "M15": 1e4, "M24": 0.0, "M04": 0.0, "M13": 0.0, "M02": 0.0}
+    unknown = free(msgspec.structs.replace(craft, effect=(*craft.effect, wrong)), ["thruster_gain"])
+    values = np.full(len(unknown.entries), -0.3)
+    assert np.array_equal(possible(unknown, values, np.eye(len(values))), values)
+
+
 def test_where_no_coupling_can_be_it_is_drawn_back_to_none(craft):
     """Beside damping that is 0 and stays so a coupling is never passive."""
     still = msgspec.structs.replace(craft, effect=())
