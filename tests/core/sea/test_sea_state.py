@@ -97,8 +97,8 @@ def test_the_likelihoods_gradient_is_its_own(kind: str) -> None:
     assert seen is not None
     floor = rng.normal(scale=0.3, size=(3, 4))
     floor[:, 0] += np.log(seen.squares.mean(axis=0))
-    own: list[float] = {"alone": [], "sea": [-0.2, 0.0, 1.2, 1.1], "apart": [-1.0, -1.2, -0.8, 0.0, 1.1]}[kind]
-    at = np.concatenate([floor.ravel(), own])
+    places = {"sea": [-0.2, 0.0, 1.2, 1.1], "apart": [-1.0, -1.2, -0.8, 0.0, 1.1]}
+    at = np.concatenate([floor.ravel(), places.get(kind, [])])
 
     def at_place(x: Array) -> tuple[float, Array]:
         return unlikely(seen, x[:12], **({} if kind == "alone" else {kind: x[12:]}))
