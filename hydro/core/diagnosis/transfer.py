@@ -47,6 +47,7 @@ from hydro.core.identification.suspects import suspects
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held
+from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 CORRELATED = 10.0
@@ -213,23 +214,30 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     problem = baseline.problem.some(SURVEY_SHOTS)
     labels = (sessions_of(problem.shots), regimes_of(problem.shots))
     refitted, known = tempered(baseline, problem)
-    rivals = []
-    for name in own:
+
+    def without(name: str) -> Rival | None:
+        """One of the file's own effects against its values there; None where the fit diverges."""
         try:
             held = fit_model(file, [n for n in own if n != name], problem, reach, STEPS, known=known)
         except Diverges:
-            continue
-        rivals.append(_rival(name, refitted, held, known, labels, own=True))
-    candidates = _beginnings(baseline, refitted, known)
-    for number, (name, table) in enumerate(candidates.items()):
+            return None
+        return _rival(name, refitted, held, known, labels, own=True)
+
+    def beside(one: tuple[str, dict[str, Any]]) -> Rival | None:
+        """An effect from a table to begin with; None where the fit diverges."""
+        name, released = one[0], known.releasing(one[0])
+        try:
+            model = fit_model(file, [*own, one[1]], problem, reach, STEPS, known=released)
+        except Diverges:
+            return None
+        return _rival(name, model, refitted, released, labels, own=bool(file.effects(name)))
+
+    candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
+    for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
         if progress is not None:
             progress(f"{name} on data that it was not fitted to", number / len(candidates))
-        released = known.releasing(name)
-        try:
-            model = fit_model(file, [*own, table], problem, reach, STEPS, known=released)
-        except Diverges:
-            continue
-        rivals.append(_rival(name, model, refitted, released, labels, own=bool(file.effects(name))))
+        found.append(rival)
+    rivals = [rival for rival in found if rival is not None]
     if dragged(file):
         return Survey(refitted, ranked([weighed(one) for one in rivals]))
     return Survey(refitted, ranked(rivals, DRAG))
@@ -319,16 +327,19 @@ def left_out_error(
     fold, shots = sessions_of(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
-    whole, total, count = begun(vehicle, fitted, problem, np.zeros((1, 3))), 0.0, 0
-    for number in np.unique(fold):
-        try:
-            there = gone_on(whole.over(fold != number), AGAIN).vehicle
-        except Diverges:
-            return float(np.sqrt(weights @ BEYOND[6:] ** 2))
+    whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
+
+    def predicted(number: int) -> tuple[float, int]:
+        """Squared error of the stretches of one fold, and how many there are."""
+        there = gone_on(whole.over(fold != number), AGAIN).vehicle
         here = ahead.of(within == number)
-        rows = len(here.starts)
-        total, count = total + error_ahead(there, here, weights) ** 2 * rows, count + rows
-    return float(np.sqrt(total / max(count, 1)))
+        return error_ahead(there, here, weights) ** 2, len(here.starts)
+
+    try:
+        squares, counts = np.array(list(shared(predicted, np.unique(fold)))).T
+    except Diverges:
+        return float(np.sqrt(weights @ BEYOND[6:] ** 2))
+    return float(np.sqrt(squares @ counts / max(counts.sum(), 1.0)))
 
 
 def error_ahead(vehicle: Vehicle, ahead: Shots, weights: Array) -> float:

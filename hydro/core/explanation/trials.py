@@ -9,7 +9,6 @@ changed is fitted with nothing but the changes of earlier steps.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -42,6 +41,7 @@ from hydro.core.progress import Progress
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
+from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 PART, FEW, QUICK = 96, 48, 6
@@ -252,13 +252,20 @@ def quick_fits(
     progress: Progress,
 ) -> Iterator[Quick]:
     """Quick fits of what may be added; of what diverges none."""
-    for number, found in enumerate(every):
-        progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
+
+    def tried(found: Mapping[str, Table]) -> Quick | None:
         wanted = _wanted(last, found)
-        with suppress(DataError):
+        try:
             vehicle = recordings.tried(last.vehicle, wanted, problem)
             fanciful = bool(implausible(vehicle, list(found)))
-            yield Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))
+            return Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))
+        except DataError:
+            return None
+
+    for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
+        progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
+        if quick is not None:
+            yield quick
 
 
 def _trial(

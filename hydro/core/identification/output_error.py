@@ -36,9 +36,15 @@ FARTHEST = 3.0  # times what a beginning is known to at sight that one step may 
 
 @dataclass(frozen=True)
 class OutputError:
-    """Output error over shots, whose beginnings go along with the parameters."""
+    """Output error over shots, whose beginnings go along with the parameters.
+
+    Attributes:
+        shots: The shots.
+        near: A candidate made ready for them: its rotors and memories are perhaps another one's, too.
+    """
 
     shots: Shots
+    near: multiple_shooting.Prepared | None = None
 
     @classmethod
     def of(cls, shots: Shots, vehicle: Vehicle) -> OutputError:
@@ -56,7 +62,7 @@ class OutputError:
 
     def linearise(self, base: Vehicle, moved: Sequence[Vehicle], steps: Sequence[float]) -> Normal:
         """See `sensitivity.linearise`."""
-        prepared = multiple_shooting.prepare(candidate(base), self.shots)
+        prepared = multiple_shooting.prepare(candidate(base), self.shots, self.near)
 
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
             return multiple_shooting.prepare(candidate(other), self.shots, prepared)
@@ -75,7 +81,7 @@ class OutputError:
         shift = np.clip(shift, -farthest, farthest)
         first = multiple_shooting.displaced(self.shots.first, shift)
         prepared, reached = (
-            multiple_shooting.prepare(candidate(vehicle), self.shots),
+            multiple_shooting.prepare(candidate(vehicle), self.shots, self.near),
             OFF * normal.expected(step),
         )
         costs = multiple_shooting.costs(prepared, replace(self.shots, first=first))
@@ -88,7 +94,7 @@ class OutputError:
             again = multiple_shooting.costs(prepared.of(poor), tried)
             better = np.flatnonzero(poor)[again < costs[poor]]
             first[better], costs[better] = less[again < costs[poor]], again[again < costs[poor]]
-        return float(costs.sum()), OutputError(replace(self.shots, first=first))
+        return float(costs.sum()), OutputError(replace(self.shots, first=first), prepared)
 
     def reweighted(self, normal: Normal) -> tuple[OutputError, bool]:
         """Noise of each channel as what is left in it: what the model does not explain weighs less."""
@@ -99,7 +105,7 @@ class OutputError:
 
     def weighed(self, sigma: Array) -> OutputError:
         """The problem with other deviations of its channels, (12,)."""
-        return OutputError(replace(self.shots, sigma=sigma))
+        return OutputError(replace(self.shots, sigma=sigma), self.near)
 
 
 def in_waves(shots: Shots, model: Candidate) -> Shots:

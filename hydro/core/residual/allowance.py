@@ -34,6 +34,7 @@ from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.residual.library import RESTING, Flow, sizes, terms
 from hydro.core.residual.regression import answers, robust, thinning
 from hydro.core.residual.response import Transitions
+from hydro.core.threads import shared
 from hydro.core.vehicle.description import Vehicle
 
 NUMBERS = 6
@@ -137,8 +138,9 @@ class Allowance:
         columns = np.empty((*error.shape, count + 1))
         columns[..., -1] = error
         changed, steps = moved(unknown, values)
-        for i, (other, step) in enumerate(zip(changed, steps, strict=True)):
-            columns[..., i] = (error - _error(other, self.shots)) / step
+        others = shared(lambda other: _error(other, self.shots), changed)
+        for i, (other, step) in enumerate(zip(others, steps, strict=True)):
+            columns[..., i] = (error - other) / step
         columns[~counted] = 0.0
         columns[~(np.abs(columns) < ENDLESS).all(axis=(1, 2)), :, :-1] = 0.0
         both = np.concatenate([self.beginnings, columns], axis=-1)[counted]
