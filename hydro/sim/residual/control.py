@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel, within
 from hydro.core.distillation import history
 from hydro.core.errors import UsageError
 from hydro.core.recording.smoothing import Design, filter_step, gains
@@ -35,6 +35,9 @@ from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditionin
 
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
+
+LINE = 8
+"""Doubles of a cache line: the block of parameters and the weights in it begin on one."""
 
 # The state of one vehicle's control.
 TICK = 0  # control steps begun; 0 before the first
@@ -120,12 +123,14 @@ class Control:
             (AT_CONDITIONING, self.conditioning.parameters()),
             (AT_WEIGHTS, weights),
         ):
+            if entry == AT_WEIGHTS:
+                blocks.append(np.zeros(-sum(map(len, blocks)) % LINE))
             header[entry] = sum(map(len, blocks)) if len(block) else 0
             blocks.append(block)
         return np.concatenate(blocks)
 
 
-@jit
+@within
 def due(block: Array, states: Array, time: float) -> bool:
     """Whether a control step has begun that is not yet counted."""
     return bool(np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0 > states[TICK])
@@ -177,7 +182,7 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     )
 
 
-@jit
+@within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
     """Take the wrench that acts at velocity nu (6,) now off `tau` (6,); `part` (6,) is scratch."""
     for i in range(6):
@@ -192,7 +197,7 @@ def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> No
             tau[i] -= part[i]
 
 
-@jit
+@kernel
 def _add_passive(block: Array, held: Array, nu: Array, tau: Array) -> None:
     """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
     begin = int(block[AT_INERTIA])
