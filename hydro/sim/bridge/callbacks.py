@@ -261,26 +261,15 @@ def _delay_commands(model: int, data: int, vehicle: Array) -> None:
 
 
 @jit
-def _begin(model: int, data: int, vehicle: Array) -> None:
-    """Fix delayed commands, set internal states at the start, and begin a control step where one is due."""
-    if vehicle[water.AT_DELAYED] > 0.0:
-        _delay_commands(model, data, vehicle)
-    started = int(vehicle[water.AT_STARTED])
-    if started < 0:
-        return
-    flag = numbers(data, structs.ACT, started, 1)
-    block = part(vehicle, int(vehicle[water.AT_CONTROL]), structs.WHOLE)
-    time = number(data, structs.TIME)
-    states = control_states(data, vehicle)
-    renew = states.size > 0 and control.due(block, states, time)
-    if flag[0] != 0.0 and not renew:
-        return
+def _begin(data: int, vehicle: Array, renew: bool) -> None:
+    """Set internal states at the start, and begin a control step if it is due."""
     room = stack()
     P, s = part(room, 0, 9), part(room, S, layout.MOTION)
     _observe(data, vehicle, P, s)
-    program = program_of(vehicle)
+    flag = numbers(data, structs.ACT, int(vehicle[water.AT_STARTED]), 1)
     if flag[0] == 0.0:
         flag[0] = 1.0
+        program = program_of(vehicle)
         if vehicle[water.AT_EFFECTS] > 0.0 and program[STATE_COUNT] > 0.0:
             start(
                 program,
@@ -288,16 +277,37 @@ def _begin(model: int, data: int, vehicle: Array) -> None:
                 numbers(data, structs.ACT, int(vehicle[water.AT_STATES]), int(program[STATE_COUNT])),
             )
     if renew:
+        block = part(vehicle, int(vehicle[water.AT_CONTROL]), structs.WHOLE)
         weights = singles(block, int(block[control.AT_WEIGHTS]), int(block[control.AT_WEIGHT_COUNT]))
-        control.control_kernel(block, weights, states, time, part(s, _asked_at(vehicle), 6))
+        control.control_kernel(
+            block,
+            weights,
+            control_states(data, vehicle),
+            number(data, structs.TIME),
+            part(s, _asked_at(vehicle), 6),
+        )
 
 
 def _sensor(model: int, data: int, _stage: int) -> None:
-    """`mjcb_sensor`: what happens once per step."""
+    """`mjcb_sensor`: what happens once per step.
+
+    Delayed commands are fixed; at the start internal states are set; a control step begins where one is due.
+    """
     for index in range(field(model, structs.NNUMERIC)):
         vehicle = vehicle_at(model, index)
-        if vehicle.size and vehicle[water.AT_DOF] >= 0.0:
-            _begin(model, data, vehicle)
+        if vehicle.size == 0 or vehicle[water.AT_DOF] < 0.0:
+            continue
+        if vehicle[water.AT_DELAYED] > 0.0:
+            _delay_commands(model, data, vehicle)
+        if vehicle[water.AT_STARTED] < 0.0:
+            continue
+        flag = numbers(data, structs.ACT, int(vehicle[water.AT_STARTED]), 1)[0]
+        renew = False
+        if vehicle[water.AT_CONTROL] > 0.0:
+            block = part(vehicle, int(vehicle[water.AT_CONTROL]), structs.WHOLE)
+            renew = control.due(block, control_states(data, vehicle), number(data, structs.TIME))
+        if flag == 0.0 or renew:
+            _begin(data, vehicle, renew)
 
 
 @kernel

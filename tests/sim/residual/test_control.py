@@ -120,7 +120,6 @@ def test_the_wrench_of_a_control_step_is_renewed_once(craft, residual_control):
     for _ in range(3):
         mujoco.mj_forward(model, data)
     assert data.act[first + control.TICK] == 2
-    assert data.act[first + control.COUNTED] == 2
     mujoco.mj_resetData(model, data)
     assert not data.act.any()
 
@@ -162,7 +161,7 @@ def test_a_saved_model_keeps_its_network(craft, residual_control, tmp_path):
 
 def test_a_network_that_remembers_keeps_its_control_step():
     network = Network.of(trained("temporal")[1])
-    assert Control(network).states == control.STATES + 42
+    assert Control(network).states == control.UNCONDITIONED + 42
     with pytest.raises(UsageError, match=r"0\.04 s apart: its control step cannot be 0\.02 s"):
         Control(network, 0.02)
 
@@ -177,7 +176,7 @@ def test_a_passive_model_goes_on_from_its_held_wrench_with_the_present_velocity(
     mujoco.mj_step(model, data, STEPS)
     mujoco.mj_step(model, data, 7)
     block = data.act[first : first + free.states]
-    D = block[control.STATES : control.STATES + 36].reshape(6, 6)
+    D = block[free.past : free.past + 36].reshape(6, 6)
     np.testing.assert_allclose(D, D.T, rtol=1e-12)
     assert np.linalg.eigvalsh(D).min() > 0.0
     nu = states.from_mujoco(data.qpos, data.qvel)[1]
