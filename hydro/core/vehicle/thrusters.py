@@ -27,8 +27,8 @@ from hydro.core.thrust_curves.curve import curve_table
 from hydro.core.thrust_curves.table import ThrustTable
 from hydro.core.vehicle.description import Thruster, Vehicle
 
-# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B; the next
-# seven, of its curve, are what a step reads most often.
+# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B; the
+# next seven, of its curve, are what a step reads most often.
 UNIT_WRENCH, UNIT_FORCE, UNIT_MOMENT = slice(0, 6), slice(0, 3), slice(3, 6)
 MAX_THRUST = 6  # N at +1
 MAX_REVERSE = 7  # N at -1, as a positive number

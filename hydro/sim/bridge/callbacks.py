@@ -43,11 +43,20 @@ from hydro.core.vehicle.thrusters import (
 )
 from hydro.sim.bridge import structs, water
 from hydro.sim.bridge.inertia import ENTRIES, add_inertia, factor, stale
-from hydro.sim.bridge.pointers import as_doubles, choice, field, number, numbers, part, singles, stack
+from hydro.sim.bridge.pointers import (
+    as_doubles,
+    choice,
+    field,
+    integers,
+    number,
+    numbers,
+    part,
+    singles,
+    stack,
+)
 from hydro.sim.bridge.structs import (
     command_of,
     control_states,
-    given_command,
     last_activation,
     parameters_of,
     program_of,
@@ -97,9 +106,12 @@ def _observe(data: int, vehicle: Array, P: Array, s: Array) -> None:
 @within
 def _heed(model: int, data: int, vehicle: Array, s: Array) -> None:
     """Write the commands of this step into `s`, as given, before any delay."""
-    count, first = int(program_of(vehicle)[THRUSTER_COUNT]), int(vehicle[water.AT_ACTUATOR])
-    for i in range(min(count, layout.MOST_COMMANDS)):
-        s[layout.COMMANDS + i] = given_command(model, data, first + i)
+    count = min(int(program_of(vehicle)[THRUSTER_COUNT]), layout.MOST_COMMANDS)
+    if count:
+        first = integers(model, structs.CTRLADR, int(vehicle[water.AT_ACTUATOR]), 1)[0]
+        given = numbers(data, structs.CTRL, first, count)
+        for i in range(count):
+            s[layout.COMMANDS + i] = given[i]
 
 
 @within

@@ -114,12 +114,6 @@ def last_activation(model: int, actuator: int) -> int:
     return int(integers(model, ACTADR, actuator, 1)[0] + integers(model, ACTNUM, actuator, 1)[0] - 1)
 
 
-@within
-def given_command(model: int, data: int, actuator: int) -> float:
-    """The command of a thruster as it is given in this step, before any delay."""
-    return float(numbers(data, CTRL, integers(model, CTRLADR, actuator, 1)[0], 1)[0])
-
-
 @written_out
 def command_of(data: int, prm: Array) -> float:
     """The command that a thruster obeys during this step."""

@@ -15,7 +15,7 @@ from hydro.core.residual.network import Network
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.bridge import mjcf, native, states
-from hydro.sim.bridge.water import residual
+from hydro.sim.bridge.water import AT_CONTROL, PREFIX, residual
 from hydro.sim.residual import control
 from hydro.sim.residual.conditioning import COUNTS, Conditioning, condition
 from hydro.sim.residual.control import Control
@@ -199,3 +199,10 @@ def test_a_passive_wrench_at_a_control_step_is_the_network_s(craft):
     felt = np.zeros(6)
     control.exert(free.encode(), block, NU, np.zeros(6), felt)
     np.testing.assert_allclose(-felt, expected, rtol=1e-6)
+
+
+def test_weights_begin_on_a_cache_line(craft, residual_control):
+    model = compiled(craft, residual_control)
+    field = model.numeric(PREFIX + craft.name).data
+    block = field[int(field[AT_CONTROL]) :]
+    assert block[int(block[control.AT_WEIGHTS]) :].ctypes.data % 64 == 0
