@@ -236,7 +236,7 @@ def rows_of(found: dict[str, Any], what: str, vehicles: int, threads: int, unit:
     """Rows of the table of results; the ratio is to the first case, round by round."""
     base = next(iter(found.values()))
     rows = []
-    shared = threads if Clock.processor else 1
+    shared = min(threads, vehicles) if Clock.processor else 1
     for case, rates in found.items():
         low, ratio, high = np.quantile(rates / base, [0.25, 0.5, 0.75])
         rows.append(
