@@ -95,22 +95,25 @@ def _cache_in_own_folder(function: Callable[..., Any]) -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
-def jit(function: F, *, reorder_sums: bool = False, counted: bool = True) -> F:
+def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within: bool = False) -> F:
     """`numba.njit` with the cache above; runs uncached where no folder is writable.
 
     `reorder_sums` lets the compiler add in another, fixed order, so that a long sum uses vector instructions:
     the same bits every time on one machine, rounding that may differ on another.  `counted`: see `kernel`.
+    `within` puts the code into whoever calls it: an array takes seven arguments of a call.
     """
     fastmath = {"reassoc", "contract", "nsz"} if reorder_sums else False
     # said of every function: one that says nothing takes over what its first caller says
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
-    dispatcher = numba.njit(function, error_model="numpy", nogil=True, fastmath=fastmath, **counts)
+    dispatcher = numba.njit(
+        function, error_model="numpy", nogil=True, fastmath=fastmath, forceinline=within, **counts
+    )
     with _cache_in_own_folder(function), contextlib.suppress(RuntimeError):
         dispatcher.enable_caching()
     return dispatcher  # type: ignore[no-any-return]
 
 
-def kernel(function: F, *, reorder_sums: bool = False) -> F:
+def kernel(function: F, *, reorder_sums: bool = False, within: bool = False) -> F:
     """`jit` for a function that makes no arrays, returns none, and calls none that does.
 
     Numba counts references to the memory behind every slice, by atomic operations that take longer than the
@@ -118,7 +121,12 @@ def kernel(function: F, *, reorder_sums: bool = False) -> F:
     Making an array in one does not compile; that none returns one, and that all memory is given back, is
     tested.
     """
-    return jit(function, reorder_sums=reorder_sums, counted=False)
+    return jit(function, reorder_sums=reorder_sums, counted=False, within=within)
+
+
+def within(function: F) -> F:
+    """A `kernel` whose code stands in whoever calls it, for short ones in the innermost loops."""
+    return kernel(function, within=True)
 
 
 @kernel
@@ -128,11 +136,16 @@ def copy_kernel(values: Any, out: Any) -> None:
         out[i] = values[i]
 
 
-def cfunc(signature: Any) -> Callable[[F], F]:
-    """`numba.cfunc` (a native function pointer, called without the GIL) with the same cache."""
+def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
+    """`numba.cfunc` (a native function pointer, called without the GIL) with the same cache.
+
+    `counted`: see `kernel`.
+    """
+    counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
 
     def decorate(function: F) -> F:
         with _cache_in_own_folder(function):
-            return numba.cfunc(signature, cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+            compiled = numba.cfunc(signature, cache=True, error_model="numpy", **counts)
+            return compiled(function)  # type: ignore[no-any-return]
 
     return decorate

@@ -159,7 +159,7 @@ class StudentPlant:
     def _read(self, mask: Mask) -> None:
         """Bring the arrays of some vehicles up to date."""
         read_kernel(mask, self._motion, self._gravity, self._readings)
-        self.thrust[mask] = self._force[mask]
+        np.copyto(self.thrust, self._force, where=mask[:, None])
 
     def snapshot(self) -> Snapshot:
         """Everything that the future depends on, and the arrays of the present."""

@@ -20,7 +20,7 @@ from hydro.core.vehicle.thrusters import settled_state
 from hydro.sim.bridge import mjcf, native, states
 from hydro.sim.bridge.water import AT_CONTROL, AT_CONTROL_STATES, PREFIX, Water, wet
 from hydro.sim.residual import control
-from hydro.sim.residual.conditioning import COUNTS, Counts, counts_of
+from hydro.sim.residual.conditioning import COUNTS, OFF, Counts, counts_of
 
 _TIME = mujoco.mjtState.mjSTATE_TIME
 
@@ -97,6 +97,8 @@ class Student:
         program = (water or wet(vehicle)).program
         self._table = thrusters_of(program.flat)
         self._control = control_states(self.model, vehicle.name)
+        own = None if water is None else water.control
+        self._conditioned = own is not None and own.conditioning != OFF
 
     def start(
         self, eta: ArrayLike, nu: ArrayLike, *, settled: ArrayLike | None = None, t: ArrayLike = 0.0
@@ -221,6 +223,9 @@ class Student:
         """
         if self._control is None:
             raise UsageError("no residual network runs in this student, so no conditioning acts")
+        if not self._conditioned:
+            steps = self.batch.act[:, self._control + control.TICK]
+            return [Counts(int(count), (0,) * 6, 0) for count in steps]
         first = self._control + control.COUNTED
         return [counts_of(row) for row in self.batch.act[:, first : first + COUNTS]]
 

@@ -24,7 +24,8 @@ SCALARS = {"None", "float", "int", "bool", "tuple[float, float]", "tuple[float, 
 
 
 def counted(function: Dispatcher) -> bool:
-    return function.targetoptions.get("_nrt", True)
+    """Whether it counts references; one whose body is written out in its caller is as its caller."""
+    return function.targetoptions.get("_nrt", True) and function.targetoptions.get("inline") != "always"
 
 
 def kernels() -> Iterator[Dispatcher]:
@@ -32,7 +33,7 @@ def kernels() -> Iterator[Dispatcher]:
         package = importlib.import_module(part)
         for module in pkgutil.walk_packages(package.__path__, f"{part}."):
             for value in vars(importlib.import_module(module.name)).values():
-                if isinstance(value, Dispatcher) and not counted(value):
+                if isinstance(value, Dispatcher) and not value.targetoptions.get("_nrt", True):
                     yield value
 
 

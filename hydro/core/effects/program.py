@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit, kernel
+from hydro.core.compiled import jit, kernel, within
 from hydro.core.effects import layout
 from hydro.core.effects.catalogue import (
     CATALOGUE,
@@ -227,7 +227,7 @@ def thrusters_of(flat: Array) -> Array:
     return flat[begin : begin + count * COLUMNS].reshape(count, COLUMNS)
 
 
-@kernel
+@within
 def relative_to_water(flat: Array, s: Array) -> None:
     """Write nu_r = nu - [R^T v_c(z, t); 0] from the velocity, rotation, depth and time in `s`.
 

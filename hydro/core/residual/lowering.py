@@ -18,6 +18,8 @@ from hydro.core.residual import layers, mirrors
 from hydro.core.vehicle.description import Vehicle
 
 AXES = 6
+LINE = 16
+"""Numbers of a cache line: what begins on one is read without a vector that lies across two."""
 PACE = 10.0  # s, of the structured model's inertia
 
 
@@ -117,8 +119,8 @@ class Writer:
 
     def place(self, length: int) -> Place:
         """Room for more numbers."""
-        found = Place(self.room, length)
-        self.room += length
+        found = Place(_line_after(self.room), length)
+        self.room = found.at + length
         return found
 
     def dense(self, x: Place, name: str, length: int) -> Place:
@@ -198,9 +200,16 @@ class Writer:
 
     def _keep(self, *parts: NDArray[Any]) -> int:
         """Where weights begin that are added here."""
-        at = sum(map(len, self._weights))
-        self._weights += [np.asarray(part, dtype=np.float32).ravel() for part in parts]
+        before = sum(map(len, self._weights))
+        at = _line_after(before)
+        own = [np.asarray(part, dtype=np.float32).ravel() for part in parts]
+        self._weights += [np.zeros(at - before, dtype=np.float32), *own]
         return at
+
+
+def _line_after(count: int) -> int:
+    """Where the next cache line begins."""
+    return -(-count // LINE) * LINE
 
 
 def _feedforward(writer: Writer) -> None:

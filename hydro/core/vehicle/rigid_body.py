@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.compiled import kernel
+from hydro.core.compiled import kernel, within
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import skew
 
@@ -30,7 +30,7 @@ def mass_matrix(vehicle: Vehicle) -> Array:
     return matrix
 
 
-@kernel
+@within
 def coriolis_kernel(matrix: Array, nu: Array, out: Array) -> None:
     """Add C(nu) nu to `out` (6,) for the inertia `matrix` (36,), row-major: omega x p, and v x p + omega x h.
 

@@ -27,21 +27,22 @@ from hydro.core.thrust_curves.curve import curve_table
 from hydro.core.thrust_curves.table import ThrustTable
 from hydro.core.vehicle.description import Thruster, Vehicle
 
-# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B.
+# Columns of the thruster table.  The first six are the wrench of one newton of thrust, a column of B; the
+# next seven, of its curve, are what a step reads most often.
 UNIT_WRENCH, UNIT_FORCE, UNIT_MOMENT = slice(0, 6), slice(0, 3), slice(3, 6)
 MAX_THRUST = 6  # N at +1
 MAX_REVERSE = 7  # N at -1, as a positive number
 POWER = 8  # of n that thrust goes with: 1 linear, 2 quadratic
 SPEED_LAG = 9  # 1: the state is the rotor speed; 0: the thrust
-TIME_CONSTANT = 10  # s
-LAG_STEP = 11  # s, of the source's Euler integration; 0: exact
-DEADBAND = 12  # in n
-SHIFT = 13  # 1: continuous beyond the dead band; 0: cut
-DELAY = 14  # s
-GAIN = 15  # relative gain, thrust times 1 + g
-ASYMMETRY = 16  # a, reverse thrust times 1 - a
-INFLOW = 17  # c, thrust lost to the water's speed along the axis [s/m]
-BEYOND = 18  # effective commands reach 1 + this: a table has more thrust at more than the nominal voltage
+DEADBAND = 10  # in n
+SHIFT = 11  # 1: continuous beyond the dead band; 0: cut
+BEYOND = 12  # effective commands reach 1 + this: a table has more thrust at more than the nominal voltage
+TIME_CONSTANT = 13  # s
+LAG_STEP = 14  # s, of the source's Euler integration; 0: exact
+DELAY = 15  # s
+GAIN = 16  # relative gain, thrust times 1 + g
+ASYMMETRY = 17  # a, reverse thrust times 1 - a
+INFLOW = 18  # c, thrust lost to the water's speed along the axis [s/m]
 REACTION = 19  # k, torque about the thrust's axis per thrust [m]; the unit wrench has it already
 COLUMNS = 20
 
@@ -181,14 +182,16 @@ def static_thrust(row: Array, n: float) -> float:
     """Thrust [N] that a normalised speed n in [-1, 1] settles on by dead band and curve."""
     size: float = abs(n)
     band: float = row[DEADBAND]
-    if size <= band:
-        return 0.0
+    within_band = size <= band
     if row[POWER] != 1.0:
         size, band = raised(size, row[POWER]), raised(band, row[POWER])
     if row[SHIFT]:
         size = (size - band) / (1.0 - band)
-    limit: float = row[MAX_THRUST] if n > 0.0 else -row[MAX_REVERSE]
-    return size * limit
+    # chosen among numbers that are there: nobody can foresee the sign of a command
+    ahead: float = row[MAX_THRUST]
+    astern: float = -row[MAX_REVERSE]
+    thrust = size * (ahead if n > 0.0 else astern)
+    return 0.0 if within_band else thrust
 
 
 @kernel

@@ -185,7 +185,7 @@ class Fleet:
         demands = np.array(actions, dtype=np.float64)
         if demands.shape != self._before.shape:
             raise DataError(f"actions: expected shape {self._before.shape}, got {demands.shape}")
-        np.clip(demands, -1.0, 1.0, out=demands)
+        np.minimum(np.maximum(demands, -1.0, out=demands), 1.0, out=demands)  # a third of the time of np.clip
         self._demands.note(self._all, demands)
         if not command_kernel(*self._mixing, self._demands.seen(), np.empty(ACTIONS), self._commands):
             raise DataError("actions: some are not finite; look at what the policy saw")
@@ -276,9 +276,8 @@ class Fleet:
             self.goals[mask] = self._courses[every, np.minimum(now, last)][mask]
             self.targets[mask] = self._courses[every, np.minimum(now + self._ahead, last)][mask]
         else:
-            self.targets[mask] = self.goals[mask]
-        led = mask & self._following
-        if self.guidance is not None and led.any():
+            np.copyto(self.targets, self.goals, where=mask[:, None])
+        if self.guidance is not None and (led := mask & self._following).any():
             ahead, cost = self.guidance.targets(led, self.plant.pose[:, :3])
             self.targets[led], self._path_cost[led] = ahead[led], cost[led]
         noise = self._noise.standard_normal((self.count, OBSERVATIONS)) + self._bias
@@ -291,9 +290,12 @@ class Fleet:
 
     def _error(self) -> Array:
         """Root mean square distances from what is to be held or followed, where something is, (N,) [m]."""
+        held = self._ends[:, SETTLING] >= 0.0
+        if not held.any():
+            return np.zeros(self.count)
         counted = self._totals[:, AGE] - np.floor(self._ends[:, SETTLING])
         mean = self._totals[:, ERROR] / np.maximum(counted, 1.0)
-        held = (self._ends[:, SETTLING] >= 0.0) & (counted > 0.0)
+        held &= counted > 0.0
         return np.where(held, np.sqrt(mean), 0.0)
 
     def state(self) -> State:

@@ -32,7 +32,7 @@ class Past:
         """The values (N, width) of a new step of some vehicles (N,)."""
         if self.values.shape[1] > 1:
             self.values[mask, 1:] = self.values[mask, :-1]
-        self.values[mask, 0] = values[mask]
+        np.copyto(self.values[:, 0], values, where=mask[:, None])
 
     def seen(self, steps: int = 1) -> NDArray[Any]:
         """What has arrived of the last steps, newest first (N, steps * width); a copy."""

@@ -17,8 +17,9 @@ import numpy as np
 
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_COUNT, THRUSTER_TABLE
 from hydro.core.errors import DataError, HydroError
-from hydro.core.vehicle.thrusters import COLUMNS
+from hydro.core.vehicle.thrusters import COLUMNS, LAG_STEP, TIME_CONSTANT
 from hydro.sim.bridge import callbacks, fields, structs, water
+from hydro.sim.bridge.inertia import is_packed
 from hydro.sim.bridge.water import PREFIX
 from hydro.sim.residual import control
 
@@ -79,7 +80,9 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
         raise DataError(
             f"model: vehicle {name} was written by another version of hydro; build the model again"
         )
-    data[[water.AT_BODY, water.AT_DOF]] = _free_body(model, name, needs_room=bool(data[water.AT_INERTIA]))
+    body, dof = _free_body(model, name, needs_room=bool(data[water.AT_INERTIA]))
+    data[[water.AT_BODY, water.AT_DOF, water.AT_ROWS]] = body, dof, model.M_rowadr[dof]
+    data[water.AT_ALONE] = float(not (model.dof_parentid[dof + 6 :] >= dof).any())
     if data[water.AT_HELD] >= 0 and data[water.AT_HELD] + 6 > model.nuserdata:
         raise DataError(
             f"model: nuserdata = {model.nuserdata} leaves no room for the held wrench of vehicle {name}"
@@ -96,12 +99,17 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
         prm = model.actuator_biasprm[actuator]
         prm[[structs.PRM_MAGIC, structs.PRM_VEHICLE]] = water.MAGIC, address
         prm[structs.PRM_CARRIES] = float(states > 0 and actuator == actuators[0])
-        prm[structs.PRM_THRUSTER] = water.UNKNOWN
+        prm[structs.PRM_THRUSTER], prm[structs.PRM_LAGS] = water.UNKNOWN, 0.0
         if actuator in thrusters:
             at = table + thrusters.index(actuator) * COLUMNS
             row = model.numeric_data[at : at + COLUMNS]
             prm[structs.PRM_THRUSTER] = at
             prm[[structs.PRM_STEP, structs.PRM_SHARE]] = step, callbacks.lag_share(row, step)
+            last = model.actuator_actadr[actuator] + model.actuator_actnum[actuator] - 1
+            prm[structs.PRM_STATE] = last if model.actuator_actnum[actuator] else water.UNKNOWN
+            prm[structs.PRM_CONTROL] = model.actuator_ctrladr[actuator]
+            prm[structs.PRM_LAGS] = float(row[TIME_CONSTANT] > row[LAG_STEP])
+            prm[structs.PRM_DELAYED] = float(model.actuator_delay[actuator] > 0.0)
     data[water.AT_ACTUATOR] = thrusters[0] if thrusters else water.UNKNOWN
     if states or data[water.AT_CONTROL]:
         first = int(model.actuator_actadr[actuators[0]])
@@ -121,7 +129,8 @@ def _free_body(model: mujoco.MjModel, name: str, *, needs_room: bool) -> tuple[i
     if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
         raise DataError(f"model: body {name} needs a free joint to be a vehicle in water")
     dof = int(model.jnt_dofadr[joint])
-    if needs_room and not np.array_equal(model.M_rownnz[dof : dof + 6], np.arange(1, 7)):
+    rows = slice(dof, dof + 6)
+    if needs_room and not is_packed(model.M_rowadr[rows], model.M_rownnz[rows]):
         raise DataError(f"model: MuJoCo stores no full 6x6 inertia for {name}; weld a small body to it")
     return body, dof
 

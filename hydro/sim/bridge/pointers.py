@@ -1,77 +1,144 @@
-"""Bare memory for compiled code: fields of C structs as numbers and arrays, and scratch on the stack."""
+"""Bare memory for compiled code: fields of C structs as numbers and arrays, and scratch on the stack.
+
+Arrays made here are views of memory that others keep, so nothing counts references to them, and nothing
+checks their bounds: a slice by `part` costs an addition, where one by brackets costs a dozen comparisons.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import llvmlite.ir
+import numba
 import numpy as np
-from numba import carray, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array
-from hydro.core.compiled import jit
-
+F = TypeVar("F", bound=Callable[..., Any])
 Integers = NDArray[np.int32]
 
 ROOM = 160
 """Doubles of scratch that `stack` gives."""
 
+_DOUBLES, _SINGLES, _INTEGERS = (
+    types.Array(kind, 1, "C") for kind in (types.float64, types.float32, types.int32)
+)
+
+
+def _load(kind: Any) -> Any:
+    """The code that reads one number of a kind at a byte offset of a struct."""
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        at = builder.inttoptr(builder.add(*arguments), context.get_value_type(kind).as_pointer())
+        return builder.load(at)
+
+    return kind(types.intp, types.intp), generate
+
+
+def written_out(function: F) -> F:
+    """Of a function that returns a view: its body stands in its caller, so that no view is returned."""
+    return numba.njit(function, inline="always")  # type: ignore[no-any-return]
+
 
 @intrinsic  # type: ignore[untyped-decorator]
-def pointer(_context: Any, address: Any) -> Any:
-    """An address as a pointer."""
+def field(_context: Any, struct: Any, at: Any) -> Any:
+    """The 64-bit integer or pointer at a byte offset of a struct."""
+    return _load(types.int64)
 
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
-    return types.voidptr(types.intp), generate
+@intrinsic  # type: ignore[untyped-decorator]
+def choice(_context: Any, struct: Any, at: Any) -> Any:
+    """The int at a byte offset of a struct."""
+    return _load(types.int32)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def number(_context: Any, struct: Any, at: Any) -> Any:
+    """The double at a byte offset of a struct."""
+    return _load(types.float64)
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def stack(_context: Any) -> Any:
     """Room for `ROOM` doubles on the stack of the calling function: no allocator in the callback."""
 
-    def generate(_context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+    def generate(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
         room = cgutils.alloca_once(builder, llvmlite.ir.ArrayType(llvmlite.ir.DoubleType(), ROOM))
-        return builder.bitcast(room, cgutils.voidptr_t)
+        return _view(
+            context, builder, _DOUBLES, builder.bitcast(room, cgutils.voidptr_t), cgutils.intp_t(ROOM)
+        )
 
-    return types.voidptr(), generate
+    return _DOUBLES(), generate
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def as_doubles(_context: Any, pointer: Any) -> Any:
-    """A void pointer as a pointer to doubles."""
+def as_doubles(_context: Any, array: Any) -> Any:
+    """An array of doubles as a pointer to them."""
 
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], llvmlite.ir.DoubleType().as_pointer())
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return make_array(array)(context, builder, arguments[0]).data
 
-    return types.CPointer(types.float64)(types.voidptr), generate
-
-
-@jit
-def field(struct: int, at: int) -> int:
-    """The 64-bit integer or pointer at a byte offset of a struct."""
-    return int(carray(pointer(struct + at), (1,), np.int64)[0])
+    return types.CPointer(types.float64)(array), generate
 
 
-@jit
-def number(struct: int, at: int) -> float:
-    """The double at a byte offset of a struct."""
-    return float(carray(pointer(struct + at), (1,), np.float64)[0])
+def _view(context: Any, builder: Any, kind: Any, data: Any, length: Any) -> Any:
+    """The array of so many numbers at a pointer."""
+    width = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    array = make_array(kind)(context, builder)
+    at = builder.bitcast(data, context.get_data_type(kind.dtype).as_pointer())
+    populate_array(
+        array, data=at, shape=[length], strides=[cgutils.intp_t(width)], itemsize=width, meminfo=None
+    )
+    return array._getvalue()
 
 
-@jit
-def numbers(struct: int, at: int, start: int, length: int) -> Array:
+def _of_a_field(kind: Any) -> Any:
+    """The code of `numbers` and of `integers`."""
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        struct, at, start, length = arguments
+        place = builder.inttoptr(builder.add(struct, at), cgutils.intp_t.as_pointer())
+        width = cgutils.intp_t(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        begin = builder.add(builder.load(place), builder.mul(start, width))
+        return _view(context, builder, kind, builder.inttoptr(begin, cgutils.voidptr_t), length)
+
+    return kind(types.intp, types.intp, types.intp, types.intp), generate
+
+
+def _of_an_array(kind: Any, whole: Any) -> Any:
+    """The code of `part` and of `singles`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = make_array(whole)(context, builder, arguments[0])
+        at = builder.bitcast(builder.gep(array.data, [arguments[1]]), cgutils.voidptr_t)
+        return _view(context, builder, kind, at, arguments[2])
+
+    return kind(whole, types.intp, types.intp), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def numbers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
     """A view of `length` doubles from entry `start` on of an array field."""
-    view: Array = carray(pointer(field(struct, at) + 8 * start), (length,), np.float64)
-    return view
+    return _of_a_field(_DOUBLES)
 
 
-@jit
-def integers(struct: int, at: int, start: int, length: int) -> Integers:
+@intrinsic  # type: ignore[untyped-decorator]
+def integers(_context: Any, struct: Any, at: Any, start: Any, length: Any) -> Any:
     """A view of `length` ints from entry `start` on of an array field."""
-    view: Integers = carray(pointer(field(struct, at) + 4 * start), (length,), np.int32)
-    return view
+    return _of_a_field(_INTEGERS)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def part(_context: Any, array: Any, start: Any, length: Any) -> Any:
+    """A view of `length` doubles from entry `start` on of an array of doubles."""
+    return _of_an_array(_DOUBLES, array)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def singles(_context: Any, array: Any, start: Any, length: Any) -> Any:
+    """A view of `length` float32 that lie in an array of doubles from entry `start` on."""
+    return _of_an_array(_SINGLES, array)

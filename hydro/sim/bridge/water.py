@@ -22,13 +22,13 @@ from hydro.core.effects.program import thrusters_of
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import DELAY
-from hydro.sim.residual.control import Control
+from hydro.sim.residual.control import LINE, Control
 
 PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
 
 MAGIC = 4859381026137.0  # no field of another's begins with it, and XML text keeps its 13 digits
-VERSION = 7.0
+VERSION = 8.0
 AT_MAGIC, AT_VERSION = 0, 1
 AT_BODY, AT_DOF = 2, 3  # of the free joint; prepared
 AT_STATES, AT_CONTROL_STATES, AT_STARTED = 4, 5, 6  # where they begin in `act`; prepared
@@ -42,7 +42,9 @@ AT_HELD = 13  # where in `userdata` the host holds a wrench; -1: nowhere
 AT_ACTUATOR = 14  # its first thruster; prepared
 AT_DELAYED = 15  # 1 where a thruster's command is delayed
 AT_DRIFTING = 16  # 1 where network and what is taken away are of nu_r, not of nu
-HEADER = 17
+AT_ROWS = 17  # where its rows of M begin; prepared
+AT_ALONE = 18  # 1 where nothing hangs on it by a joint, so that no other row of M refers to them; prepared
+HEADER = 19
 UNKNOWN = -1.0
 
 
@@ -84,7 +86,7 @@ class Water:
         """The numeric field's data; `held` is where in `userdata` the held wrench begins."""
         header = np.zeros(HEADER)
         header[[AT_MAGIC, AT_VERSION]] = MAGIC, VERSION
-        header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR]] = UNKNOWN
+        header[[AT_BODY, AT_DOF, AT_STATES, AT_CONTROL_STATES, AT_STARTED, AT_ACTUATOR, AT_ROWS]] = UNKNOWN
         header[AT_HELD] = held if self.held else UNKNOWN
         header[AT_DELAYED] = float((thrusters_of(self.program.flat)[:, DELAY] > 0.0).any())
         header[AT_DRIFTING] = float(self.drifting)
@@ -98,9 +100,16 @@ class Water:
             (AT_CONTROL, None if self.control is None else self.control.encode()),
         ):
             if block is not None:
+                if entry == AT_CONTROL:
+                    blocks.append(_up_to_a_line(blocks))
                 header[entry] = sum(map(len, blocks))
                 blocks.append(np.asarray(block, dtype=np.float64).ravel())
-        return np.concatenate(blocks)
+        return np.concatenate([*blocks, _up_to_a_line(blocks)])
+
+
+def _up_to_a_line(blocks: Sequence[Array]) -> Array:
+    """What is missing behind some blocks for the next one to begin on a cache line, as the first does."""
+    return np.zeros(-sum(map(len, blocks)) % LINE)
 
 
 def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel, within
 from hydro.core.distillation import history
 from hydro.core.errors import UsageError
 from hydro.core.recording.smoothing import Design, filter_step, gains
@@ -36,6 +36,9 @@ from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditionin
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
 
+LINE = 8
+"""Doubles of a cache line: the block of parameters and the weights in it begin on one."""
+
 # The state of one vehicle's control.
 TICK = 0  # control steps begun; 0 before the first
 HELD = 1  # wrench held, 6
@@ -43,6 +46,7 @@ FILTER = 7  # nu and nu_dot of each axis, 12
 LOW_PASS = 19  # 6
 COUNTED = 25  # how often the conditioning acted, 8
 STATES = COUNTED + COUNTS
+UNCONDITIONED = LOW_PASS  # states where no conditioning acts: MuJoCo goes over every activation in every step
 # After these come the past velocities of a network that remembers, and of a passive one:
 DAMPING, OFFSET, PASSIVE_STATES = 0, 36, 42  # D, and D nu + C(nu) nu at the control step
 
@@ -52,7 +56,8 @@ AT_PHYSFEAT, AT_MEMORY, AT_SCALERS, AT_WEIGHTS, AT_WEIGHT_COUNT, AT_CONDITIONING
 AT_STATES = 13  # in all
 AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no inertia: it is none
 AT_LEAD = 17  # s
-HEADER = 18
+AT_PAST = 18  # where among the states the past velocities begin
+HEADER = 19
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,12 @@ class Control:
     @property
     def states(self) -> int:
         """Numbers that one vehicle's control keeps between control steps."""
-        return STATES + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
+        return self.past + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
+
+    @property
+    def past(self) -> int:
+        """Where among these the past velocities begin."""
+        return UNCONDITIONED if self.conditioning == OFF else STATES
 
     def encode(self) -> Array:
         """The block of parameters; weights are packed two float32 to a double."""
@@ -104,7 +114,7 @@ class Control:
         header[[AT_STEPS, AT_WEIGHT_COUNT]] = len(network.program), len(network.weights)
         header[[AT_INPUTS, AT_ROOM]] = network.inputs, network.room
         header[[AT_PHYSFEAT, AT_MEMORY]] = network.physfeat, network.memory
-        header[AT_STATES] = self.states
+        header[AT_STATES], header[AT_PAST] = self.states, self.past
         header[AT_LEAD] = self.lead * self.period
         inertia = np.empty(0)
         if network.passive is not None:
@@ -117,18 +127,20 @@ class Control:
             (AT_GAINS, forward.ravel()),
             (AT_PROGRAM, network.program.ravel()),
             (AT_SCALERS, network.scalers),
-            (AT_CONDITIONING, self.conditioning.parameters()),
+            (AT_CONDITIONING, np.empty(0) if self.conditioning == OFF else self.conditioning.parameters()),
             (AT_WEIGHTS, weights),
         ):
+            if entry == AT_WEIGHTS:
+                blocks.append(np.zeros(-sum(map(len, blocks)) % LINE))
             header[entry] = sum(map(len, blocks)) if len(block) else 0
             blocks.append(block)
         return np.concatenate(blocks)
 
 
-@jit
+@within
 def due(block: Array, states: Array, time: float) -> bool:
     """Whether a control step has begun that is not yet counted."""
-    return bool(np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0 > states[TICK])
+    return bool(time >= (states[TICK] - 1e-6) * block[AT_PERIOD])
 
 
 @jit
@@ -141,7 +153,8 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     filter_step(int(states[TICK]), filters, nu, forward, block[AT_PERIOD])
     states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
 
-    memory = states[STATES : STATES + int(block[AT_MEMORY])]
+    past = int(block[AT_PAST])
+    memory = states[past : past + int(block[AT_MEMORY])]
     if first:
         history.begin(nu, memory)
     state, wrench = np.empty(12), np.empty(6)
@@ -160,30 +173,34 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     network_kernel(network, state, memory, work, wrench)
     history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
-        held = states[STATES + memory.size : STATES + memory.size + PASSIVE_STATES]
+        held = states[past + memory.size : past + memory.size + PASSIVE_STATES]
         root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]
         damping(weights, int(block[AT_ROOT_WEIGHTS]), root, nu, held[DAMPING : DAMPING + 36])
         for i in range(6):
             held[OFFSET + i] = 0.0
         _add_passive(block, held, nu, held[OFFSET : OFFSET + 6])
     begin = int(block[AT_CONDITIONING])
-    condition_kernel(
-        wrench,
-        nu,
-        block[begin : begin + PARAMETERS],
-        states[LOW_PASS : LOW_PASS + 6],
-        states[COUNTED : COUNTED + COUNTS],
-        states[HELD : HELD + 6],
-    )
+    if begin:
+        condition_kernel(
+            wrench,
+            nu,
+            block[begin : begin + PARAMETERS],
+            states[LOW_PASS : LOW_PASS + 6],
+            states[COUNTED : COUNTED + COUNTS],
+            states[HELD : HELD + 6],
+        )
+    else:
+        for i in range(6):
+            states[HELD + i] = wrench[i]
 
 
-@jit
+@within
 def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> None:
     """Take the wrench that acts at velocity nu (6,) now off `tau` (6,); `part` (6,) is scratch."""
     for i in range(6):
         tau[i] -= states[HELD + i]
     if block[AT_INERTIA] > 0.0:
-        first = STATES + int(block[AT_MEMORY])
+        first = int(block[AT_PAST]) + int(block[AT_MEMORY])
         held = states[first : first + PASSIVE_STATES]
         for i in range(6):
             part[i] = -held[OFFSET + i]
@@ -192,7 +209,7 @@ def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> No
             tau[i] -= part[i]
 
 
-@jit
+@kernel
 def _add_passive(block: Array, held: Array, nu: Array, tau: Array) -> None:
     """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
     begin = int(block[AT_INERTIA])

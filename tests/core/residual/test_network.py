@@ -9,6 +9,8 @@ from sim.trained import trained
 
 from hydro.core.distillation.features import features
 from hydro.core.errors import DataError
+from hydro.core.residual.layers import TO, WEIGHTS, exponential
+from hydro.core.residual.lowering import LINE
 from hydro.core.residual.network import Network
 from hydro.learn.networks import ARCHITECTURES
 
@@ -95,3 +97,19 @@ def test_a_model_that_does_not_fit_is_refused_in_one_line(spoil, message):
     with pytest.raises(DataError, match=message) as caught:
         Network.of(model)
     assert "\n" not in str(caught.value)
+
+
+def test_exp_is_exp_to_a_rounding_and_keeps_nan():
+    x = np.linspace(-86.9, 87.9, 5001, dtype=np.float32)
+    ours = np.array([exponential(each) for each in x])
+    np.testing.assert_allclose(ours, np.exp(x.astype(float)), rtol=1.2e-7)
+    beyond = [exponential(np.float32(each)) for each in (-np.inf, -200.0, 200.0, np.inf, np.nan)]
+    assert 0.0 < beyond[0] == beyond[1] < 1e-37
+    assert 1e38 < beyond[2] == beyond[3] < np.inf
+    assert np.isnan(beyond[4])
+
+
+def test_layers_begin_on_cache_lines():
+    network = Network.of(trained("physfeat")[1])
+    assert not (network.program[:, [TO, WEIGHTS]] % LINE).any()
+    assert network.room == network.program[-1, TO] + 6

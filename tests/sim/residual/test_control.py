@@ -15,7 +15,7 @@ from hydro.core.residual.network import Network
 from hydro.core.vehicle.rigid_body import coriolis_matrix
 from hydro.io import vehicle as vehicle_file
 from hydro.sim.bridge import mjcf, native, states
-from hydro.sim.bridge.water import residual
+from hydro.sim.bridge.water import AT_CONTROL, PREFIX, residual
 from hydro.sim.residual import control
 from hydro.sim.residual.conditioning import COUNTS, Conditioning, condition
 from hydro.sim.residual.control import Control
@@ -120,7 +120,6 @@ def test_the_wrench_of_a_control_step_is_renewed_once(craft, residual_control):
     for _ in range(3):
         mujoco.mj_forward(model, data)
     assert data.act[first + control.TICK] == 2
-    assert data.act[first + control.COUNTED] == 2
     mujoco.mj_resetData(model, data)
     assert not data.act.any()
 
@@ -162,7 +161,7 @@ def test_a_saved_model_keeps_its_network(craft, residual_control, tmp_path):
 
 def test_a_network_that_remembers_keeps_its_control_step():
     network = Network.of(trained("temporal")[1])
-    assert Control(network).states == control.STATES + 42
+    assert Control(network).states == control.UNCONDITIONED + 42
     with pytest.raises(UsageError, match=r"0\.04 s apart: its control step cannot be 0\.02 s"):
         Control(network, 0.02)
 
@@ -177,7 +176,7 @@ def test_a_passive_model_goes_on_from_its_held_wrench_with_the_present_velocity(
     mujoco.mj_step(model, data, STEPS)
     mujoco.mj_step(model, data, 7)
     block = data.act[first : first + free.states]
-    D = block[control.STATES : control.STATES + 36].reshape(6, 6)
+    D = block[free.past : free.past + 36].reshape(6, 6)
     np.testing.assert_allclose(D, D.T, rtol=1e-12)
     assert np.linalg.eigvalsh(D).min() > 0.0
     nu = states.from_mujoco(data.qpos, data.qvel)[1]
@@ -200,3 +199,10 @@ def test_a_passive_wrench_at_a_control_step_is_the_network_s(craft):
     felt = np.zeros(6)
     control.exert(free.encode(), block, NU, np.zeros(6), felt)
     np.testing.assert_allclose(-felt, expected, rtol=1e-6)
+
+
+def test_weights_begin_on_a_cache_line(craft, residual_control):
+    model = compiled(craft, residual_control)
+    field = model.numeric(PREFIX + craft.name).data
+    block = field[int(field[AT_CONTROL]) :]
+    assert block[int(block[control.AT_WEIGHTS]) :].ctypes.data % 64 == 0

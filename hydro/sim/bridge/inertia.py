@@ -1,0 +1,88 @@
+"""Added mass in MuJoCo's mass matrix: it is inertia, not feedback, so it enters M before anything is solved.
+
+A vehicle's six rows of M are a full lower triangle of 21 numbers, row by row, and no other row refers to them
+where nothing else hangs on the vehicle by a joint.  MuJoCo has factored M by then; such a vehicle's rows are
+factored anew by themselves, as `mj_factorM` does it, which would go through the whole model and read its
+clock twice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.compiled import within
+from hydro.core.vehicle.frames import HALF_TURN
+
+ENTRIES = 21
+"""Numbers of the lower triangle."""
+LEAST_PIVOT = 1e-12
+"""A mass or moment of inertia below which MuJoCo is left to say what is wrong."""
+
+
+@within
+def add_inertia(A: Array, P: Array, half: Array, M: Array) -> None:
+    """Add T^T A T to a lower triangle M (21,), for an inertia A (36,) and T = diag(P, F).
+
+    P (9,) takes z-up world components to body FRD, F is `HALF_TURN`; `half` (18,) is scratch.
+    """
+    for i in range(6):
+        for j in range(3):
+            half[3 * i + j] = A[6 * i] * P[j] + A[6 * i + 1] * P[3 + j] + A[6 * i + 2] * P[6 + j]
+    at = 0
+    for i in range(3):
+        for j in range(i + 1):
+            M[at + j] += P[i] * half[j] + P[3 + i] * half[3 + j] + P[6 + i] * half[6 + j]
+        at += i + 1
+    for i in range(3):
+        sign = HALF_TURN[i]
+        for j in range(3):
+            M[at + j] += sign * half[9 + 3 * i + j]
+        for j in range(i + 1):
+            M[at + 3 + j] += sign * HALF_TURN[j] * A[6 * (3 + i) + 3 + j]
+        at += 4 + i
+
+
+@within
+def factor(M: Array, L: Array, inverse: Array) -> bool:
+    """Factor a lower triangle M = L^T D L, all (21,), D on L's diagonal, and write 1/D to `inverse` (6,).
+
+    The operations are those of `mj_factorM`, one by one.  False where M is not positive definite.
+    """
+    for i in range(ENTRIES):
+        L[i] = M[i]
+    row = ENTRIES - 6
+    for k in range(5, -1, -1):
+        pivot = L[row + k]
+        if not pivot > LEAST_PIVOT:
+            return False
+        inverse[k] = 1.0 / pivot
+        above = row
+        for i in range(k - 1, -1, -1):
+            above -= i + 1
+            share = -L[row + i] * inverse[k]
+            for j in range(i + 1):
+                L[above + j] += L[row + j] * share
+        for j in range(k):
+            L[row + j] *= inverse[k]
+        row -= k
+    return True
+
+
+@within
+def stale(A: Array, mass: float, M: Array) -> bool:
+    """Whether M (21,) may hold an added inertia A (36,) already, as where the velocity stage is repeated.
+
+    The translational part of M is the body's mass times the identity, and the trace of the added part is the
+    same at any attitude.
+    """
+    added = A[0] + A[7] + A[14]
+    found = M[0] + M[2] + M[5] - 3.0 * mass
+    return bool(added < 1e-6 * mass or found > 0.5 * added)
+
+
+def is_packed(rows: Array, lengths: Array) -> bool:
+    """Whether rows (6,) of M that begin there and have these lengths are one lower triangle."""
+    return bool(
+        np.array_equal(lengths, np.arange(1, 7)) and np.array_equal(rows - rows[0], [0, 1, 3, 6, 10, 15])
+    )
