@@ -43,7 +43,7 @@ from hydro.core.vehicle.thrusters import (
 LEAST_POWER, MOST_POWER = 0.5, 4.0
 """Bounds of the power of a thrust curve."""
 QUICKER, HALF = 1.5, 0.75  # samples up to which a lag that is less is taken for the same, or for half of it
-BANDS = (0.05, 0.1, 0.2, 0.4)  # of the command, tried as half-widths
+BANDS = (0.05, 0.1, 0.2)  # of the command, tried as half-widths
 MORE_BANDS = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4)
 TIMES, MORE_TIMES = (0.05, 0.2), (0.02, 0.035, 0.06, 0.1, 0.2, 0.4)  # s, tried as lags and delays
 POWERS, MORE_POWERS = (-0.5, 0.5), (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5)  # tried of the curve

@@ -40,7 +40,7 @@ COLUMNS = {
     "thruster_asymmetry": 1,
     "thruster_lag": 4,
     "command_delay": 2,
-    "thruster_deadband": 6,
+    "thruster_deadband": 5,
     "thruster_curve": 3,
     "thruster_inflow": 1,
     "sensor_scale": 3,
