@@ -145,9 +145,8 @@ def main() -> None:
         "bare": partial(silenced, bare_steps(model, chosen.count, chosen.threads))
     }
     cases |= {name: partial(rate, steps_of(fleet)) for name, fleet in flown.items()}
-    results: Rows = rows_of(
-        interleaved(cases, rounds, seconds), "environment", chosen.count, chosen.threads, "control steps"
-    )
+    found, sharing = interleaved(cases, rounds, seconds), min(chosen.threads, chosen.count)
+    results: Rows = rows_of(found, "environment", chosen.count, chosen.threads, "control steps", sharing)
     setting = f"{chosen.count} vehicles, {chosen.threads} threads, MuJoCo {mujoco.__version__}"
     print(f"{setting}, medians of {rounds} rounds\n")
     print("| case | control steps per second | share of bare MuJoCo |\n|---|---:|---:|")

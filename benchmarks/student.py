@@ -232,11 +232,17 @@ def with_python(work: Work, passive: Any, seconds: float) -> float:
             mujoco.set_mjcb_passive(None)
 
 
-def rows_of(found: dict[str, Any], what: str, vehicles: int, threads: int, unit: str) -> Rows:
-    """Rows of the table of results; the ratio is to the first case, round by round."""
+def rows_of(
+    found: dict[str, Any], what: str, vehicles: int, threads: int, unit: str, sharing: int = 1
+) -> Rows:
+    """Rows of the table of results; the ratio is to the first case, round by round.
+
+    By the processor's clock a rate is that of one thread, and `sharing` threads are said to do so many times
+    as much: that they wait for one another does not show.
+    """
     base = next(iter(found.values()))
     rows = []
-    shared = min(threads, vehicles) if Clock.processor else 1
+    shared = sharing if Clock.processor else 1
     for case, rates in found.items():
         low, ratio, high = np.quantile(rates / base, [0.25, 0.5, 0.75])
         rows.append(
@@ -264,7 +270,8 @@ def of_batches(
     cases: dict[str, Callable[[float], float]] = {
         name: partial(silenced if name == "bare" else rate, work) for name, work in works.items()
     }
-    return rows_of(interleaved(cases, rounds, seconds), "batch", count, threads, "physics steps")
+    sharing = min(threads, count)
+    return rows_of(interleaved(cases, rounds, seconds), "batch", count, threads, "physics steps", sharing)
 
 
 def of_callbacks(vehicle: Vehicle, flown: dict[str, mujoco.MjModel], rounds: int, seconds: float) -> Rows:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -11,6 +12,7 @@ from hydro.core.errors import UsageError
 
 T = TypeVar("T")
 R = TypeVar("R")
+_HERE = threading.local()
 VARIABLE = "HYDRO_THREADS"
 """Environment variable with the threads of a process that shares its machine with others."""
 
@@ -19,11 +21,16 @@ def available() -> int:
     """Threads for work that is shared among them; no result depends on how many there are.
 
     A worker of a cluster has a share of a machine and still sees all its processors: what starts it says how
-    many are its own.
+    many are its own.  Within `shared` they are shared among those that are at work.
 
     Raises:
         UsageError: HYDRO_THREADS is not a whole number from 1.
     """
+    return max(_processors() // getattr(_HERE, "sharing", 1), 1)
+
+
+def _processors() -> int:
+    """What the machine has, or HYDRO_THREADS says."""
     said = os.environ.get(VARIABLE)
     if said is None:
         return os.cpu_count() or 1
@@ -38,5 +45,13 @@ def shared(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     It pays for fits of some hundredths of a second and more: their kernels run side by side, and while one is
     prepared another one is predicted.
     """
-    with ThreadPoolExecutor(available()) as pool:
-        yield from pool.map(work, items)
+    every = list(items)
+    threads = max(min(available(), len(every)), 1)
+    sharing = threads * getattr(_HERE, "sharing", 1)
+
+    def alone(item: T) -> R:
+        _HERE.sharing = sharing
+        return work(item)
+
+    with ThreadPoolExecutor(threads) as pool:
+        yield from pool.map(alone, every)

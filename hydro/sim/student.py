@@ -99,6 +99,8 @@ class Student:
         self._control = control_states(self.model, vehicle.name)
         own = None if water is None else water.control
         self._conditioned = own is not None and own.conditioning != OFF
+        self._period = 1.0 if own is None else own.period
+        self._begun = np.zeros(count)
 
     def start(
         self, eta: ArrayLike, nu: ArrayLike, *, settled: ArrayLike | None = None, t: ArrayLike = 0.0
@@ -114,6 +116,7 @@ class Student:
         """
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.batch.time[:] = np.broadcast_to(t, len(self.batch.time)).reshape(self.batch.time.shape)
+        self._begun = self.batch.time.reshape(-1).copy()
         self.batch.qpos[:], self.batch.qvel[:] = states.to_mujoco(eta, nu)
         if settled is not None:
             for vehicle, commands in enumerate(np.asarray(settled, dtype=np.float64)):
@@ -152,6 +155,7 @@ class Student:
             nu: Velocity of CO over ground (count, 6), FRD.
         """
         self.batch.reset(mask, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._begun[mask] = 0.0
         self.batch.qpos[mask], self.batch.qvel[mask] = states.coordinates(pose[mask], nu[mask])
         with _warnings_only_counted():
             self.batch.forward(mask)
@@ -216,7 +220,7 @@ class Student:
         return motion
 
     def conditioning_counts(self) -> list[Counts]:
-        """How often the conditioning of a residual network acted on each vehicle since `start`.
+        """How often the conditioning of a residual network acted on each vehicle since its start.
 
         Raises:
             UsageError: The vehicles carry no network.
@@ -224,7 +228,7 @@ class Student:
         if self._control is None:
             raise UsageError("no residual network runs in this student, so no conditioning acts")
         if not self._conditioned:
-            steps = self.batch.act[:, self._control + control.TICK]
+            steps = control.steps_since(self.batch.act[:, self._control :], self._begun, self._period)
             return [Counts(int(count), (0,) * 6, 0) for count in steps]
         first = self._control + control.COUNTED
         return [counts_of(row) for row in self.batch.act[:, first : first + COUNTS]]

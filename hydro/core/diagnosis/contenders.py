@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -137,17 +138,19 @@ def contend(
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
-        fine = [] if vehicle.effects(name) else shapes(vehicle, name, reach=log.track)
+        fine = _shapes(compared, last, name)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
     if not _reached(fits, enough):
         others = [name for name in ranked if name not in always]
-        fine = [one for name in others if not vehicle.effects(name) for one in _shapes(compared, last, name)]
-        finer = {name: ranked[name] for name in others} | stepped(compared, last, fine)
-        order = sorted(others, key=lambda name: -max(finer[name][0], ranked[name][0]))
-        for number, name in enumerate(order[: MOST_CONTENDERS - len(always)], len(always)):
+        finer = stepped(compared, last, [one for name in others for one in _shapes(compared, last, name)])
+        better = {
+            name: max(ranked[name], finer.get(name, ranked[name]), key=itemgetter(0)) for name in others
+        }
+        order = sorted(others, key=lambda name: -better[name][0])
+        for number, name in enumerate(order[: max(MOST_CONTENDERS - len(always), 0)], len(always)):
             progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
-            _join(fits, compared, last, finer[name][1])
+            _join(fits, compared, last, better[name][1])
             if _reached(fits, enough):
                 break
     return fits
@@ -159,8 +162,9 @@ def _reached(fits: Mapping[str, Contender], enough: float) -> bool:
 
 
 def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
-    """The finer grid of an effect: a kink or an anchor lies between the places of a coarse one."""
-    return shapes(last.vehicle, name, reach=compared.log.track)
+    """The finer grid of an effect that the vehicle has not: kinks and anchors lie between coarse places."""
+    there = last.vehicle.effects(name)
+    return [] if there else shapes(last.vehicle, name, reach=compared.log.track)
 
 
 def _join(fits: dict[str, Contender], compared: Compared, last: Model, table: Mapping[str, object]) -> None:

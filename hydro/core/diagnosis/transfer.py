@@ -235,7 +235,7 @@ def survey(baseline: Baseline, progress: Progress | None = None) -> Survey:
     candidates, found = _beginnings(baseline, refitted, known), list(shared(without, own))
     for number, (name, rival) in enumerate(zip(candidates, shared(beside, candidates.items()), strict=True)):
         if progress is not None:
-            progress(f"{name} on data that it was not fitted to", number / len(candidates))
+            progress(f"{name} was held against data that it was not fitted to", number / len(candidates))
         found.append(rival)
     rivals = [rival for rival in found if rival is not None]
     if dragged(file):

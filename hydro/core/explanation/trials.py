@@ -263,7 +263,7 @@ def quick_fits(
             return None
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
-        progress(f"{next(iter(found))}, tried with all that is there", 0.5 * number / len(every))
+        progress(f"{next(iter(found))} was tried with all that is there", 0.5 * number / len(every))
         if quick is not None:
             yield quick
 

@@ -8,8 +8,6 @@ vehicles are computed together or on which thread; it agrees with torch to a few
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from hydro.core.columns import Array, Array32
@@ -105,8 +103,8 @@ def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -
 
 
 @within
-def exponential(x: Any) -> float:
-    """exp(x) in single precision to 1e-7 of it, between 1e-38 and 1e38; NaN stays NaN.
+def exponential(x: np.float32) -> float:
+    """exp(x) of a number in single precision to 1e-7 of it, between 1e-38 and 1e38; NaN stays NaN.
 
     By arithmetic alone, so that a loop over it uses vector instructions: x = n ln 2 + r, a polynomial of r
     (Cephes), and n put into the bits of the exponent.

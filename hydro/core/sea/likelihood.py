@@ -14,7 +14,7 @@ continuum and a band that take each other's place are a long valley, in which di
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -33,7 +33,7 @@ SLOWEST = 3  # Fourier frequency of a segment that is looked at first: drifts ar
 EVERY = 2  # Fourier frequencies under Hann's taper that are nearly independent
 FINER, ASIDE = 4, 4  # places between two Fourier frequencies, and such frequencies to each side, of a taper
 LEAST_FREQUENCIES = 24
-SPARSE = 10  # rows from one depth that counts to the next
+DEPTHS = 500  # of a segment at most, and frequencies, at which what they leave of a wave is worked out
 AXES, DEGREE = 3, 3  # of a continuum's logarithm in that of frequency
 RAISED = (0.8, 0.8)
 """Logarithm of the peak enhancement of seas, and its standard deviation (Hasselmann et al. 1973)."""
@@ -55,6 +55,7 @@ class Coefficients:
         response: Expected square of each coefficient for a unit of the elevation's spectrum at each of
             these, (F, G): by the taper, the depth and omega^2 for the velocity.
         longest: Of the segments [s].
+        slowest: Least frequency that is looked at [rad/s].
     """
 
     omega: Array
@@ -62,6 +63,7 @@ class Coefficients:
     fine: Array
     response: Any
     longest: float
+    slowest: float
 
     @cached_property
     def squares(self) -> Array:
@@ -70,14 +72,14 @@ class Coefficients:
 
     @cached_property
     def powers(self) -> Array:
-        """Polynomials of the logarithm of frequency, orthogonal over what is looked at, (F, DEGREE + 1)."""
-        low, high = math.log(2.0 * math.pi / PERIODS[1]), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
+        """Legendre polynomials of the logarithm of frequency between those looked at, (F, DEGREE + 1)."""
+        low, high = math.log(self.slowest), math.log(FASTEST * 2.0 * math.pi / PERIODS[0])
         return np.asarray(legvander((2.0 * np.log(self.omega) - low - high) / (high - low), DEGREE))
 
     def within(self, low: float, high: float) -> Coefficients:
         """Those between two frequencies [rad/s]."""
         kept = (self.omega >= low) & (self.omega <= high)
-        return Coefficients(self.omega[kept], self.y[kept], self.fine, self.response[kept], self.longest)
+        return replace(self, omega=self.omega[kept], y=self.y[kept], response=self.response[kept])
 
 
 def coefficients(water: Array, record: Recording, gravity: float) -> Coefficients | None:
@@ -96,17 +98,33 @@ def coefficients(water: Array, record: Recording, gravity: float) -> Coefficient
         spectrum = np.fft.rfft(y * taper[:, None], axis=0)[numbers]
         spectrum *= math.sqrt(record.dt / (math.pi * (taper @ taper)))
         fine = np.arange(1, FINER * (numbers[-1] + ASIDE) + 1) * 2.0 * math.pi / (FINER * seconds)
-        depth, weight = np.maximum(record.eta[begin:end:SPARSE, 2], 0.0), taper[::SPARSE] ** 2
-        decay = np.exp(-2.0 * np.outer(fine**2 / gravity, depth)) @ weight / weight.sum()
+        depths = np.maximum(record.eta[begin:end, 2], 0.0)
+        decay = _left_by_depth(fine, depths, taper, gravity)
         response = _through(taper, numbers, len(fine)) @ sparse.diags(fine**2 * decay)
         parts.append((2.0 * math.pi * numbers / seconds, spectrum, fine, response))
     if sum(len(omega) for omega, *_ in parts) < LEAST_FREQUENCIES:
         return None
     omegas, spectra, fines, responses = zip(*parts, strict=True)
-    whole = sparse.block_diag(responses, format="csr")
     return Coefficients(
-        np.concatenate(omegas), np.concatenate(spectra), np.concatenate(fines), whole, longest
+        np.concatenate(omegas),
+        np.concatenate(spectra),
+        np.concatenate(fines),
+        sparse.block_diag(responses, format="csr"),
+        longest,
+        min(float(omega[0]) for omega in omegas),
     )
+
+
+def _left_by_depth(omega: Array, depths: Array, taper: Array, gravity: float) -> Array:
+    """What the depths (N,) of a segment leave of a wave's power at some frequencies (G,), (G,).
+
+    It falls off evenly: a few frequencies and depths tell of all.
+    """
+    every = max(len(depths) // DEPTHS, 1)
+    depth, weight = depths[::every], taper[::every] ** 2
+    few = np.linspace(omega[0], omega[-1], DEPTHS)
+    decay = np.exp(-2.0 * np.outer(few**2 / gravity, depth)) @ weight / weight.sum()
+    return np.asarray(np.interp(omega, few, decay))
 
 
 def _through(taper: Array, numbers: Rows, count: int) -> Any:

@@ -307,7 +307,7 @@ def _sensor(model: int, data: int, _stage: int) -> None:
     """
     for index in range(field(model, structs.NNUMERIC)):
         vehicle = vehicle_at(model, index)
-        if vehicle.size == 0 or vehicle[water.AT_DOF] < 0.0:
+        if vehicle.size == 0 or vehicle[water.AT_DOF] < 0.0 or vehicle[water.AT_VERSION] != water.VERSION:
             continue
         if vehicle[water.AT_DELAYED] > 0.0:
             _delay_commands(model, data, vehicle)

@@ -82,7 +82,7 @@ def _locate(model: mujoco.MjModel, name: str) -> None:
         )
     body, dof = _free_body(model, name, needs_room=bool(data[water.AT_INERTIA]))
     data[[water.AT_BODY, water.AT_DOF, water.AT_ROWS]] = body, dof, model.M_rowadr[dof]
-    data[water.AT_ALONE] = float(not (model.dof_parentid[dof + 6 :] >= dof).any())
+    data[water.AT_ALONE] = float(not (model.dof_parentid[dof + 6 :] == dof + 5).any())
     if data[water.AT_HELD] >= 0 and data[water.AT_HELD] + 6 > model.nuserdata:
         raise DataError(
             f"model: nuserdata = {model.nuserdata} leaves no room for the held wrench of vehicle {name}"

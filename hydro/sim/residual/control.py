@@ -36,6 +36,7 @@ from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditionin
 NOISELESS = 1e6
 """q dt^3 / R of a filter that trusts every sample: a simulated velocity carries no noise."""
 
+ROUNDED = 1e-6  # of a control step: as near to its beginning a clock shows it
 LINE = 8
 """Doubles of a cache line: the block of parameters and the weights in it begin on one."""
 
@@ -140,7 +141,13 @@ class Control:
 @within
 def due(block: Array, states: Array, time: float) -> bool:
     """Whether a control step has begun that is not yet counted."""
-    return bool(time >= (states[TICK] - 1e-6) * block[AT_PERIOD])
+    return bool(time >= (states[TICK] - ROUNDED) * block[AT_PERIOD])
+
+
+def steps_since(states: Array, begun: Array, period: float) -> Array:
+    """Control steps of vehicles with states (V, STATES) since their clocks showed `begun` [s], (V,)."""
+    tick = states[:, TICK]
+    return np.asarray(np.where(tick > 0.0, tick - np.floor(begun / period + ROUNDED), 0.0))
 
 
 @jit
@@ -151,7 +158,7 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
     begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
     forward = block[begin : begin + 12 * rows].reshape(rows, 6, 2)
     filter_step(int(states[TICK]), filters, nu, forward, block[AT_PERIOD])
-    states[TICK] = np.floor(time / block[AT_PERIOD] + 1e-6) + 1.0
+    states[TICK] = np.floor(time / block[AT_PERIOD] + ROUNDED) + 1.0
 
     past = int(block[AT_PAST])
     memory = states[past : past + int(block[AT_MEMORY])]

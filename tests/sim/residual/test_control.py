@@ -206,3 +206,10 @@ def test_weights_begin_on_a_cache_line(craft, residual_control):
     field = model.numeric(PREFIX + craft.name).data
     block = field[int(field[AT_CONTROL]) :]
     assert block[int(block[control.AT_WEIGHTS]) :].ctypes.data % 64 == 0
+
+
+def test_control_steps_are_counted_from_where_a_flight_began():
+    states_ = np.zeros((4, control.UNCONDITIONED))
+    states_[:, control.TICK] = 10.0, 2511.0, 2511.0, 0.0
+    begun = np.array([0.0, 100.0, 100.02, 100.0])
+    assert control.steps_since(states_, begun, 0.04).tolist() == [10.0, 11.0, 11.0, 0.0]

@@ -1,0 +1,32 @@
+"""Work that is shared among threads, and how many of them there are within it."""
+
+from __future__ import annotations
+
+import pytest
+
+from hydro.core.errors import DataError
+from hydro.core.threads import available, shared
+
+
+def test_what_is_shared_comes_in_order_and_leaves_each_its_part(monkeypatch):
+    monkeypatch.setenv("HYDRO_THREADS", "6")
+
+    def deeper(item: int) -> list[int]:
+        return [available(), *shared(lambda _: available(), range(2))]
+
+    assert available() == 6
+    assert list(shared(lambda item: 10 * item, range(20))) == list(range(0, 200, 10))
+    assert list(shared(deeper, range(3))) == [[2, 1, 1]] * 3
+    assert available() == 6
+
+
+def test_an_error_is_raised_where_its_result_would_come():
+    def refuse(item: int) -> int:
+        if item == 2:
+            raise DataError("two")
+        return item
+
+    found = shared(refuse, range(5))
+    assert [next(found), next(found)] == [0, 1]
+    with pytest.raises(DataError, match="two"):
+        next(found)
