@@ -103,7 +103,7 @@ def _affine(weights: Array32, start: int, wide: int, x: Array32, out: Array32) -
 
 
 @within
-def exponential(x: np.float32) -> float:
+def exponential(x: np.float32) -> np.float32:
     """exp(x) of a number in single precision to 1e-7 of it, between 1e-38 and 1e38; NaN stays NaN.
 
     By arithmetic alone, so that a loop over it uses vector instructions: x = n ln 2 + r, a polynomial of r
@@ -123,7 +123,7 @@ def exponential(x: np.float32) -> float:
     y = y * r + _C5
     y = y * r * r + r + _ONE
     power = np.int32((np.float32(shifted).view(np.int32) - _ROUNDER_BITS + 127) << 23)
-    result: float = y * power.view(np.float32)
+    result: np.float32 = y * power.view(np.float32)
     return result
 
 
