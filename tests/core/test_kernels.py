@@ -20,7 +20,7 @@ from hydro.core.identification.levenberg_marquardt import moved
 from hydro.core.identification.parameters import free
 from hydro.core.simulation import simulate
 
-SCALARS = {"None", "float", "int", "bool", "tuple[float, float]", "tuple[float, float, float]"}
+SCALARS = {"np.float32", "None", "float", "int", "bool", "tuple[float, float]", "tuple[float, float, float]"}
 
 
 def counted(function: Dispatcher) -> bool:

@@ -8,15 +8,17 @@ more entries than are worth their fine there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
+from typing import cast
 
 import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, held_at
+from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gone_on, held_at
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.candidate import candidate
@@ -36,7 +38,12 @@ CONTENDERS = 5
 POOR, MOST_CONTENDERS = 1.5, 10
 """Floors that the best of them leaves from which more are fitted, and how many at most: one step from the
 file says little of an effect that changes the motion altogether."""
+WILD = 10.0
+"""Floors from which all are fitted: a change that makes a vehicle tumble shows in no step from the file."""
+CLOSEST, LONG = 3, 24  # of these then go on, by so many iterations more
 QUICK = 6  # iterations of a contender's fit
+FAR_OFF = 2.0
+"""Times what a fit leaves that linear steps to the other folds may leave of them and still be believed."""
 SCALES = 2.0
 """Prior standard deviation of a suspect's parameters in their natural scales."""
 FINE = 0.004
@@ -102,9 +109,32 @@ class Compared:
         return left_out_costs(Fitted(weighed, np.zeros(len(normal.gram[0]) - 1)), self.fold)
 
     def elsewhere(self, model: Model) -> Array:
-        """The same about a fit, (S,); its residuals where a step beyond its bounds would promise less."""
+        """The same about a fit, (S,); its residuals where a step beyond its bounds would promise less.
+
+        Where steps to the other folds lead so far that the linear problem says nothing, folds are left out in
+        earnest: a shot that tumbles would decide alone.
+        """
         left, here = self.left_out(model.normal), self.weight * model.costs
+        if not self.settled(model):
+            again = self.refitted(model)
+            return again if again.sum() < left.sum() else left
         return left if left.sum() >= here.sum() else here
+
+    def settled(self, model: Model) -> bool:
+        """Whether steps from a fit to the other folds stay where the problem about it is nearly linear."""
+        return float(self.left_out(model.normal).sum()) <= FAR_OFF * float((self.weight * model.costs).sum())
+
+    def refitted(self, model: Model) -> Array:
+        """The same by fits to all other folds, begun at this one, (S,); infinite where one diverges."""
+        shots, found = cast(OutputError, model.problem).shots, np.full(len(self.fold), np.inf)
+        for number in np.unique(self.fold):
+            out = self.fold == number
+            try:
+                there = gone_on(model.over(~out), QUICK).vehicle
+            except Diverges:
+                continue
+            found[out] = as_it_is(there, OutputError(shots.of(out))).costs
+        return np.asarray(self.weight * found)
 
     def chi2(self, model: Model) -> float:
         """Mean squared residual in units of what the model of the hull leaves of the recording before."""
@@ -134,25 +164,28 @@ def contend(
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
-    enough = POOR * float(compared.weight @ last.normal.freedoms)
+    floor = float(compared.weight @ last.normal.freedoms)
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
         fine = _shapes(compared, last, name)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
-    if not _reached(fits, enough):
+    if not _reached(fits, POOR * floor):
         others = [name for name in ranked if name not in always]
         finer = stepped(compared, last, [one for name in others for one in _shapes(compared, last, name)])
         better = {
             name: max(ranked[name], finer.get(name, ranked[name]), key=itemgetter(0)) for name in others
         }
         order = sorted(others, key=lambda name: -better[name][0])
-        for number, name in enumerate(order[: max(MOST_CONTENDERS - len(always), 0)], len(always)):
-            progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
-            _join(fits, compared, last, better[name][1])
-            if _reached(fits, enough):
+        for number, name in enumerate(order, len(always)):
+            if _reached(fits, (POOR if number < MOST_CONTENDERS else WILD) * floor):
                 break
+            progress(f"{name} on stretches left out", min(number / MOST_CONTENDERS, 1.0))
+            _join(fits, compared, last, better[name][1])
+    if not _reached(fits, WILD * floor):
+        for name in sorted(fits, key=lambda name: float(fits[name].costs.sum()))[:CLOSEST]:
+            _join(fits, compared, last, fits[name].model.vehicle.effects(name)[0], LONG)
     return fits
 
 
@@ -167,10 +200,16 @@ def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
     return [] if there else shapes(last.vehicle, name, reach=compared.log.track)
 
 
-def _join(fits: dict[str, Contender], compared: Compared, last: Model, table: Mapping[str, object]) -> None:
+def _join(
+    fits: dict[str, Contender],
+    compared: Compared,
+    last: Model,
+    table: Mapping[str, object],
+    iterations: int = QUICK,
+) -> None:
     """Fit an effect from a table, and put it among the fits unless it diverges or kinematics refutes it."""
     try:
-        fit = fitted(compared, last, table)
+        fit = fitted(compared, last, table, iterations)
     except (Diverges, np.linalg.LinAlgError):
         return
     test = compared.log.sensors.get(fit.effect)
@@ -210,9 +249,17 @@ def stepped(
     return dict(sorted(best.items(), key=lambda one: -one[1][0]))
 
 
-def fitted(compared: Compared, last: Model, table: Mapping[str, object]) -> Contender:
+def fitted(
+    compared: Compared, last: Model, table: Mapping[str, object], iterations: int = QUICK
+) -> Contender:
     """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
-    model = fitted_together(compared, last, [table])
+    model = fitted_together(compared, last, [table], iterations)
+    if not compared.settled(
+        model
+    ):  # with what the hull does held, too: it changes much with the motion there
+        with suppress(Diverges):
+            again = gone_on(model, QUICK)
+            model = again if again.normal.cost < model.normal.cost else model
     return lean(compared, last, Contender(str(table["name"]), model, compared.elsewhere(model)))
 
 
@@ -249,12 +296,14 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
     return leaner if leaner.fined(nothing) < whole.fined(nothing) else whole
 
 
-def fitted_together(compared: Compared, last: Model, tables: Sequence[Mapping[str, object]]) -> Model:
+def fitted_together(
+    compared: Compared, last: Model, tables: Sequence[Mapping[str, object]], iterations: int = QUICK
+) -> Model:
     """Effects fitted together to what a vehicle leaves, from the values of their tables."""
     reach = compared.log.track
     if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
-        return fit_model(last.vehicle, tables, last.problem, reach, QUICK)
+        return fit_model(last.vehicle, tables, last.problem, reach, iterations)
     shots = compared.problem.shots
     anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
-    model = fit_model(last.vehicle, tables, anew, reach, QUICK)
+    model = fit_model(last.vehicle, tables, anew, reach, iterations)
     return replace(model, problem=compared.corrected(model.vehicle))

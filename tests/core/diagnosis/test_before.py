@@ -82,6 +82,22 @@ def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(b
     assert (found.verdict, found.effect) == ("missing", "tether")
 
 
+def test_the_closest_go_on_where_all_leave_much(before, monkeypatch):
+    """A change that turns a vehicle over takes more steps than a quick fit has."""
+    offset = {"name": "buoyancy_offset", "dx": 0.0, "dy": -0.05, "dz": 0.02}
+    fit = contenders.fit_model
+    quick = contenders.QUICK
+
+    def slow(vehicle, tables, problem, reach, iterations):
+        return fit(vehicle, tables, problem, reach, 1 if iterations == quick else iterations)
+
+    monkeypatch.setattr(contenders, "fit_model", slow)
+    found = diagnose(damped(), flown(offset, seed=40), before=before)
+    assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
+    assert found.findings[0].parameters["dy"] == pytest.approx(-0.05, abs=0.002)
+    assert found.chi2[2] < 2.0
+
+
 def test_of_two_fins_the_one_that_was_turned_is_named():
     stern, rudder = FIN | {"label": "stern"}, FIN | {"label": "rudder", "roll": np.pi / 2}
     file = told_apart(damped(stern, rudder))
