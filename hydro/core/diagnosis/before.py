@@ -19,7 +19,7 @@ import polars as pl
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
-from hydro.core.diagnosis.contenders import FINE, Compared, Contender, contend, fitted, fitted_together
+from hydro.core.diagnosis.contenders import FINE, WILD, Compared, Contender, contend, fitted, fitted_together
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.misread import misread, newly_misread
@@ -65,8 +65,8 @@ FANCIFUL = 0.5
 EXACT, LEAD = 1.5, 0.6
 """Floors that a model which is right leaves at most, and part of what the next best leaves that a name must
 remove where more is left: then none is exactly right, and any that does nearly as well could be it."""
-FAR, FAR_OFF = 10.0, 0.8
-"""Floors from which what is found is no model of the recording, and confidence at most in names there."""
+FAR_OFF = 0.8
+"""Confidence at most in names where WILD floors are left: what is found is no model of the recording."""
 TIED = 0.02
 """Part of the resamples that a rival must win to be told beside the best."""
 
@@ -300,7 +300,7 @@ def _confidence(change: Change, frequency: float, removed: float, beside: float,
         * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
         * (min(1.0, change.lead / LEAD) if left > EXACT else 1.0)
     )
-    return min(sure, FAR_OFF) if left > FAR else sure
+    return min(sure, FAR_OFF) if left > WILD else sure
 
 
 def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:

@@ -115,14 +115,14 @@ class Compared:
         earnest: a shot that tumbles would decide alone.
         """
         left, here = self.left_out(model.normal), self.weight * model.costs
-        if not self.settled(model):
+        if left.sum() > FAR_OFF * here.sum():
             again = self.refitted(model)
             return again if again.sum() < left.sum() else left
         return left if left.sum() >= here.sum() else here
 
     def settled(self, model: Model) -> bool:
         """Whether steps from a fit to the other folds stay where the problem about it is nearly linear."""
-        return float(self.left_out(model.normal).sum()) <= FAR_OFF * float((self.weight * model.costs).sum())
+        return bool(self.left_out(model.normal).sum() <= FAR_OFF * (self.weight * model.costs).sum())
 
     def refitted(self, model: Model) -> Array:
         """The same by fits to all other folds, begun at this one, (S,); infinite where one diverges."""

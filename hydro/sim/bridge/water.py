@@ -22,7 +22,7 @@ from hydro.core.effects.program import thrusters_of
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import DELAY
-from hydro.sim.residual.control import LINE, Control
+from hydro.sim.residual.control import Control, up_to_a_line
 
 PREFIX = "hydro/"
 """A numeric field `hydro/<body>` holds the parameters of the vehicle whose body is `<body>`."""
@@ -101,15 +101,10 @@ class Water:
         ):
             if block is not None:
                 if entry == AT_CONTROL:
-                    blocks.append(_up_to_a_line(blocks))
+                    blocks.append(up_to_a_line(blocks))
                 header[entry] = sum(map(len, blocks))
                 blocks.append(np.asarray(block, dtype=np.float64).ravel())
-        return np.concatenate([*blocks, _up_to_a_line(blocks)])
-
-
-def _up_to_a_line(blocks: Sequence[Array]) -> Array:
-    """What is missing behind some blocks for the next one to begin on a cache line, as the first does."""
-    return np.zeros(-sum(map(len, blocks)) % LINE)
+        return np.concatenate([*blocks, up_to_a_line(blocks)])
 
 
 def wet(vehicle: Vehicle, *, sea: Sequence[int] | None = None) -> Water:

@@ -19,6 +19,7 @@ the state.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,10 +133,15 @@ class Control:
             (AT_WEIGHTS, weights),
         ):
             if entry == AT_WEIGHTS:
-                blocks.append(np.zeros(-sum(map(len, blocks)) % LINE))
+                blocks.append(up_to_a_line(blocks))
             header[entry] = sum(map(len, blocks)) if len(block) else 0
             blocks.append(block)
         return np.concatenate(blocks)
+
+
+def up_to_a_line(blocks: Sequence[Array]) -> Array:
+    """What is missing behind some blocks for the next one to begin on a cache line, as the first does."""
+    return np.zeros(-sum(map(len, blocks)) % LINE)
 
 
 @within
