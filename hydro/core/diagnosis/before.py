@@ -19,7 +19,15 @@ import polars as pl
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
-from hydro.core.diagnosis.contenders import FINE, WILD, Compared, Contender, contend, fitted, fitted_together
+from hydro.core.diagnosis.contenders import (
+    WILD,
+    Compared,
+    Contender,
+    answering,
+    contend,
+    fitted,
+    fitted_together,
+)
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.misread import misread, newly_misread
@@ -64,7 +72,8 @@ FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 EXACT, LEAD = 1.5, 0.6
 """Floors that a model which is right leaves at most, and part of what the next best leaves that a name must
-remove where more is left: then none is exactly right, and any that does nearly as well could be it."""
+remove where more is left: then none is exactly right, and any that does nearly as well could be it.  Half of
+it where only further changes, which are not as plain, explain the rest."""
 FAR_OFF = 0.8
 """Confidence at most in names where WILD floors are left: what is found is no model of the recording."""
 TIED = 0.02
@@ -124,21 +133,30 @@ class Change:
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
         """The best of the rivals; None of none."""
         whole = compared.left_out(last.normal.of([]))
+        floor = float(compared.weight @ last.normal.freedoms)
         if not rivals:
             return None
-        best = min(rivals.values(), key=lambda one: one.fined(float(whole.sum())))
-        return cls(best, rivals, whole, float(compared.weight @ last.normal.freedoms))
+        first = cls(next(iter(rivals.values())), rivals, whole, floor)
+        return replace(first, best=min(rivals.values(), key=first.fined))
+
+    def fine(self, rival: Contender) -> float:
+        """What a rival must remove for its parameters and for what it absorbs of a hull."""
+        return rival.fine(self.rivals.values(), float(self.whole.sum()), self.floor)
+
+    def fined(self, rival: Contender) -> float:
+        """What a rival leaves, with its fine: by it they are put in order."""
+        return rival.left + self.fine(rival)
 
     @property
     def score(self) -> float:
         """Share of the squared residual left out that the best removes."""
-        return float(1.0 - self.best.costs.sum() / self.whole.sum())
+        return float(1.0 - self.best.left / self.whole.sum())
 
     @property
     def lead(self) -> float:
         """Part of what the next best leaves that the best removes."""
-        others = [one.costs.sum() for one in self.rivals.values() if one.effect != self.best.effect]
-        return max(float(1.0 - self.best.costs.sum() / min(others)), 0.0) if others else 1.0
+        others = [one.left for one in self.rivals.values() if one.effect != self.best.effect]
+        return max(1.0 - self.best.left / min(others), 0.0) if others else 1.0
 
     @property
     def plain(self) -> float:
@@ -161,9 +179,9 @@ class Change:
 
     def wins(self, seed: int = 0) -> dict[str, float]:
         """Part of the resampled recordings in which each rival is the best, the most frequent first."""
-        names, each = list(self.rivals), float(self.whole.mean())
-        fine = np.array([FINE * each * len(self.rivals[name].model.values) for name in names])
-        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + fine
+        names = list(self.rivals)
+        fine = np.array([self.fine(self.rivals[name]) for name in names])
+        costs = np.stack([self.rivals[name].costs for name in names], axis=1) + fine / len(self.whole)
         drawn = weights(len(costs), RESAMPLES, seed) @ costs
         part = np.bincount(drawn.argmin(axis=1), minlength=len(names)) / RESAMPLES
         order = np.argsort(-part, kind="stable")
@@ -212,8 +230,7 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
         alone = fitted(compared, first, table)
     except (Diverges, np.linalg.LinAlgError):
         return changes
-    whole = float(before.whole.sum())
-    if alone.fined(whole) >= before.best.fined(whole):
+    if before.fined(alone) >= before.fined(before.best):
         return changes
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
@@ -268,7 +285,7 @@ def _finding(
         words = f"{advice.having_changed(name, greatest_change(file, entries, model.values))}; {words}"
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
-    sure = _confidence(change, wins[name], removed, beside, left)
+    sure = _confidence(change, wins[name], removed, beside, left, compared.chi2(model))
     if implausible(fit.vehicle, [name]):
         sure = min(sure, FANCIFUL)
     found = Finding(
@@ -288,17 +305,20 @@ def _finding(
     return stated(found)
 
 
-def _confidence(change: Change, frequency: float, removed: float, beside: float, left: float) -> float:
-    """Confidence in a name; of the others see `_finding`, and of the frequency `Change.wins`."""
+def _confidence(
+    change: Change, frequency: float, removed: float, beside: float, left: float, alone: float
+) -> float:
+    """Confidence in a name that leaves `alone` floors; see `_finding`, and of the frequency `Change.wins`."""
     # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
     absorbs = CATALOGUE[change.best.effect].identification.absorbs
+    needed = LEAD if left > EXACT else LEAD / 2 if alone > EXACT else 0.0
     sure = (
         frequency
         * min(1.0, change.plain / FURTHER)
         * min(1.0, max(removed, 0.0) / PLAIN)
         * min(1.0, max(beside, 0.0) / GREAT)
         * (1.0 - absorbs * min(1.0, 1.0 / max(removed, 1.0)))
-        * (min(1.0, change.lead / LEAD) if left > EXACT else 1.0)
+        * (min(1.0, change.lead / needed) if needed else 1.0)
     )
     return min(sure, FAR_OFF) if left > WILD else sure
 
@@ -387,5 +407,5 @@ def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[
         DataError: The recording is too short, or the predictions diverge.
     """
     compared, first = Compared.of(log, stable_shots(file, log), hull, file)
-    model = fitted_together(compared, first, changes)
+    model = answering(compared, first, fitted_together(compared, first, changes))
     return model.estimated()

@@ -7,11 +7,11 @@ more entries than are worth their fine there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gon
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
@@ -36,18 +37,29 @@ from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
 POOR, MOST_CONTENDERS = 1.5, 10
-"""Floors that the best of them leaves from which more are fitted, and how many at most: one step from the
-file says little of an effect that changes the motion altogether."""
-WILD = 10.0
-"""Floors from which all are fitted: a change that makes a vehicle tumble shows in no step from the file."""
-CLOSEST, LONG = 3, 24  # of these then go on, by so many iterations more
+"""Floors that the best of them leaves from which more are fitted, and how many at most of a further change:
+one step from the file says little of an effect that changes the motion altogether, or acts in few places."""
+FAR, WILD = 3.0, 10.0
+"""Floors from which all are fitted of a further change, too, and effects begun from elsewhere; and from which
+the closest go on: a change that makes a vehicle tumble shows in no step from the file."""
+NEARLY_ALL = 0.01  # part of all there is that one may leave, up to FAR floors, and none be looked for
+CLOSEST, LONG = 3, 24  # how many go on, and by so many iterations
+FARTHER = 2.0  # times as far off as its record says an effect is begun besides
 QUICK = 6  # iterations of a contender's fit
+AGAIN, SETTLED = 3, 0.9
+"""Times at most that a fit is made anew to what the hull does to the fitted vehicle, and part of what the one
+before left that the next leaves where that has settled."""
 FAR_OFF = 2.0
 """Times what a fit leaves that linear steps to the other folds may leave of them and still be believed."""
 SCALES = 2.0
 """Prior standard deviation of a suspect's parameters in their natural scales."""
 FINE = 0.004
-"""Share of the residual that each further parameter must remove for a larger effect to be preferred."""
+"""Share of the residual that an entry of an effect must remove to be kept,"""
+PREFERRED = 0.012
+"""and that each further parameter must for a larger effect to be preferred: a hull's error is alike on all
+stretches, so that data left out do not fine it for what follows that error."""
+FOLLOWS = 0.2
+"""Part of what an effect absorbs of a hull (`absorbs`) that it takes of the error of the hull's law."""
 ASKED = ("flow", "sensor")
 """Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
 
@@ -66,9 +78,26 @@ class Contender:
     model: Model
     costs: Array
 
-    def fined(self, whole: float) -> float:
-        """Squared residual left out with a fine for every parameter."""
-        return float(self.costs.sum()) + FINE * whole * len(self.model.values)
+    @property
+    def left(self) -> float:
+        """Squared residual left out."""
+        return float(self.costs.sum())
+
+    def fine(self, rivals: Iterable[Contender], whole: float, floor: float) -> float:
+        """What it must remove to be preferred to an effect of no parameters.
+
+        Where one of the rivals leaves no more than the hull's law does, parameters are fined by that: what
+        they remove besides was there.  Else by all that there is, since none is right.
+
+        Args:
+            rivals: All that were fitted.
+            whole: Squared residual without any of them.
+            floor: What the hull's law leaves.
+        """
+        absorbs = CATALOGUE[self.effect].identification.absorbs
+        right = min(one.left for one in rivals) <= POOR * floor
+        at_stake = min(whole, FAR * floor) if right else whole
+        return PREFERRED * at_stake * len(self.model.values) + FOLLOWS * absorbs * floor
 
 
 @dataclass(frozen=True)
@@ -165,13 +194,15 @@ def contend(
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = float(compared.weight @ last.normal.freedoms)
+    whole = float(compared.left_out(last.normal.of([])).sum())
+    right = float(np.clip(NEARLY_ALL * whole, POOR * floor, FAR * floor))
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
         fine = _shapes(compared, last, name)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
-    if not _reached(fits, POOR * floor):
+    if not _reached(fits, right):
         others = [name for name in ranked if name not in always]
         finer = stepped(compared, last, [one for name in others for one in _shapes(compared, last, name)])
         better = {
@@ -179,19 +210,46 @@ def contend(
         }
         order = sorted(others, key=lambda name: -better[name][0])
         for number, name in enumerate(order, len(always)):
-            if _reached(fits, (POOR if number < MOST_CONTENDERS else WILD) * floor):
+            if _reached(fits, FAR * floor if chosen and number >= MOST_CONTENDERS else right):
                 break
             progress(f"{name} on stretches left out", min(number / MOST_CONTENDERS, 1.0))
             _join(fits, compared, last, better[name][1])
+    if not _reached(fits, FAR * floor):
+        for table in _from_afar(last.vehicle, fits):
+            _join(fits, compared, last, table)
+        for name in _stepwise(fits):
+            _join(fits, compared, last, fits[name].model.vehicle.effects(name)[0], ITERATIONS)
     if not _reached(fits, WILD * floor):
-        for name in sorted(fits, key=lambda name: float(fits[name].costs.sum()))[:CLOSEST]:
+        closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
+        for name in dict.fromkeys([*closest, *_from_all_sides(fits)]):
             _join(fits, compared, last, fits[name].model.vehicle.effects(name)[0], LONG)
     return fits
 
 
 def _reached(fits: Mapping[str, Contender], enough: float) -> bool:
     """Whether the best of some fits leaves no more than is enough."""
-    return min((float(fit.costs.sum()) for fit in fits.values()), default=np.inf) <= enough
+    return min((fit.left for fit in fits.values()), default=np.inf) <= enough
+
+
+def _from_afar(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[dict[str, Any]]:
+    """Tables to begin from where no derivative about an effect's absence leads, near and farther off."""
+    return [
+        {"name": name} | {key: times * value for key, value in table.items()}
+        for name in _from_all_sides(fits)
+        if not vehicle.effects(name)
+        for table in CATALOGUE[name].identification.far
+        for times in (1.0, FARTHER)
+    ]
+
+
+def _from_all_sides(fits: Mapping[str, Contender]) -> list[str]:
+    """Effects that are begun from several sides."""
+    return [name for name in fits if CATALOGUE[name].identification.far]
+
+
+def _stepwise(fits: Mapping[str, Contender]) -> list[str]:
+    """Effects with thresholds and delays, which a fit to the end looks for beyond corners that hold it."""
+    return [name for name, fit in fits.items() if any(one.resolution for one in fit.model.unknown.entries)]
 
 
 def _shapes(compared: Compared, last: Model, name: str) -> list[Suspect]:
@@ -207,12 +265,17 @@ def _join(
     table: Mapping[str, object],
     iterations: int = QUICK,
 ) -> None:
-    """Fit an effect from a table, and put it among the fits unless it diverges or kinematics refutes it."""
+    """Fit an effect from a table, and put it among the fits where it leaves less than the one that is there.
+
+    Not where it diverges or kinematics refutes it.
+    """
     try:
         fit = fitted(compared, last, table, iterations)
     except (Diverges, np.linalg.LinAlgError):
         return
     test = compared.log.sensors.get(fit.effect)
+    if fit.effect in fits and fits[fit.effect].left <= fit.left:
+        return
     if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(fit.effect)):
         fits[fit.effect] = fit
 
@@ -252,8 +315,9 @@ def stepped(
 def fitted(
     compared: Compared, last: Model, table: Mapping[str, object], iterations: int = QUICK
 ) -> Contender:
-    """An effect fitted from the values of a table; what moves the water asks the hull's law anew."""
+    """An effect fitted from the values of a table, and to what the hull does to a vehicle that has it."""
     model = fitted_together(compared, last, [table], iterations)
+    model = answering(compared, last, model)
     if not compared.settled(
         model
     ):  # with what the hull does held, too: it changes much with the motion there
@@ -261,6 +325,26 @@ def fitted(
             again = gone_on(model, QUICK)
             model = again if again.normal.cost < model.normal.cost else model
     return lean(compared, last, Contender(str(table["name"]), model, compared.elsewhere(model)))
+
+
+def answering(compared: Compared, last: Model, model: Model) -> Model:
+    """A fit of effects to what the hull makes of the motion of a vehicle that has them.
+
+    A vehicle of other mass or drag answers otherwise to what the hull does beside the file: of a great change
+    the correction by the last vehicle's answers leaves several floors, and another effect takes them up.
+    """
+    names = dict.fromkeys(entry.effect for entry in model.unknown.entries)
+    for _ in range(AGAIN):
+        tables = [model.vehicle.effects(name)[0] for name in names]
+        try:
+            again = fitted_together(compared, last, tables, QUICK, about=model.vehicle)
+        except Diverges:
+            return model
+        ratio = again.normal.cost / model.normal.cost
+        model = again if ratio < 1.0 else model
+        if not ratio < SETTLED:
+            break
+    return model
 
 
 def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
@@ -293,17 +377,30 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
     except Diverges:
         return whole
     leaner = Contender(whole.effect, model, compared.elsewhere(model))
-    return leaner if leaner.fined(nothing) < whole.fined(nothing) else whole
+    return leaner if leaner.left < whole.left + FINE * nothing * (count - len(kept)) else whole
 
 
 def fitted_together(
-    compared: Compared, last: Model, tables: Sequence[Mapping[str, object]], iterations: int = QUICK
+    compared: Compared,
+    last: Model,
+    tables: Sequence[Mapping[str, object]],
+    iterations: int = QUICK,
+    about: Vehicle | None = None,
 ) -> Model:
-    """Effects fitted together to what a vehicle leaves, from the values of their tables."""
+    """Effects fitted together to what a vehicle leaves, from the values of their tables.
+
+    Args:
+        compared: The recordings.
+        last: The vehicle so far.
+        tables: The effects.
+        iterations: Steps at most.
+        about: The vehicle that answers to what the hull does beside the file; by default the last one.
+    """
     reach = compared.log.track
     if not any(CATALOGUE[str(table["name"])].kind in ASKED for table in tables):
-        return fit_model(last.vehicle, tables, last.problem, reach, iterations)
+        problem = compared.corrected(about) if about is not None else last.problem
+        return fit_model(last.vehicle, tables, problem, reach, iterations)
     shots = compared.problem.shots
-    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(last.vehicle), shots))
+    anew = AskedAnew.of(compared.hull.law, Transitions.of(candidate(about or last.vehicle), shots))
     model = fit_model(last.vehicle, tables, anew, reach, iterations)
     return replace(model, problem=compared.corrected(model.vehicle))

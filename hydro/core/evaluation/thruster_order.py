@@ -49,8 +49,10 @@ REMAINING = 0.95
 """Part of what is left that one more exchange or reversal may leave at most."""
 THRUSTS = (0.0, 1.5)
 """Multiples of a thrust that are no matter of its column: from dead to half as much again."""
-SWEEPS = 50
-"""Of the least squares for thrusts: each of them once, the others held."""
+STEPS = 50
+"""Of the least squares for thrusts, at most: each takes a thrust to a bound or lets one go."""
+RIDGE = 1e-8
+"""Part of its own answer by which a thruster is held to the file's where others do the same as it."""
 NOTHING = 1e-12
 """Part of the greatest answer below which a thruster does not move at all."""
 BOOTSTRAP_STRETCHES, RESAMPLES = 20, 1000
@@ -269,18 +271,13 @@ class _Problem:
     def fitted(self, wirings: Sequence[Wiring]) -> tuple[Array, Array]:
         """The thrusts within THRUSTS that explain most by each of many orders, (B, n); what they leave, (B,).
 
-        Least squares of a few unknowns, one after the other: what does not show stays as in the file.
+        What does not show stays as in the file.
         """
         thruster, column, sign = _places(wirings)
         at = (thruster * len(self.answers) + column) * 2 + sign
         gram, score, whole = self._squares
         curved, slope = gram[at[:, :, None], at[:, None, :]], score[at]
-        own = np.maximum(np.einsum("bii->bi", curved), NOTHING * max(float(gram.max()), NOTHING))
-        found = np.ones(at.shape)
-        for _ in range(SWEEPS):
-            for i in range(at.shape[1]):
-                rest = slope[:, i] - np.einsum("bk,bk->b", curved[:, i], found)
-                found[:, i] = np.clip(found[:, i] + rest / own[:, i], *THRUSTS)
+        found = _within_bounds(curved, slope, NOTHING * max(float(gram.max()), NOTHING))
         left = whole - 2.0 * (found * slope).sum(axis=1) + np.einsum("bi,bik,bk->b", found, curved, found)
         return found, left
 
@@ -289,6 +286,40 @@ class _Problem:
         """Products of all answers with one another and with what is needed, and of this with itself."""
         every, needed = self.answers.reshape(-1, self.needed.size), self.needed.ravel()
         return every @ every.T, every @ needed, float(needed @ needed)
+
+
+def _within_bounds(curved: Array, slope: Array, nothing: float) -> Array:
+    """Thrusts (B, n) within THRUSTS that explain most, from the file's on.
+
+    Least squares of bounded variables (Stark and Parker 1995): those that no bound holds go to where they
+    explain most, or as far as the next bound; once there, the one that gains most is let go of its bound.
+
+    Args:
+        curved: Products of the answers to them with one another, (B, n, n),
+        slope: and with what is needed, (B, n).
+        nothing: Square of an answer that is none.
+    """
+    (low, high), count = THRUSTS, slope.shape[1]
+    own = np.maximum(np.einsum("bii->bi", curved), nothing)
+    found, arrived = np.ones(slope.shape), np.zeros(len(slope), bool)
+    for _ in range(STEPS):
+        uphill = slope - np.einsum("bik,bk->bi", curved, found)
+        inside = (found > low) & (found < high)
+        gain = np.where(inside, 0.0, np.where(found <= low, uphill, -uphill)) / np.sqrt(own)
+        let_go = arrived[:, None] & (np.arange(count) == gain.argmax(axis=1)[:, None]) & (gain > 0.0)
+        free = inside | let_go
+        matrix = np.where(free[:, :, None] & free[:, None, :], curved, 0.0)
+        matrix += np.where(free, RIDGE, 1.0)[:, :, None] * own[:, :, None] * np.eye(count)
+        step = np.linalg.solve(matrix, np.where(free, uphill, 0.0)[..., None])[..., 0]
+        room = np.where(step > 0.0, high - found, found - low)
+        part = np.where(free, room / np.maximum(np.abs(step), NOTHING), np.inf)
+        share = np.minimum(part.min(axis=1), 1.0)
+        found = np.clip(found + step * share[:, None], low, high)
+        found = np.where(part <= share[:, None], np.where(step > 0.0, high, low), found)
+        if (arrived & ~let_go.any(axis=1)).all():
+            break
+        arrived = share == 1.0
+    return found
 
 
 def _places(wirings: Sequence[Wiring]) -> tuple[Rows, Rows, Rows]:

@@ -96,8 +96,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(before, monke
         return fit(vehicle, tables, problem, reach, iterations)
 
     monkeypatch.setattr(contenders, "fit_model", counted)
-    monkeypatch.setattr(contenders, "WILD", 0.0)  # as if nothing reached it
-    monkeypatch.setattr(contenders, "POOR", 0.0)
+    monkeypatch.setattr(contenders, "_reached", lambda fits, enough: False)
     found = diagnose(damped(), flown(offset, seed=40), before=before)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"

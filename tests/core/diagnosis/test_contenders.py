@@ -1,0 +1,74 @@
+"""Which of the effects that were fitted to a change is named, and how surely."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hydro.core.diagnosis import before
+from hydro.core.diagnosis.before import Change
+from hydro.core.diagnosis.contenders import Contender
+from hydro.core.effects import CATALOGUE
+
+SHOTS = 40
+NAMES = st.sampled_from(sorted(CATALOGUE))
+FLOORS = st.floats(0.1, 100.0)
+ABSORBING = sorted(name for name, effect in CATALOGUE.items() if effect.identification.absorbs > 0.0)
+PLAIN = sorted(set(CATALOGUE) - set(ABSORBING))
+
+
+def rival(effect: str, left: float, parameters: int) -> Contender:
+    """One that leaves so many floors, the same of each shot."""
+    model = cast(Any, SimpleNamespace(values=np.zeros(parameters)))
+    return Contender(effect, model, np.full(SHOTS, left / SHOTS))
+
+
+def change(rivals: list[Contender], whole: float) -> Change:
+    """The best of rivals where nothing would leave so many floors, of which there is one."""
+    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None, freedoms=np.full(SHOTS, 1.0 / SHOTS)))
+    compared = SimpleNamespace(left_out=lambda _: np.full(SHOTS, whole / SHOTS), weight=np.ones(SHOTS))
+    found = Change.of(cast(Any, compared), cast(Any, last), {one.effect: one for one in rivals})
+    assert found is not None
+    return found
+
+
+@given(NAMES, st.floats(0.0, 1.0), st.integers(1, 6), st.integers(1, 6), FLOORS)
+def test_a_further_parameter_has_to_remove_something(name, share, fewer, more, whole):
+    """Data left out do not tell a larger effect from a smaller one where a hull's error is alike on all."""
+    other = next(one for one in sorted(CATALOGUE) if one != name and _absorbs(one) == _absorbs(name))
+    few, many = rival(name, share * whole, fewer), rival(other, share * whole, fewer + more)
+    found = change([many, few], whole)
+    assert found.best.effect == name
+    assert found.wins() == {name: 1.0, other: 0.0}
+    better = rival(other, (share - 0.013 * more) * whole, fewer + more)
+    assert change([few, better], whole).best.effect == other
+
+
+@given(st.sampled_from(ABSORBING), st.sampled_from(PLAIN), st.floats(0.0, 1.0), st.integers(1, 6), FLOORS)
+def test_what_follows_a_hulls_error_has_to_remove_more(drag, other, share, parameters, whole):
+    """A formula of drag fits the error of a law of drag; weight and thrust do not."""
+    both = [rival(drag, share * whole, parameters), rival(other, share * whole, parameters)]
+    assert change(both, whole).best.effect == other
+    much = rival(drag, share * whole - 0.1, parameters)
+    assert change([much, both[1]], whole).best.effect == drag
+
+
+@pytest.mark.parametrize(("left", "alone", "sure"), [(0.9, 1.0, True), (0.9, 1.9, False), (1.9, 1.9, False)])
+def test_a_name_that_leaves_much_needs_a_lead(left, alone, sure):
+    """Where it leaves more than a model that is right, another that leaves as much could be it."""
+    near = change([rival("net_buoyancy", alone, 1), rival("command_delay", alone + 0.1, 1)], 10.0)
+    far = change([rival("net_buoyancy", alone, 1), rival("command_delay", 9.0, 1)], 10.0)
+    removed = 10.0 - alone
+    stated = [before._confidence(one, 1.0, removed, 1.0, left, alone) for one in (near, far)]
+    assert stated[1] == 1.0
+    assert (stated[0] == 1.0) is sure
+    assert stated[0] >= 0.0
+
+
+def _absorbs(name: str) -> float:
+    return CATALOGUE[name].identification.absorbs
