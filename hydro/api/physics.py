@@ -114,9 +114,9 @@ def compare(
     Raises:
         hydro.core.errors.DataError: the table does not fit the vehicle.
     """
-    from hydro.core.diagnosis.before import with_hull
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as measure
+    from hydro.core.explanation.with_hull import with_hull
     from hydro.io.table import conform
 
     hull = _hull(vehicle, before, model)

@@ -57,9 +57,9 @@ def compare(
         hydro compare vehicle.toml after.parquet --before before.parquet
     """
     from hydro.core import effects
-    from hydro.core.diagnosis.before import with_hull
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as compute
+    from hydro.core.explanation.with_hull import with_hull
     from hydro.io import table
     from hydro.io import vehicle as vehicles
 

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.before import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
+from hydro.core.explanation.with_hull import AFTER, ALONE, BEFORE, BESIDE, FLOOR, LEVEL
 from hydro.report import words
 from hydro.report.sources import Named, Sources
 

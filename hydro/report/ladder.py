@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.before import FLOOR
 from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.core.explanation.ladder import HORIZON, LEFT_OUT
+from hydro.core.explanation.with_hull import FLOOR
 from hydro.report import words
 
 TITLES = {

@@ -9,17 +9,17 @@ predictions, axis by axis, of the file alone and with what the hull does beside 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import polars as pl
 
-from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
+from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import (
+    RIGHT,
     WILD,
     Compared,
     Contender,
@@ -31,13 +31,12 @@ from hydro.core.diagnosis.contenders import (
 from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.misread import misread, newly_misread
-from hydro.core.diagnosis.model import Diverges, Model, as_it_is
+from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import implausible
-from hydro.core.evaluation.block_resampling import interval, weights
+from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit
-from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import greatest_change
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
@@ -59,21 +58,12 @@ PLAIN = 0.6
 """Part of the floor that a change must take to be plain beside what the hull's model leaves."""
 GREAT = 0.2
 """Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
-LEVEL = "hull"
-"""Level of a comparison's rows that tell of the hull."""
-ALONE, BESIDE = "file alone", "with the hull"
-"""Of what predicts, in the column `by`;"""
-BEFORE, AFTER = "before", "after"
-"""and of the recording, in the column `place`."""
-FLOOR = "floor"
-"""The axis of all channels together, in units of the floor."""
-ERROR_RESAMPLES = 1000
 FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
-EXACT, LEAD = 1.5, 0.6
-"""Floors that a model which is right leaves at most, and part of what the next best leaves that a name must
-remove where more is left: then none is exactly right, and any that does nearly as well could be it.  Half of
-it where only further changes, which are not as plain, explain the rest."""
+LEAD = 0.6
+"""Part of what the next best leaves that a name must remove where more is left than a model which is right
+leaves: then none is, and any that does nearly as well could be it.  Half of it where only further changes,
+which are not as plain, explain the rest."""
 FAR_OFF = 0.8
 """Confidence at most in names where WILD floors are left: what is found is no model of the recording."""
 TIED = 0.02
@@ -277,7 +267,7 @@ def _finding(
     rivals = [f"{other} ({part:.0%})" for other, part in wins.items() if other != name and part >= TIED]
     if rivals:
         words += f"; some of the recording would rather have {', '.join(rivals)}"
-    if left > EXACT:
+    if left > RIGHT:
         words += f"; {left:.3g} times the squared residual of before is left, which nothing here explains"
     known = bool(file.effects(name))
     if known:
@@ -311,7 +301,7 @@ def _confidence(
     """Confidence in a name that leaves `alone` floors; see `_finding`, and of the frequency `Change.wins`."""
     # Of what a model of the hull leaves, one floor, formulas of drag and lift take up their part.
     absorbs = CATALOGUE[change.best.effect].identification.absorbs
-    needed = LEAD if left > EXACT else LEAD / 2 if alone > EXACT else 0.0
+    needed = LEAD if left > RIGHT else LEAD / 2 if alone > RIGHT else 0.0
     sure = (
         frequency
         * min(1.0, change.plain / FURTHER)
@@ -321,77 +311,6 @@ def _confidence(
         * (min(1.0, change.lead / needed) if needed else 1.0)
     )
     return min(sure, FAR_OFF) if left > WILD else sure
-
-
-def with_hull(comparison: pl.DataFrame, vehicle: Vehicle, log: Preprocessed, hull: Hull) -> pl.DataFrame:
-    """A comparison with the errors that are left once the hull's share is taken out.
-
-    Args:
-        comparison: Comparison table of the same vehicle and recording.
-        vehicle: The model.
-        log: The recording after.
-        hull: What the recording before has taught.
-
-    Returns:
-        The table with rows of the level `hull`: `by` says what predicts, `place` the recording, `horizon` [s]
-        how long a shot is; root mean square errors of every channel, and on the axis `floor` of all together
-        in units of what the model of the hull leaves of the recording before.
-
-    Raises:
-        DataError: The recording is too short, or the vehicle's predictions diverge.
-    """
-    lines = pl.DataFrame(list(_lines(vehicle, log, hull)), infer_schema_length=None)
-    return pl.concat([comparison, lines.cast({"rank": pl.Int64, "weight": pl.Float64})], how="diagonal")
-
-
-def _lines(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Iterator[dict[str, Any]]:
-    """The rows: of the recording before as the hull tells them, of the one after with intervals."""
-    compared, beside = Compared.of(log, stable_shots(vehicle, log), hull, vehicle)
-    alone = as_it_is(vehicle, compared.problem).normal
-    shots = compared.problem.shots
-    shared = {
-        "level": LEVEL,
-        "horizon": shots.seconds,
-        "rows": len(shots.starts) * (shots.length - shots.lead),
-        "at_horizon": None,
-        "share": 0.0,
-        "rank": None,
-        "weight": None,
-    }
-    scale = np.append(shots.sigma, 1.0)
-    noise = np.append(log.noise, np.sqrt(np.mean((log.noise / shots.sigma) ** 2)))
-    axes = list(zip((*POSE, *VELOCITY, FLOOR), (*POSE_UNITS, *VELOCITY_UNITS, "1"), strict=True))
-    after = {ALONE: alone, BESIDE: beside.normal}
-    for by, level in ((ALONE, hull.alone), (BESIDE, hull.floor)):
-        rmse, low, high = scale * _levels(after[by], compared.weight)
-        for i, (axis, unit) in enumerate(axes):
-            if not np.isfinite(rmse[i]):
-                continue
-            key = shared | {"axis": axis, "by": by, "unit": unit}
-            spread = {"low": low[i], "high": high[i]}
-            yield key | spread | {"place": AFTER, "rmse": rmse[i], "noise_floor": noise[i]}
-            if axis != FLOOR:
-                told = {"rmse": level[i] * hull.sigma[i], "noise_floor": hull.sigma[i]}
-                yield key | {"low": None, "high": None, "place": BEFORE} | told
-
-
-def _levels(normal: Normal, weight: Array) -> Array:
-    """Root mean square residual of each channel and of all, with its 95 % interval, (3, C + 1).
-
-    NaN of a channel without a sample.
-    """
-    squares = np.column_stack([normal.channels, normal.gram[:, -1, -1]])
-    within = np.isfinite(squares).all(axis=1)
-    squares, weight, free = squares[within], weight[within], normal.freedoms[within]
-    samples = (np.ones_like(normal.channels) if normal.compared is None else normal.compared).sum(axis=0)
-    part = np.append(np.where(samples > 0.0, samples, np.nan) / samples.sum(), 1.0)
-
-    def root(shares: Array) -> Array:
-        """Of recordings in which shots have these shares, (..., S)."""
-        return np.asarray(np.sqrt((shares @ squares) / (shares @ free)[..., None] / part))
-
-    drawn = weights(len(squares), ERROR_RESAMPLES, 0) * weight
-    return np.vstack([root(weight), interval(root(drawn))])
 
 
 def fit_changes(file: Vehicle, log: Preprocessed, hull: Hull, changes: Sequence[Mapping[str, Any]]) -> Fit:

@@ -36,16 +36,18 @@ from hydro.core.residual.response import Transitions
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
-POOR, MOST_CONTENDERS = 1.5, 10
-"""Floors that the best of them leaves from which more are fitted, and how many at most of a further change:
-one step from the file says little of an effect that changes the motion altogether, or acts in few places."""
+RIGHT, MOST_CONTENDERS = 1.5, 10
+"""Floors that a model which is right leaves at most; while the best leaves more, others are fitted, of a
+further change so many: one step says little of what changes the motion altogether or acts in few places."""
 FAR, WILD = 3.0, 10.0
-"""Floors from which all are fitted of a further change, too, and effects begun from elsewhere; and from which
-the closest go on: a change that makes a vehicle tumble shows in no step from the file."""
+"""Floors from which all are fitted of a further change, too, and some begun from elsewhere; and from which
+the closest go on: what makes a vehicle tumble shows in no step from the file."""
 NEARLY_ALL = 0.01  # part of all there is that one may leave, up to FAR floors, and none be looked for
 CLOSEST, LONG = 3, 24  # how many go on, and by so many iterations
 FARTHER = 2.0  # times as far off as its record says an effect is begun besides
 QUICK = 6  # iterations of a contender's fit
+HOPELESS = 3.0
+"""Times what the best leaves that another may leave at first and still come to be it."""
 AGAIN, SETTLED = 3, 0.9
 """Times at most that a fit is made anew to what the hull does to the fitted vehicle, and part of what the one
 before left that the next leaves where that has settled."""
@@ -62,6 +64,9 @@ FOLLOWS = 0.2
 """Part of what an effect absorbs of a hull (`absorbs`) that it takes of the error of the hull's law."""
 ASKED = ("flow", "sensor")
 """Kinds of effects that change the motion through the water which the hull's wrench is asked about."""
+Table = Mapping[str, Any]
+Scored = tuple[float, Table]
+"""What a step promises, and where it leads."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,11 @@ class Contender:
     effect: str
     model: Model
     costs: Array
+
+    @property
+    def table(self) -> Table:
+        """Its `[[effect]]` table as fitted."""
+        return self.model.vehicle.effects(self.effect)[0]
 
     @property
     def left(self) -> float:
@@ -95,7 +105,7 @@ class Contender:
             floor: What the hull's law leaves.
         """
         absorbs = CATALOGUE[self.effect].identification.absorbs
-        right = min(one.left for one in rivals) <= POOR * floor
+        right = min(one.left for one in rivals) <= RIGHT * floor
         at_stake = min(whole, FAR * floor) if right else whole
         return PREFERRED * at_stake * len(self.model.values) + FOLLOWS * absorbs * floor
 
@@ -188,61 +198,64 @@ def contend(
         chosen: Effects that are in it as changes already.
         progress: Called with a few words and the share of the work done.
     """
-    vehicle, log = last.vehicle, compared.log
-    tried = [*suspects(vehicle, without=chosen, reach=log.track), *_of_file(vehicle, chosen, log.track)]
+    vehicle, reach = last.vehicle, compared.log.track
+    tried = [*suspects(vehicle, without=chosen, reach=reach), *_of_file(vehicle, chosen, reach)]
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
     floor = float(compared.weight @ last.normal.freedoms)
     whole = float(compared.left_out(last.normal.of([])).sum())
-    right = float(np.clip(NEARLY_ALL * whole, POOR * floor, FAR * floor))
+    right = float(np.clip(NEARLY_ALL * whole, RIGHT * floor, FAR * floor))
     fits: dict[str, Contender] = {}
     for number, name in enumerate(always):
         progress(f"{name} on stretches left out", number / MOST_CONTENDERS)
         fine = _shapes(compared, last, name)
         table = (stepped(compared, last, fine) if fine else ranked)[name][1]
         _join(fits, compared, last, table)
-    if not _reached(fits, right):
-        others = [name for name in ranked if name not in always]
-        finer = stepped(compared, last, [one for name in others for one in _shapes(compared, last, name)])
-        better = {
-            name: max(ranked[name], finer.get(name, ranked[name]), key=itemgetter(0)) for name in others
-        }
-        order = sorted(others, key=lambda name: -better[name][0])
-        for number, name in enumerate(order, len(always)):
-            if _reached(fits, FAR * floor if chosen and number >= MOST_CONTENDERS else right):
+    if _least(fits) > right:
+        others = {name: scored for name, scored in ranked.items() if name not in always}
+        for number, table in enumerate(_at_finer_places(compared, last, others), len(always)):
+            if _least(fits) <= (FAR * floor if chosen and number >= MOST_CONTENDERS else right):
                 break
-            progress(f"{name} on stretches left out", min(number / MOST_CONTENDERS, 1.0))
-            _join(fits, compared, last, better[name][1])
-    if not _reached(fits, FAR * floor):
-        for table in _from_afar(last.vehicle, fits):
+            progress(f"{table['name']} on stretches left out", min(number / MOST_CONTENDERS, 1.0))
+            _join(fits, compared, last, table)
+    if _least(fits) > FAR * floor:
+        for table in _from_all_sides(vehicle, fits):
             _join(fits, compared, last, table)
         for name in _stepwise(fits):
-            _join(fits, compared, last, fits[name].model.vehicle.effects(name)[0], ITERATIONS)
-    if not _reached(fits, WILD * floor):
+            _join(fits, compared, last, fits[name].table, ITERATIONS)
+    if _least(fits) > WILD * floor:
         closest = sorted(fits, key=lambda name: fits[name].left)[:CLOSEST]
-        for name in dict.fromkeys([*closest, *_from_all_sides(fits)]):
-            _join(fits, compared, last, fits[name].model.vehicle.effects(name)[0], LONG)
+        for name in dict.fromkeys([*closest, *_far(fits)]):
+            _join(fits, compared, last, fits[name].table, LONG)
     return fits
 
 
-def _reached(fits: Mapping[str, Contender], enough: float) -> bool:
-    """Whether the best of some fits leaves no more than is enough."""
-    return min((fit.left for fit in fits.values()), default=np.inf) <= enough
+def _least(fits: Mapping[str, Contender]) -> float:
+    """What the best of some fits leaves."""
+    return min((fit.left for fit in fits.values()), default=np.inf)
 
 
-def _from_afar(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[dict[str, Any]]:
-    """Tables to begin from where no derivative about an effect's absence leads, near and farther off."""
+def _at_finer_places(compared: Compared, last: Model, coarse: Mapping[str, Scored]) -> list[Table]:
+    """Tables of effects at their best places, coarse or finer, the most promising first."""
+    tried = [one for name in coarse for one in _shapes(compared, last, name)]
+    finer = stepped(compared, last, tried)
+    best = [max(scored, finer.get(name, scored), key=itemgetter(0)) for name, scored in coarse.items()]
+    return [table for _, table in sorted(best, key=lambda scored: -scored[0])]
+
+
+def _from_all_sides(vehicle: Vehicle, fits: Mapping[str, Contender]) -> list[Table]:
+    """Where to begin where no derivative about an effect's absence leads: on every side, and twice as far."""
     return [
         {"name": name} | {key: times * value for key, value in table.items()}
-        for name in _from_all_sides(fits)
+        for name in _far(fits)
         if not vehicle.effects(name)
         for table in CATALOGUE[name].identification.far
         for times in (1.0, FARTHER)
     ]
 
 
-def _from_all_sides(fits: Mapping[str, Contender]) -> list[str]:
+def _far(fits: Mapping[str, Contender]) -> list[str]:
     """Effects that are begun from several sides."""
     return [name for name in fits if CATALOGUE[name].identification.far]
 
@@ -262,7 +275,7 @@ def _join(
     fits: dict[str, Contender],
     compared: Compared,
     last: Model,
-    table: Mapping[str, object],
+    table: Table,
     iterations: int = QUICK,
 ) -> None:
     """Fit an effect from a table, and put it among the fits where it leaves less than the one that is there.
@@ -270,7 +283,7 @@ def _join(
     Not where it diverges or kinematics refutes it.
     """
     try:
-        fit = fitted(compared, last, table, iterations)
+        fit = fitted(compared, last, table, iterations, _least(fits))
     except (Diverges, np.linalg.LinAlgError):
         return
     test = compared.log.sensors.get(fit.effect)
@@ -287,16 +300,14 @@ def _of_file(vehicle: Vehicle, without: Sequence[str], reach: Array) -> list[Sus
     return [of_entries(vehicle, name, reach=reach) for name in curved if not wholly_known(vehicle, name)]
 
 
-def stepped(
-    compared: Compared, last: Model, tried: Sequence[Suspect]
-) -> dict[str, tuple[float, dict[str, object]]]:
+def stepped(compared: Compared, last: Model, tried: Sequence[Suspect]) -> dict[str, Scored]:
     """Score of each effect by one Gauss-Newton step, and the table of its best shape, the best first."""
     changed = [vehicle for suspect in tried for vehicle in suspect.changed]
     steps = [step for suspect in tried for step in suspect.steps]
     normal = last.problem.linearise(last.vehicle, changed, steps)
     whole, best, at = (
         float(compared.left_out(normal.of([])).sum()),
-        dict[str, tuple[float, dict[str, object]]](),
+        dict[str, Scored](),
         0,
     )
     for suspect in tried:
@@ -313,18 +324,22 @@ def stepped(
 
 
 def fitted(
-    compared: Compared, last: Model, table: Mapping[str, object], iterations: int = QUICK
+    compared: Compared, last: Model, table: Table, iterations: int = QUICK, least: float = np.inf
 ) -> Contender:
-    """An effect fitted from the values of a table, and to what the hull does to a vehicle that has it."""
-    model = fitted_together(compared, last, [table], iterations)
+    """An effect fitted from the values of a table, and to what the hull does to a vehicle that has it.
+
+    One that leaves many times what another does, the `least`, stays as it is: it will not be the best.
+    """
+    model, name = fitted_together(compared, last, [table], iterations), str(table["name"])
+    here = compared.weight * model.costs
+    if not here.sum() <= HOPELESS * least:
+        return Contender(name, model, here)
     model = answering(compared, last, model)
-    if not compared.settled(
-        model
-    ):  # with what the hull does held, too: it changes much with the motion there
+    if not compared.settled(model):  # with what the hull does held, too: it changes with the motion there
         with suppress(Diverges):
             again = gone_on(model, QUICK)
             model = again if again.normal.cost < model.normal.cost else model
-    return lean(compared, last, Contender(str(table["name"]), model, compared.elsewhere(model)))
+    return lean(compared, last, Contender(name, model, compared.elsewhere(model)))
 
 
 def answering(compared: Compared, last: Model, model: Model) -> Model:
@@ -383,7 +398,7 @@ def lean(compared: Compared, last: Model, whole: Contender) -> Contender:
 def fitted_together(
     compared: Compared,
     last: Model,
-    tables: Sequence[Mapping[str, object]],
+    tables: Sequence[Table],
     iterations: int = QUICK,
     about: Vehicle | None = None,
 ) -> Model:

@@ -14,9 +14,9 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.before import BESIDE, FLOOR
-from hydro.core.diagnosis.before import LEVEL as OF_HULL
 from hydro.core.evaluation.yardsticks import LEVEL, PREDICTORS, column
+from hydro.core.explanation.with_hull import BESIDE, FLOOR
+from hydro.core.explanation.with_hull import LEVEL as OF_HULL
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 

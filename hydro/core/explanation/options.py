@@ -12,10 +12,10 @@ from typing import Any
 
 import polars as pl
 
-from hydro.core.diagnosis.before import FLOOR
 from hydro.core.diagnosis.findings import tables
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.explanation.ladder import Step
+from hydro.core.explanation.with_hull import FLOOR
 
 Table = Mapping[str, Any]
 

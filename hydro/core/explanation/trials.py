@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
-from hydro.core.diagnosis.before import fit_changes, with_hull
+from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
@@ -32,6 +32,7 @@ from hydro.core.evaluation.yardsticks import Yardstick
 from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, is_open, options, states
 from hydro.core.explanation.screening import promising
+from hydro.core.explanation.with_hull import with_hull
 from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.output_error import OutputError

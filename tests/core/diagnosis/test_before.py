@@ -96,12 +96,21 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(before, monke
         return fit(vehicle, tables, problem, reach, iterations)
 
     monkeypatch.setattr(contenders, "fit_model", counted)
-    monkeypatch.setattr(contenders, "_reached", lambda fits, enough: False)
+    monkeypatch.setattr(contenders, "_least", lambda fits: np.inf)
     found = diagnose(damped(), flown(offset, seed=40), before=before)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
     assert len(set(long[: contenders.CLOSEST])) == contenders.CLOSEST
     assert len(quick) > 2 * contenders.MOST_CONTENDERS
+
+
+def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(before):
+    """What the hull does beside the file moves a vehicle of another drag or balance otherwise."""
+    offset = {"name": "buoyancy_offset", "dx": 0.0, "dy": -0.05, "dz": 0.02}
+    found = diagnose(damped(), flown(offset, seed=40), before=before)
+    assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
+    assert found.findings[0].confidence >= SURE
+    assert found.chi2[2] < contenders.RIGHT, "no more is left than the law of the hull leaves"
 
 
 def test_of_two_fins_the_one_that_was_turned_is_named():

@@ -10,10 +10,11 @@ import synthetic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recordings import damped, moved
+from scipy.optimize import lsq_linear
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.log_faults import in_order, preprocess
-from hydro.core.evaluation.thruster_order import Wiring, _told, rewired
+from hydro.core.evaluation.thruster_order import THRUSTS, Wiring, _told, _within_bounds, rewired
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 
@@ -112,3 +113,28 @@ def test_an_order_that_the_stretches_are_not_sure_of_is_not_told(scatter, told):
     assert after.mean() == pytest.approx(0.8)
     found = _told(_Costs(before, after), Wiring((0, 1), (-1, 1)))
     assert (found is not None) == told
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(2, 8),
+    apart=st.floats(-6.0, 0.0),
+    reach=st.floats(0.1, 3.0),
+)
+def test_thrusts_are_at_their_least_squares_within_bounds(seed, count, apart, reach):
+    """Of thrusters that push much alike, too, as those do that hold a vehicle's depth."""
+    rng = np.random.default_rng(seed)
+    alike = rng.standard_normal((40, 1)) * rng.uniform(-2.0, 2.0, count)
+    answers = alike + 10.0**apart * rng.standard_normal((40, count))
+    needed = answers @ rng.uniform(-reach, reach, count) + 0.1 * rng.standard_normal(40)
+    found = _within_bounds((answers.T @ answers)[None], (answers.T @ needed)[None], 1e-12)[0]
+    assert ((found >= THRUSTS[0]) & (found <= THRUSTS[1])).all()
+    least = 2.0 * lsq_linear(answers, needed, bounds=THRUSTS, method="bvls", tol=1e-14).cost
+    assert ((answers @ found - needed) ** 2).sum() <= least * (1.0 + 1e-6)
+
+
+def test_a_thruster_that_does_not_show_stays_as_the_file_says():
+    """Of two of which only the sum shows each has as much more or less."""
+    answers = np.array([[1.0, 1.0, 0.0]])
+    found = _within_bounds((answers.T @ answers)[None], (answers.T @ [1.4])[None], 1e-12)[0]
+    np.testing.assert_allclose(found, [0.7, 0.7, 1.0], atol=1e-6)
