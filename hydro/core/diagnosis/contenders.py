@@ -355,9 +355,8 @@ def answering(compared: Compared, last: Model, model: Model) -> Model:
             again = fitted_together(compared, last, tables, QUICK, about=model.vehicle)
         except Diverges:
             return model
-        ratio = again.normal.cost / model.normal.cost
-        model = again if ratio < 1.0 else model
-        if not ratio < SETTLED:
+        left, model = model.normal.cost, min(again, model, key=lambda one: one.normal.cost)
+        if not model.normal.cost < SETTLED * left:
             break
     return model
 

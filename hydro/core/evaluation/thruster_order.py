@@ -26,6 +26,7 @@ from hydro.core.effects.program import constants_of
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.identification.candidate import candidate
+from hydro.core.identification.levenberg_marquardt import moved
 from hydro.core.identification.parameters import free
 from hydro.core.identification.weak_form import Windows
 from hydro.core.recording.arrays import Recording
@@ -361,9 +362,8 @@ def _free(vehicle: Vehicle, windows: Windows) -> Array:
     """What explains accelerations anyway, (P, W, 6): a constant wrench, and effects that may be there."""
     own = own_effects(vehicle)
     unknown = free(vehicle, [*own, *(name for name in BESIDE if not vehicle.effects(name))])
-    steps = np.array([entry.step for entry in unknown.entries])
-    moved = [unknown.at(values) for values in unknown.starts[0] + np.diag(steps)]
-    answers = np.moveaxis(windows.columns(vehicle, moved, steps.tolist())[:, :WRENCH, :-1], -1, 0)
+    answers = windows.columns(vehicle, *moved(unknown, unknown.starts[0]))[:, :WRENCH, :-1]
+    answers = np.moveaxis(answers, -1, 0)
     size = np.linalg.norm(answers, axis=(1, 2))
     constant = np.repeat(np.eye(WRENCH)[:, None], len(windows.starts), axis=1)
     return np.concatenate([constant, answers[size > 0.0] / size[size > 0.0, None, None]])

@@ -54,6 +54,13 @@ def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
     assert preprocess(damped(), raw).wiring is None
 
 
+def test_values_at_their_bounds_may_be_otherwise(log):
+    """A power of 4, the most that a formula may have, is what a study may end at."""
+    steep = {"name": "formula", "forces": ["X |u|^n sgn(u)"], "force": [-1e-3], "exponents": [4.0]}
+    vehicle = damped(steep)
+    assert rewired(vehicle, recording(vehicle, log)) is None
+
+
 @settings(max_examples=8)
 @given(data=st.data())
 def test_columns_that_are_exchanged_or_reversed_are_found(log, data):
