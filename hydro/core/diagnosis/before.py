@@ -3,8 +3,7 @@
 What the hull does beside its file is learnt from the recording before and held fixed in the one after
 (`core.residual`), so that a change stands alone.  The file's effects keep their values, and are suspects like
 all others.  Residuals are measured against what the model of the hull leaves of stretches of the recording
-before that it was not fitted to: below that floor there is nothing.  A comparison gets the errors of short
-predictions, axis by axis, of the file alone and with what the hull does beside it.
+before that it was not fitted to: below that floor there is nothing.
 """
 
 from __future__ import annotations
@@ -123,10 +122,9 @@ class Change:
     def of(cls, compared: Compared, last: Model, rivals: Mapping[str, Contender]) -> Change | None:
         """The best of the rivals; None of none."""
         whole = compared.left_out(last.normal.of([]))
-        floor = float(compared.weight @ last.normal.freedoms)
         if not rivals:
             return None
-        first = cls(next(iter(rivals.values())), rivals, whole, floor)
+        first = cls(next(iter(rivals.values())), rivals, whole, compared.floor(last))
         return replace(first, best=min(rivals.values(), key=first.fined))
 
     def fine(self, rival: Contender) -> float:

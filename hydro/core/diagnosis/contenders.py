@@ -175,9 +175,13 @@ class Compared:
             found[out] = as_it_is(there, OutputError(shots.of(out))).costs
         return np.asarray(self.weight * found)
 
+    def floor(self, model: Model) -> float:
+        """Squared residual of all shots if they left what the model of the hull leaves of those before."""
+        return float(self.weight @ model.normal.freedoms)
+
     def chi2(self, model: Model) -> float:
         """Mean squared residual in units of what the model of the hull leaves of the recording before."""
-        return float(self.weight @ model.costs / (self.weight @ model.normal.freedoms))
+        return float(self.weight @ model.costs) / self.floor(model)
 
     def corrected(self, vehicle: Vehicle) -> OutputError:
         """The shots without the hull's share, asked for where this vehicle's current and log put it."""
@@ -203,7 +207,7 @@ def contend(
     ranked = stepped(compared, last, tried)
     flows = [name for name in ranked if CATALOGUE[name].kind == "flow"]
     always = dict.fromkeys([*list(ranked)[:CONTENDERS], *flows])
-    floor = float(compared.weight @ last.normal.freedoms)
+    floor = compared.floor(last)
     whole = float(compared.left_out(last.normal.of([])).sum())
     right = float(np.clip(NEARLY_ALL * whole, RIGHT * floor, FAR * floor))
     fits: dict[str, Contender] = {}

@@ -27,6 +27,7 @@ FIN = {
 
 EXCHANGED = {"cmd_1": pl.col("cmd_2"), "cmd_2": pl.col("cmd_1")}
 GAINS = "thruster_gain"
+OFFSET = {"name": "buoyancy_offset", "dx": 0.0, "dy": -0.05, "dz": 0.02}
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,6 @@ def test_what_only_its_finer_places_show_is_fitted_where_the_others_leave_much(b
 
 def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(before, monkeypatch):
     """A change that turns a vehicle over takes more steps than a quick fit has."""
-    offset = {"name": "buoyancy_offset", "dx": 0.0, "dy": -0.05, "dz": 0.02}
     fit, quick, long = contenders.fit_model, set[str](), list[str]()
 
     def counted(vehicle, tables, problem, reach, iterations):
@@ -97,7 +97,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(before, monke
 
     monkeypatch.setattr(contenders, "fit_model", counted)
     monkeypatch.setattr(contenders, "_least", lambda fits: np.inf)
-    found = diagnose(damped(), flown(offset, seed=40), before=before)
+    found = diagnose(damped(), flown(OFFSET, seed=40), before=before)
     assert (found.findings[0].verdict, found.findings[0].effect) == ("missing", "buoyancy_offset")
     assert long[0] == "buoyancy_offset"
     assert len(set(long[: contenders.CLOSEST])) == contenders.CLOSEST
@@ -106,8 +106,7 @@ def test_where_all_leave_much_all_are_fitted_and_the_closest_go_on(before, monke
 
 def test_nothing_is_found_beside_a_change_that_makes_the_vehicle_another(before):
     """What the hull does beside the file moves a vehicle of another drag or balance otherwise."""
-    offset = {"name": "buoyancy_offset", "dx": 0.0, "dy": -0.05, "dz": 0.02}
-    found = diagnose(damped(), flown(offset, seed=40), before=before)
+    found = diagnose(damped(), flown(OFFSET, seed=40), before=before)
     assert [(one.verdict, one.effect) for one in found.findings] == [("missing", "buoyancy_offset")]
     assert found.findings[0].confidence >= SURE
     assert found.chi2[2] < contenders.RIGHT, "no more is left than the law of the hull leaves"

@@ -30,8 +30,8 @@ def rival(effect: str, left: float, parameters: int) -> Contender:
 
 def change(rivals: list[Contender], whole: float) -> Change:
     """The best of rivals where nothing would leave so many floors, of which there is one."""
-    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None, freedoms=np.full(SHOTS, 1.0 / SHOTS)))
-    compared = SimpleNamespace(left_out=lambda _: np.full(SHOTS, whole / SHOTS), weight=np.ones(SHOTS))
+    last = SimpleNamespace(normal=SimpleNamespace(of=lambda _: None))
+    compared = SimpleNamespace(left_out=lambda _: np.full(SHOTS, whole / SHOTS), floor=lambda _: 1.0)
     found = Change.of(cast(Any, compared), cast(Any, last), {one.effect: one for one in rivals})
     assert found is not None
     return found
