@@ -1,8 +1,9 @@
 """How fast do vehicles fly on a GPU, beside the processor?
 
 One run of one machine: a thousand to a million vehicles under commands that change at every control step of
-0.04 s, by the same kernels on both sides, in Runge-Kutta steps of 0.01 s.  On the processor they fly one
-after another on one thread.  Rounds of both take turns; what is told is medians.
+0.04 s.  On the GPU they fly by Runge-Kutta steps of 0.01 s, once alone and once with tasks, sonar, rewards
+and new episodes.  On the processor they fly by the same kernels, one after another on one thread, and as
+MuJoCo's students on all threads (implicitfast at 2 ms).  Rounds of all take turns; what is told is medians.
 
     python benchmarks/gpu.py
     python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
@@ -11,9 +12,10 @@ after another on one thread.  Rounds of both take turns; what is told is medians
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,16 +29,23 @@ from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
+from hydro.rl.environment import conditions
+from hydro.rl.world.config import Settings
 from hydro.sim.gpu import memory
 
 COUNTS = (1_000, 10_000, 100_000, 1_000_000)
 PERIOD, STEPS = 0.04, 4
-ON_PROCESSOR = 250
+ROOM = 200_000_000
+"""Numbers that commands may be, all control steps together."""
+ON_PROCESSOR, STUDENTS = 250, 512
 """Vehicles that the processor flies in a round: it takes as long for each of them, however many there are."""
 
+Flight = Callable[[], int]
+"""Flies some control steps of many vehicles, and says how many."""
 
-def of_gpu(vehicle: Vehicle, commands: Array) -> Callable[[], int]:
-    """Fly so many vehicles under commands (K, N, n), which lie on the device; control steps of one call."""
+
+def of_gpu(vehicle: Vehicle, commands: Array) -> Flight:
+    """Fly so many vehicles under commands (K, N, n), which lie on the device."""
     from numba import cuda
 
     rows, count = commands.shape[:2]
@@ -54,8 +63,31 @@ def of_gpu(vehicle: Vehicle, commands: Array) -> Callable[[], int]:
     return fly
 
 
-def of_processor(vehicle: Vehicle, commands: Array) -> Callable[[], int]:
-    """Fly some of them by `simulate`'s loop; control steps of one call."""
+def of_gpu_with_tasks(vehicle: Vehicle, commands: Array) -> Flight:
+    """Let so many swim to goals between eight pillars at random demands, and begin anew where they end."""
+    import torch
+
+    from hydro.rl.environment.blocks import TERMINATED, TRUNCATED
+    from hydro.rl.gpu.fleet import GpuFleet
+
+    rows, count = commands.shape[:2]
+    fleet = GpuFleet(Settings(), vehicle, count=count, task="pillar_row", timestep=PERIOD / STEPS)
+    fleet.reset()
+    demands = torch.rand((rows, count, 6), device=fleet.device) * 2.0 - 1.0
+
+    def fly() -> int:
+        for row in demands:
+            fleet.step(row)
+            if (done := fleet.flags[TERMINATED] | fleet.flags[TRUNCATED]).any():
+                fleet.reset(done)
+        torch.cuda.synchronize()
+        return rows * count
+
+    return fly
+
+
+def of_processor(vehicle: Vehicle, commands: Array) -> Flight:
+    """Fly some of them by `simulate`'s loop."""
     program, rows = assemble(vehicle), len(commands)
     few = np.ascontiguousarray(np.moveaxis(commands[:, :ON_PROCESSOR], 1, 0))
     t = np.arange(rows) * PERIOD
@@ -68,13 +100,33 @@ def of_processor(vehicle: Vehicle, commands: Array) -> Callable[[], int]:
     return fly
 
 
-def measured(vehicle: Vehicle, counts: list[int], rows: int, rounds: int) -> pl.DataFrame:
-    """Control steps per second of both, by the number of vehicles."""
-    found = []
+def of_mujoco(vehicle: Vehicle, commands: Array) -> Flight:
+    """Fly some of them as MuJoCo's students, on all threads."""
+    few = np.ascontiguousarray(commands[:, :STUDENTS])
+    threads = len(os.sched_getaffinity(0))
+    plant = conditions.plant(conditions.Condition(), vehicle, Settings(), few.shape[1], threads=threads)
+    pose = np.tile([0.0, 0, 50, 1, 0, 0, 0], (few.shape[1], 1))
+    plant.reset(np.ones(len(pose), dtype=bool), pose, np.zeros((len(pose), 6)))
+
+    def fly() -> int:
+        for row in few:
+            plant.step(row)
+        return few.shape[0] * few.shape[1]
+
+    return fly
+
+
+WAYS = {"gpu": of_gpu, "gpu_tasks": of_gpu_with_tasks, "processor": of_processor, "mujoco": of_mujoco}
+
+
+def measured(vehicle: Vehicle, counts: list[int], rows: int, rounds: int) -> Iterator[dict[str, float]]:
+    """Control steps per second of all ways to fly, by the number of vehicles."""
     for count in counts:
         rng = np.random.default_rng(2)
-        commands = rng.uniform(-0.3, 0.3, (rows, count, len(vehicle.thruster)))
-        flown = {"gpu": of_gpu(vehicle, commands), "processor": of_processor(vehicle, commands)}
+        thrusters = len(vehicle.thruster)
+        some = max(2, min(rows, ROOM // (count * thrusters)))
+        commands = rng.uniform(-0.3, 0.3, (some, count, thrusters))
+        flown = {name: way(vehicle, commands) for name, way in WAYS.items()}
         for fly in flown.values():
             fly()  # compiled by now
         rates: dict[str, list[float]] = {name: [] for name in flown}
@@ -85,21 +137,16 @@ def measured(vehicle: Vehicle, counts: list[int], rows: int, rounds: int) -> pl.
                 rates[name].append(done / (time.perf_counter() - began))
         low, ratio, high = np.quantile(np.divide(rates["gpu"], rates["processor"]), [0.25, 0.5, 0.75])
         middle = {f"{name}_per_second": float(np.median(rate)) for name, rate in rates.items()}
-        found.append(
-            {
-                "vehicles": count,
-                **middle,
-                "ratio": ratio,
-                "ratio_low": low,
-                "ratio_high": high,
-                "rounds": rounds,
-            }
-        )
-        print(
-            f"| {count} | {middle['gpu_per_second']:,.0f} | {middle['processor_per_second']:,.0f} |", end=""
-        )
-        print(f" {ratio:.1f} [{low:.1f}, {high:.1f}] |", flush=True)
-    return pl.DataFrame(found)
+        yield {"vehicles": count, **middle, "ratio": ratio, "ratio_low": low, "ratio_high": high,
+               "rounds": rounds}  # fmt: skip
+
+
+def card() -> str:
+    """What the GPU is called."""
+    from numba import cuda
+
+    name = cuda.get_current_device().name
+    return name.decode() if isinstance(name, bytes) else str(name)
 
 
 def main() -> None:
@@ -115,13 +162,19 @@ def main() -> None:
         if memory.simulated():
             raise UsageError("numba-cuda's simulator times nothing; unset NUMBA_ENABLE_CUDASIM")
         vehicle = files.read(bundled("vehicles") / f"{chosen.vehicle}.toml")[0]
-        print(f"{vehicle.name}: control steps per second\n\n| vehicles | GPU | processor, 1 thread | ratio |")
-        print("|---:|---:|---:|---:|")
-        table = measured(vehicle, chosen.vehicles or list(COUNTS), chosen.rows, chosen.rounds)
+        print(f"{vehicle.name}: control steps per second, on {os.cpu_count()} cores and {card()}\n")
+        print("| vehicles | GPU | with tasks | simulate, 1 thread | MuJoCo, all threads | GPU / simulate |")
+        print("|---:|---:|---:|---:|---:|---:|")
+        rows = []
+        for row in measured(vehicle, chosen.vehicles or list(COUNTS), chosen.rows, chosen.rounds):
+            rows.append(row)
+            rates = " | ".join(f"{row[f'{name}_per_second']:,.0f}" for name in WAYS)
+            print(f"| {row['vehicles']} | {rates} |", end="")
+            print(f" {row['ratio']:.0f} [{row['ratio_low']:.0f}, {row['ratio_high']:.0f}] |", flush=True)
+            if chosen.out:
+                pl.DataFrame(rows).write_parquet(chosen.out)
     except HydroError as error:
         sys.exit(f"error: {error}")
-    if chosen.out:
-        table.write_parquet(chosen.out)
 
 
 if __name__ == "__main__":

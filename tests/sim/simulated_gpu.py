@@ -1,4 +1,4 @@
-"""Vehicles in numba-cuda's simulator, beside `simulate`: what `test_gpu` runs in a process of its own.
+"""Vehicles on a GPU, or in its simulator, beside `simulate`: what `test_gpu` runs in a process of its own.
 
 Prints one line of JSON: the largest differences, and what else was to be seen.
 """
@@ -66,7 +66,8 @@ def main() -> None:
         kept = plant.snapshot() if k == ROWS - 3 else kept
         plant.step(commands[:, k])
     ended = plant.snapshot()
-    flown = np.hstack([plant.pose[:, :3], euler_from_quaternion(plant.pose[:, 3:]), plant.velocity])
+    pose_now, velocity_now = ended["pose"], ended["velocity"]
+    flown = np.hstack([pose_now[:, :3], euler_from_quaternion(pose_now[:, 3:]), velocity_now])
     found = [told(one, eta, nu, commands) for one in both]
     wanted = np.where(kind[:, None] == 0, *found)
     plant.restore(kept)

@@ -20,7 +20,7 @@ from hydro.core.vehicle.control_allocation import mixing
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_from_euler
 from hydro.core.vehicle.rigid_body import mass_matrix
-from hydro.rl.environment import geometry, observation, reward
+from hydro.rl.environment import observation, reward
 from hydro.rl.environment.action import ACTIONS, command_kernel
 from hydro.rl.environment.blocks import (
     AGE,
@@ -34,7 +34,6 @@ from hydro.rl.environment.blocks import (
     Episodes,
     Motion,
     Outcome,
-    Rules,
     Scenes,
 )
 from hydro.rl.environment.interfaces import Guidance, Info, State, Step
@@ -42,7 +41,7 @@ from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.past import Past
 from hydro.rl.environment.randomiser import Randomiser
 from hydro.rl.environment.reward import WEIGHTS
-from hydro.rl.environment.step import sense_kernel, step_kernel
+from hydro.rl.environment.step import rules_of, sense_kernel, step_kernel
 from hydro.rl.tasks.registry import TASKS, task_of
 from hydro.rl.tasks.task import Ends, Task, generator
 from hydro.rl.world.config import Settings
@@ -100,7 +99,7 @@ class Fleet:
         self.count, self.task, self.level, self.led = len(plant.pose), next(iter(TASKS.values())), 0, False
         self._mixing = crew.allocation, crew.table, crew.authority
         self._senses = observation.senses(settings, plant.vehicle)
-        self._rules = _rules(settings, plant.vehicle, crew.table)
+        self._rules = rules_of(settings, plant.vehicle, crew.table)
         self._noise = _generator(seed)
         self._randomiser = Randomiser(settings, plant.vehicle, OBSERVATIONS, estimates)
         self._make_arrays()
@@ -339,12 +338,6 @@ _STATE = (
     "_ends", "_following", "_episode", "_drawn", "_currents", "_changed", "_bias", "_before", "_distance",
     "_path_cost", "_least", "_rotation", "_totals", "_now",
 )  # fmt: skip
-
-
-def _rules(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
-    """What a step is measured by, as the kernels take it; thruster table (n, columns)."""
-    limits = np.array([settings.overspeed, settings.period])
-    return Rules(geometry.hull_numbers(vehicle.hull), geometry.tank(settings.world), table, limits)
 
 
 def _generator(seed: int) -> np.random.Generator:

@@ -41,21 +41,28 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
         R: Body to NED (9,).
         pillars: x y of their axes (P, 2), NaN where there is none.
     """
-    center, extent = np.empty(3), np.empty(3)
     for i in range(3):
-        row = R[3 * i : 3 * i + 3]
-        center[i] = position[i] + row[0] * hull[0] + row[1] * hull[1] + row[2] * hull[2]
-        # The support of an ellipsoid along a world axis.
-        extent[i] = math.sqrt((row[0] * hull[3]) ** 2 + (row[1] * hull[4]) ** 2 + (row[2] * hull[5]) ** 2)
+        center, extent = shadow_kernel(hull, position, R, i)
         far = tank[LENGTH] if i == 0 else tank[WIDTH] if i == 1 else tank[FLOOR]
-        if center[i] - extent[i] <= 0.0 or center[i] + extent[i] >= far:
+        if center - extent <= 0.0 or center + extent >= far:
             return True
+    north, long = shadow_kernel(hull, position, R, 0)
+    east, wide = shadow_kernel(hull, position, R, 1)
     for i in range(pillars.shape[0]):
-        x, y = pillars[i, 0] - center[0], pillars[i, 1] - center[1]
-        near = abs(x) < extent[0] + tank[RADIUS] and abs(y) < extent[1] + tank[RADIUS]
+        x, y = pillars[i, 0] - north, pillars[i, 1] - east
+        near = abs(x) < long + tank[RADIUS] and abs(y) < wide + tank[RADIUS]
         if near and shadow_distance(hull, R, x, y) <= tank[RADIUS]:
             return True
     return False
+
+
+@jit
+def shadow_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[float, float]:
+    """Middle of a hull's shadow on an axis of the world, and half its length: the support of an ellipsoid."""
+    row = R[3 * axis : 3 * axis + 3]
+    center = position[axis] + row[0] * hull[0] + row[1] * hull[1] + row[2] * hull[2]
+    extent = math.sqrt((row[0] * hull[3]) ** 2 + (row[1] * hull[4]) ** 2 + (row[2] * hull[5]) ** 2)
+    return center, extent
 
 
 @jit

@@ -106,14 +106,14 @@ def observe_kernel(
         motion: Its motion, the rotation that of the pose.
         scenes: Its target and pillars.
         k: Its number.
-        noise: What is added to each observation (36,).
+        noise: What is added to each observation (36,); what was sensed, not clipped yet, stands there then.
         out: (36,) written.
 
     Returns:
         The least range of the sonar without noise [m].
     """
     pose, velocity, R, target = motion.pose[k], motion.velocity[k], motion.rotation[k], scenes.targets[k]
-    o = noise.copy()
+    o = noise
     for i in range(3):
         for j in range(3):
             o[TARGET + i] += R[3 * j + i] * (target[j] - pose[j])
@@ -125,10 +125,11 @@ def observe_kernel(
         o[QUATERNION + i] += pose[3 + i]
     o[DEPTH] += pose[2]
     o[ALTITUDE] += senses.tank[FLOOR] - pose[2]
-    ranges = np.empty(BEAMS)
-    least = sonar_kernel(senses.fan, senses.reach, senses.tank, pose[:3], R, scenes.pillars[k], ranges)
+    least = senses.reach
     for beam in range(BEAMS):
-        o[SONAR + beam] += ranges[beam]
+        far = sonar_kernel(senses.fan[beam], senses.reach, senses.tank, pose[:3], R, scenes.pillars[k])
+        least = min(least, far)
+        o[SONAR + beam] += far
     for i in range(OBSERVATIONS):
         out[i] = min(max(np.float32(o[i]), senses.limits[0, i]), senses.limits[1, i])
     return least

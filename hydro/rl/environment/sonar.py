@@ -14,6 +14,9 @@ from hydro.rl.world.config import Sonar
 
 BEAMS = 15
 
+Point = tuple[float, float, float]
+"""x y z; a tuple, for a GPU's threads make no arrays."""
+
 
 def beams(sonar: Sonar, hull: Hull) -> Array:
     """Where beams leave the hull and where they look, from port to starboard.
@@ -36,13 +39,13 @@ def beams(sonar: Sonar, hull: Hull) -> Array:
 
 
 @jit
-def range_kernel(origin: Array, ray: Array, tank: Array, pillars: Array, reach: float) -> float:
-    """Distance [m] along a unit ray (3,) from `origin` (3,), NED, to the first surface; at most `reach`.
+def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: float) -> float:
+    """Distance [m] along a unit ray from `origin`, NED, to the first surface; at most `reach`.
 
     The water's surface gives no echo here.  From within a pillar or outside the tank the distance is 0.
 
     Args:
-        origin: [m].
+        origin: x y z [m].
         ray: Direction.
         tank: Numbers of `rl.environment.geometry`.
         pillars: x y of their axes (P, 2), NaN where there is none.
@@ -70,28 +73,28 @@ def range_kernel(origin: Array, ray: Array, tank: Array, pillars: Array, reach: 
 
 
 @jit
-def sonar_kernel(
-    fan: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array, out: Array
-) -> float:
-    """Ranges of one vehicle's beams, and the least of them.
+def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array) -> float:
+    """Range of one beam of a vehicle [m].
 
     Args:
-        fan: Places and directions of the beams in the body (15, 6), FRD [m].
+        beam: Its place and direction in the body (6,), FRD [m].
         reach: [m].
         tank: Numbers of `rl.environment.geometry`.
         position: Of CO (3,), NED.
         R: Body to NED (9,).
         pillars: (P, 2).
-        out: (15,) written.
     """
-    origin, ray = np.empty(3), np.empty(3)
-    least = reach
-    for beam in range(fan.shape[0]):
-        place, way = fan[beam, :3], fan[beam, 3:]
-        for i in range(3):
-            row = R[3 * i : 3 * i + 3]
-            origin[i] = position[i] + row[0] * place[0] + row[1] * place[1] + row[2] * place[2]
-            ray[i] = row[0] * way[0] + row[1] * way[1] + row[2] * way[2]
-        out[beam] = range_kernel(origin, ray, tank, pillars, reach)
-        least = min(least, out[beam])
-    return least
+    here = position[0], position[1], position[2]
+    origin, ray = displaced(here, R, beam[:3]), displaced((0.0, 0.0, 0.0), R, beam[3:])
+    return float(range_kernel(origin, ray, tank, pillars, reach))
+
+
+@jit
+def displaced(point: Point, R: Array, vector: Array) -> Point:
+    """A point, NED, by a vector of the body (3,) away."""
+    x, y, z = vector[0], vector[1], vector[2]
+    return (
+        point[0] + R[0] * x + R[1] * y + R[2] * z,
+        point[1] + R[3] * x + R[4] * y + R[5] * z,
+        point[2] + R[6] * x + R[7] * y + R[8] * z,
+    )

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hydro.core.columns import Array, Array32, Mask
 from hydro.core.compiled import jit
+from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
 from hydro.rl.environment.blocks import (
@@ -35,7 +38,7 @@ from hydro.rl.environment.blocks import (
     Scenes,
     Senses,
 )
-from hydro.rl.environment.geometry import collision_kernel
+from hydro.rl.environment.geometry import collision_kernel, hull_numbers, tank
 from hydro.rl.environment.observation import observe_kernel
 from hydro.rl.environment.reward import (
     COLLISION,
@@ -48,8 +51,15 @@ from hydro.rl.environment.reward import (
     shaping,
     straying,
 )
+from hydro.rl.world.config import Settings
 
 POWER = 1.5  # an ideal propeller's power goes with this power of its thrust
+
+
+def rules_of(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
+    """What a step is measured by, as the kernels take it; thruster table (n, columns)."""
+    limits = np.array([settings.overspeed, settings.period])
+    return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
 
 
 @jit
@@ -63,17 +73,24 @@ def sense_kernel(
         senses: Their sensors.
         motion: Their motion; the rotation is written.
         scenes: Their tasks.
-        noise: Standard normal (N, 36); scaled in place.
+        noise: Standard normal (N, 36); scratch afterwards.
         nearest: The nearest echo without noise (N,), written.
         out: Observations (N, 36), written.
     """
     for k in range(mask.size):
-        if not mask[k]:
-            continue
-        for i in range(senses.sigma.size):
-            noise[k, i] *= senses.sigma[i]
-        quaternion_kernel(motion.pose[k, 3:7], motion.rotation[k])
-        nearest[k] = observe_kernel(senses, motion, scenes, k, noise[k], out[k])
+        if mask[k]:
+            sense(k, senses, motion, scenes, noise[k], nearest, out)
+
+
+@jit
+def sense(
+    k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
+) -> None:
+    """Observations of vehicle `k`; arguments as of `sense_kernel`, but its own noise (36,)."""
+    for i in range(senses.sigma.size):
+        noise[i] *= senses.sigma[i]
+    quaternion_kernel(motion.pose[k, 3:7], motion.rotation[k])
+    nearest[k] = observe_kernel(senses, motion, scenes, k, noise, out[k])
 
 
 @jit
@@ -109,30 +126,38 @@ def step_kernel(
         outcome: Of this step.
     """
     for k in range(actions.shape[0]):
-        w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
-        away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
-        totals[AGE] += 1.0
-        if 0.0 <= ends[SETTLING] < totals[AGE]:
-            totals[ERROR] += away * away
-        mark_ends(rules, motion, scenes, k, away, totals, outcome.flags)
-        power = power_share(rules.table, motion.thrust[k])
-        gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, actions[k], episodes.action[k])
-        north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
-        gain += posture(w, motion.rotation[k], north, east)
-        gain += alignment(w, motion.rotation[k], away) - haste(w, speed, ends[SPEED], away)
-        gain -= obstacle_cost(w, episodes.nearest[k]) + straying(w, away) + scenes.path_cost[k]
-        if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
-            gain += w[SUCCESS]
-        if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
-            gain -= w[COLLISION]
-        outcome.reward[k] = gain
+        score(k, rules, motion, scenes, episodes, actions[k], outcome)
 
-        episodes.distance[k] = away
-        for j in range(actions.shape[1]):
-            episodes.action[k, j] = actions[k, j]
-        totals[RETURN] += gain
-        totals[ENERGY] += power * rules.limits[PERIOD]
-        totals[OVERSPEED] += 1.0 if outcome.flags[FAST, k] else 0.0
+
+@jit
+def score(
+    k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
+) -> None:
+    """Reward, end of episode and totals of vehicle `k`; arguments as of `step_kernel`, its action (6,)."""
+    w, ends, totals = scenes.weights[k], scenes.ends[k], episodes.totals[k]
+    away, speed = distance(scenes.goals[k], motion.pose[k]), length(motion.velocity[k, :3])
+    totals[AGE] += 1.0
+    if 0.0 <= ends[SETTLING] < totals[AGE]:
+        totals[ERROR] += away * away
+    mark_ends(rules, motion, scenes, k, away, totals, outcome.flags)
+    power = power_share(rules.table, motion.thrust[k])
+    gain = shaping(w, episodes.distance[k], away) - effort_cost(w, power, action, episodes.action[k])
+    north, east = scenes.targets[k, 0] - motion.pose[k, 0], scenes.targets[k, 1] - motion.pose[k, 1]
+    gain += posture(w, motion.rotation[k], north, east)
+    gain += alignment(w, motion.rotation[k], away) - haste(w, speed, ends[SPEED], away)
+    gain -= obstacle_cost(w, episodes.nearest[k]) + straying(w, away) + scenes.path_cost[k]
+    if outcome.flags[ARRIVED, k] and outcome.flags[TERMINATED, k]:
+        gain += w[SUCCESS]
+    if outcome.flags[TOUCHED, k] or outcome.flags[DIVERGED, k]:
+        gain -= w[COLLISION]
+    outcome.reward[k] = gain
+
+    episodes.distance[k] = away
+    for j in range(action.size):
+        episodes.action[k, j] = action[j]
+    totals[RETURN] += gain
+    totals[ENERGY] += power * rules.limits[PERIOD]
+    totals[OVERSPEED] += 1.0 if outcome.flags[FAST, k] else 0.0
 
 
 @jit

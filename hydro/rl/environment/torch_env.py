@@ -1,4 +1,4 @@
-"""The fleet as TorchRL knows environments: one batch of N vehicles, on the processor."""
+"""Fleets as TorchRL knows environments: one batch of N vehicles."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from torchrl.envs import EnvBase
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.environment.observation import bounds
+from hydro.rl.world.config import Settings
 
 OUTCOMES = ("success", "collision", "diverged")
 """Entries of `fleet.Info` that are passed on."""
 
 
-class FleetEnv(EnvBase):  # type: ignore[misc]
-    """Vehicles of a fleet as a locked batch; episodes that have ended wait for a reset.
+class Batch(EnvBase):  # type: ignore[misc]
+    """N vehicles as a locked batch, on whichever device.
 
     Read are `action` (N, 6); written `observation` (N, O), `reward`, `done`, `terminated` and `truncated`
     (N, 1), and `success`, `collision` and `diverged` (N, 1).
@@ -27,32 +28,48 @@ class FleetEnv(EnvBase):  # type: ignore[misc]
 
     batch_locked = True
 
-    def __init__(self, fleet: Fleet) -> None:
-        """Wrap a fleet; its task and level stay its own."""
-        super().__init__(device="cpu", batch_size=torch.Size([fleet.count]))
-        self.fleet = fleet
-        count = fleet.count
-        low, high = (torch.from_numpy(bound).expand(count, -1) for bound in bounds(fleet.settings))
-        flag = {"shape": (count, 1), "dtype": torch.bool}
+    def __init__(self, settings: Settings, count: int, device: torch.device | str) -> None:
+        """Say what is read and written."""
+        super().__init__(device=device, batch_size=torch.Size([count]))
+        low, high = (torch.from_numpy(bound).to(device).expand(count, -1) for bound in bounds(settings))
+        flag = {"shape": (count, 1), "dtype": torch.bool, "device": device}
         self.observation_spec = Composite(
-            observation=Bounded(low, high, dtype=torch.float32),
+            observation=Bounded(low, high, dtype=torch.float32, device=device),
             **{name: Binary(1, **flag) for name in OUTCOMES},
             shape=self.batch_size,
         )
-        self.action_spec = Bounded(-1.0, 1.0, shape=(count, ACTIONS), dtype=torch.float32)
-        self.reward_spec = Unbounded(shape=(count, 1), dtype=torch.float32)
+        self.action_spec = Bounded(-1.0, 1.0, shape=(count, ACTIONS), dtype=torch.float32, device=device)
+        self.reward_spec = Unbounded(shape=(count, 1), dtype=torch.float32, device=device)
         ends = ("done", "terminated", "truncated")
         self.done_spec = Composite({name: Binary(1, **flag) for name in ends}, shape=self.batch_size)
 
+    @staticmethod
+    def those(tensordict: TensorDictBase | None) -> torch.Tensor | None:
+        """Which vehicles are to be reset (N,); nothing where all are."""
+        if tensordict is None or "_reset" not in tensordict.keys():  # noqa: SIM118  a tensordict iterates rows
+            return None
+        mask: torch.Tensor = tensordict["_reset"].reshape(-1)
+        return mask
+
+    def fresh(self, observation: torch.Tensor) -> TensorDict:
+        """What a reset tells: what is seen (N, O), and that nothing has happened."""
+        nothing = torch.zeros(len(observation), 1, dtype=torch.bool, device=self.device)
+        silent = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
+        return TensorDict({"observation": observation, **silent}, self.batch_size, device=self.device)
+
+
+class FleetEnv(Batch):
+    """Vehicles of a fleet of the processor; episodes that have ended wait for a reset."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        """Wrap a fleet; its task and level stay its own."""
+        super().__init__(fleet.settings, fleet.count, "cpu")
+        self.fleet = fleet
+
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Begin the next episode of the vehicles of `_reset` (N, 1), of all by default."""
-        mask = None
-        if tensordict is not None and "_reset" in tensordict.keys():  # noqa: SIM118  a tensordict iterates rows
-            mask = tensordict["_reset"].reshape(-1).numpy()
-        observation = self.fleet.reset(mask)
-        nothing = torch.zeros(self.fleet.count, 1, dtype=torch.bool)
-        silent = {name: nothing.clone() for name in (*OUTCOMES, "done", "terminated", "truncated")}
-        return TensorDict({"observation": torch.from_numpy(observation), **silent}, self.batch_size)
+        mask = self.those(tensordict)
+        return self.fresh(torch.from_numpy(self.fleet.reset(None if mask is None else mask.numpy())))
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Fly one control step."""

@@ -108,7 +108,7 @@ class TwinLoss(SACLoss):  # type: ignore[misc]
     def sample(self, observations: Tensor) -> tuple[Tensor, Tensor]:
         """Actions (B, A) of the policy, and their log density (B,), reparameterised."""
         mean, scale = self._policy(observations)
-        noise = torch.randn(mean.shape, generator=self._generator)
+        noise = torch.randn(mean.shape, generator=self._generator, device=mean.device)
         latent = mean + scale * noise
         log_density = -0.5 * (noise.square() + math.log(2.0 * math.pi)) - scale.log()
         log_slope = 2.0 * (math.log(2.0) - latent - functional.softplus(-2.0 * latent))

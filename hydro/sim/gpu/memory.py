@@ -70,6 +70,15 @@ def seen(values: Any, dtype: DTypeLike = np.float64) -> Any:
     return cuda.as_cuda_array(values)
 
 
+def shared(tensor: Any) -> Any:
+    """A tensor of the device as kernels take it: the same memory."""
+    if simulated():
+        return tensor.numpy()
+    from numba import cuda
+
+    return cuda.as_cuda_array(tensor)
+
+
 def host(values: Any) -> NDArray[Any]:
     """A copy of an array of the device, on the host."""
     return np.array(values) if simulated() else values.copy_to_host()

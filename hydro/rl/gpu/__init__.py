@@ -1,0 +1,1 @@
+"""Tasks, sonar, rewards and learning where the vehicles of a GPU fly (extra `gpu`)."""

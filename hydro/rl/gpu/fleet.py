@@ -1,0 +1,214 @@
+"""Episodes of many vehicles on a GPU: tasks, sonar and rewards where they fly.
+
+A control step is four launches, whatever the number of vehicles, and nothing leaves the device.  Who begins
+anew takes the next scene of a pool that is drawn ahead: those that vehicles of `environment.fleet` fly.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hydro.core.effects import inertia_matrix
+from hydro.core.errors import UsageError
+from hydro.core.vehicle.control_allocation import mixing
+from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.frames import quaternion_from_euler
+from hydro.core.vehicle.rigid_body import mass_matrix
+from hydro.rl.environment import observation, reward
+from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.blocks import FLAGS, TOTALS, Episodes, Motion, Outcome, Scenes
+from hydro.rl.environment.observation import OBSERVATIONS
+from hydro.rl.environment.reward import WEIGHTS
+from hydro.rl.environment.step import rules_of
+from hydro.rl.tasks.point_to_point import PointToPoint
+from hydro.rl.tasks.registry import task_of
+from hydro.rl.tasks.task import Ends, Scene, Task, generator
+from hydro.rl.world.config import Randomisation, Settings
+from hydro.sim.gpu import memory
+from hydro.sim.gpu.plant import STEP, GpuPlant
+
+POOL = 16_384
+"""Scenes that are drawn ahead, at most."""
+
+
+class GpuFleet:
+    """Vehicles that learn side by side on a GPU.
+
+    Attributes:
+        settings: All choices.
+        plant: What they fly in.
+        count: Number of vehicles N.
+        task: What they fly.
+        level: Its level.
+        observations: What each sees (N, 36), as `rl.environment.observation` says; rewritten in place, as are
+            the following.
+        reward: Of the last step (N,).
+        flags: What it came to (FLAGS, N), in the order of `rl.environment.blocks`.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        vehicle: Vehicle,
+        *,
+        count: int = 1,
+        seed: int = 0,
+        task: str = PointToPoint.name,
+        level: int | None = None,
+        timestep: float = STEP,
+    ) -> None:
+        """Make a fleet; `reset` begins.
+
+        Args:
+            settings: All choices; nothing is drawn anew, and one observation is seen at once.
+            vehicle: The vehicle file, with all its effects.
+            count: Number of vehicles.
+            seed: Of tasks and noise.
+            task: One whose goals stay where they are, without a plan and a current.
+            level: Its level; the greatest by default.
+            timestep: Integration step at most [s].
+
+        Raises:
+            DataError: The vehicle cannot be flown.
+            UsageError: There is no GPU, no such task or level, or it needs what does not run here.
+        """
+        if settings.randomise != Randomisation() or settings.history != 1:
+            raise UsageError(
+                "a GPU's vehicles are all as the file says and see one observation at once: leave randomise "
+                "and history out, or fly on the processor"
+            )
+        self.plant = GpuPlant(vehicle, count=count, period=settings.period, timestep=timestep)
+        self.settings, self.count, self.seed = settings, count, seed
+        self.task = task_of(task)
+        self.level = self.task.most if level is None else level
+        self.task.require(self.level)
+        self.device = torch.device("cpu" if memory.simulated() else "cuda")
+        self._generator = torch.Generator(self.device).manual_seed(seed)
+        crew = mixing(vehicle, mass_matrix(vehicle) + inertia_matrix(vehicle))
+        self._make_arrays(_drawn(self.task, self.level, settings, count, seed))
+        self._make_blocks(vehicle, crew)
+
+    def _make_arrays(self, scenes: list[Scene]) -> None:
+        """Arrays of every vehicle on the device, and the pool of scenes."""
+        count = self.count
+        pillars = max(1, *(len(scene.pillars) for scene in scenes))
+        poses, goals = np.zeros((len(scenes), 7)), np.zeros((len(scenes), 3))
+        axes = np.full((len(scenes), pillars, 2), np.nan)
+        for row, scene in enumerate(scenes):
+            poses[row, :3], poses[row, 3:] = scene.start, quaternion_from_euler(0.0, 0.0, scene.heading)
+            goals[row], axes[row, : len(scene.pillars)] = scene.goal, scene.pillars
+        self._pool_arrays = poses, goals, axes
+        self._pillars = self._zeros(count, pillars, 2)
+        self._goals, self._targets = self._zeros(count, 3), self._zeros(count, 3)
+        self._poses, self._still = self._zeros(count, 7), self._zeros(count, 6)
+        self._mask, self._all = (torch.ones(count, dtype=torch.bool, device=self.device) for _ in range(2))
+        self._episode = torch.full((count,), -1, dtype=torch.int64, device=self.device)
+        self._demands, self._noise = self._zeros(count, ACTIONS), self._zeros(count, OBSERVATIONS)
+        self.observations = self._zeros(count, OBSERVATIONS).float()
+        self.reward = self._zeros(count).float()
+        self.flags = torch.zeros((FLAGS, count), dtype=torch.bool, device=self.device)
+
+    def _make_blocks(self, vehicle: Vehicle, crew: Any) -> None:
+        """Blocks of arrays, as the kernels take them."""
+        from hydro.rl.gpu import kernels
+
+        count, settings, shared = self.count, self.settings, memory.shared
+        ends = np.array([self.task.ends(settings)], dtype=np.float64)
+        worth = reward.weights(self.task.reward(settings))[None]
+        self._commands = memory.zeros((count, len(crew.table)))
+        self._crew = kernels.Crew(*map(memory.put, (crew.allocation, crew.table, crew.authority)))
+        self._told = kernels.Demands(shared(self._demands), self._commands)
+        self._pool = kernels.Pool(*map(memory.put, self._pool_arrays))
+        self._starts = kernels.Starts(shared(self._mask), shared(self._episode), shared(self._poses))
+        senses = observation.senses(settings, vehicle)
+        self._senses = senses._replace(
+            limits=memory.put(senses.limits), fan=memory.put(senses.fan), tank=memory.put(senses.tank),
+            sigma=memory.put(senses.sigma),
+        )  # fmt: skip
+        self._rules = type(rules := rules_of(settings, vehicle, crew.table))(*map(memory.put, rules))
+        plant = self.plant
+        self._motion = Motion(
+            plant.pose, plant.velocity, plant.specific_force, plant.thrust, plant.diverged,
+            memory.zeros((count, 9)),
+        )  # fmt: skip
+        self._scenes = Scenes(
+            memory.put(np.broadcast_to(worth, (count, WEIGHTS))),
+            memory.put(np.broadcast_to(ends, (count, len(Ends._fields)))),
+            shared(self._goals), shared(self._targets), shared(self._pillars), memory.zeros((count,)),
+        )  # fmt: skip
+        self._episodes = Episodes(
+            memory.zeros((count,)), memory.zeros((count, ACTIONS)), memory.zeros((count,)),
+            memory.zeros((count, TOTALS)),
+        )  # fmt: skip
+        self._view = kernels.View(shared(self._mask), shared(self._noise), shared(self.observations))
+        self._outcome = Outcome(shared(self.reward), shared(self.flags))
+        self._nobody = shared(self._still)
+
+    def _zeros(self, *shape: int) -> Tensor:
+        """Zeros of the device."""
+        return torch.zeros(shape, dtype=torch.float64, device=self.device)
+
+    def reset(self, mask: Tensor | None = None) -> Tensor:
+        """Begin the next episode of some vehicles (N,), by default of all; what all see (N, 36)."""
+        from hydro.rl.gpu import kernels
+
+        self._mask.copy_(self._all if mask is None else mask)
+        kernels.launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
+        self.plant.reset(self._starts.mask, self._starts.pose, self._nobody)
+        self._look()
+        return self.observations
+
+    def step(self, actions: Tensor) -> Tensor:
+        """Fly one control step; `reward` and `flags` tell of it.
+
+        Args:
+            actions: Demands (N, 6), clipped to [-1, 1]; with one that is no number a vehicle diverges.
+
+        Returns:
+            What all see (N, 36).
+        """
+        from hydro.rl.gpu import kernels
+
+        self._demands.copy_(actions)
+        kernels.launch(kernels.command, self.count, self._crew, self._told)
+        self.plant.step(self._commands)
+        self._mask.copy_(self._all)
+        self._look()
+        kernels.launch(
+            kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes, self._told,
+            self._outcome,
+        )  # fmt: skip
+        return self.observations
+
+    def reseed(self, seed: int) -> None:
+        """Sense with the noise of a seed from now on."""
+        self._generator.manual_seed(seed)
+
+    def _look(self) -> None:
+        """Renew what the vehicles of the mask see."""
+        from hydro.rl.gpu import kernels
+
+        self._noise.normal_(generator=self._generator)
+        kernels.launch(
+            kernels.look, self.count, self._senses, self._motion, self._scenes, self._episodes, self._view
+        )
+
+
+def _drawn(task: Task, level: int, settings: Settings, count: int, seed: int) -> list[Scene]:
+    """Scenes of a fleet's first episodes: row r is that of vehicle r % N in its episode r // N.
+
+    Raises:
+        UsageError: One has a current, or a goal that moves, or is to be reached along a plan.
+    """
+    if task.guided:
+        raise UsageError(f"{task.name} has a plan, which is made on the processor: fly it there")
+    episodes = max(1, POOL // count)
+    rows = ((row % count, row // count) for row in range(min(count * episodes, POOL)))
+    scenes = [task.scene(settings, level, generator(seed, *row)) for row in rows]
+    if any(len(scene.course) > 1 or scene.current.any() for scene in scenes):
+        raise UsageError(f"{task.name} has a goal that moves, or a current: fly it on the processor")
+    return scenes

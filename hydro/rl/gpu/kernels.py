@@ -1,0 +1,133 @@
+"""What vehicles on a GPU are told, what they sense and what their steps are worth; one thread a vehicle.
+
+All that is computed stands in `rl.environment`, which the processor runs too.  Arguments are blocks of
+arrays, see `sim.gpu.kernels`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cuda
+from numpy.typing import NDArray
+
+from hydro.core.columns import Array, Array32, Mask
+from hydro.core.compiled import copy_kernel
+from hydro.rl.environment.action import ACTIONS, mixed
+from hydro.rl.environment.blocks import Episodes, Motion, Outcome, Rules, Scenes, Senses
+from hydro.rl.environment.step import distance, score, sense
+
+
+class Pool(NamedTuple):
+    """Scenes drawn ahead, of which each vehicle flies one an episode.
+
+    Attributes:
+        poses: Where an episode begins (S, 7), see `sim.plant.Plant`.
+        goals: (S, 3), NED [m].
+        pillars: (S, P, 2), NaN where there is none.
+    """
+
+    poses: Array
+    goals: Array
+    pillars: Array
+
+
+class Starts(NamedTuple):
+    """Who begins, and where.
+
+    Attributes:
+        mask: Which of N vehicles (N,).
+        episode: Number of each one's episode (N,); -1 before the first.
+        pose: Where each begins (N, 7), written.
+    """
+
+    mask: Mask
+    episode: NDArray[np.int64]
+    pose: Array
+
+
+class Crew(NamedTuple):
+    """How demands become commands, see `environment.action.mixed`."""
+
+    allocation: Array
+    table: Array
+    authority: Array
+
+
+class Demands(NamedTuple):
+    """Demands (N, 6), clipped in place, and the commands (N, n) that they become."""
+
+    actions: Array
+    commands: Array
+
+
+class View(NamedTuple):
+    """What is sensed.
+
+    Attributes:
+        mask: By whom (N,).
+        noise: Standard normal (N, 36); scratch afterwards.
+        out: Observations (N, 36), written.
+    """
+
+    mask: Mask
+    noise: Array
+    out: Array32
+
+
+@cuda.jit  # type: ignore[untyped-decorator]
+def place(pool: Pool, starts: Starts, scenes: Scenes, episodes: Episodes) -> None:
+    """Give vehicles that begin the scenes of their next episodes."""
+    k = cuda.grid(1)
+    if k >= starts.mask.size or not starts.mask[k]:
+        return
+    starts.episode[k] += 1
+    row = (k + starts.episode[k] * starts.mask.size) % len(pool.poses)
+    copy_kernel(pool.poses[row], starts.pose[k])
+    copy_kernel(pool.goals[row], scenes.goals[k])
+    copy_kernel(pool.goals[row], scenes.targets[k])
+    for i in range(pool.pillars.shape[1]):
+        copy_kernel(pool.pillars[row, i], scenes.pillars[k, i])
+    for i in range(ACTIONS):
+        episodes.action[k, i] = 0.0
+    for i in range(episodes.totals.shape[1]):
+        episodes.totals[k, i] = 0.0
+    episodes.distance[k] = distance(pool.goals[row], pool.poses[row])
+
+
+@cuda.jit  # type: ignore[untyped-decorator]
+def command(crew: Crew, demands: Demands) -> None:
+    """Commands for demands; for those that are no numbers commands that are none, so that he diverges."""
+    k = cuda.grid(1)
+    if k >= demands.actions.shape[0]:
+        return
+    tau = cuda.local.array(ACTIONS, np.float64)
+    if not mixed(crew.allocation, crew.table, crew.authority, demands.actions[k], tau, demands.commands[k]):
+        for i in range(demands.commands.shape[1]):
+            demands.commands[k, i] = np.nan
+
+
+@cuda.jit  # type: ignore[untyped-decorator]
+def look(senses: Senses, motion: Motion, scenes: Scenes, episodes: Episodes, view: View) -> None:
+    """Observations of the vehicles of a mask."""
+    k = cuda.grid(1)
+    if k < view.mask.size and view.mask[k]:
+        sense(k, senses, motion, scenes, view.noise[k], episodes.nearest, view.out)
+
+
+@cuda.jit  # type: ignore[untyped-decorator]
+def judge(
+    rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, demands: Demands, outcome: Outcome
+) -> None:
+    """What a step was worth, and whether episodes end with it."""
+    k = cuda.grid(1)
+    if k < demands.actions.shape[0]:
+        score(k, rules, motion, scenes, episodes, demands.actions[k], outcome)
+
+
+def launch(kernel: Any, count: int, *blocks: Any) -> None:
+    """Run a kernel for so many vehicles."""
+    from hydro.sim.gpu.kernels import grid
+
+    kernel[grid(count)](*blocks)
