@@ -13,7 +13,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 DOCS = Path(__file__).parent
-PAGES = ("apart", "benchmarks", "export", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish")
+PAGES = (
+    "apart", "benchmarks", "export", "gpu", "imperfect", "import-figures", "mpc", "rl-figures", "stonefish",
+)  # fmt: skip
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 
 ORIGIN = ("commit", "recorded", "date", "command", "seeds")

@@ -60,7 +60,7 @@ LEVELS = {
         ("bridge",),
         ("residual",),
     ),
-    "hydro.rl": (("training",), ("environment",), ("tasks",), ("world",)),
+    "hydro.rl": (("gpu",), ("training",), ("environment",), ("tasks",), ("world",)),
 }
 """Packages and modules of a layer, topmost first: each may import what stands below its own line."""
 MOST_MODULES = 15
