@@ -65,6 +65,7 @@ from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_
 from hydro.core.identification.suspects import choice, is_curved
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
+from hydro.core.sea.sea_state import shown
 from hydro.core.vehicle.description import Vehicle
 
 DIVERGED_TOGETHER = "the last fit of all together diverged: values are of the one before"
@@ -136,8 +137,22 @@ def diagnose_log(
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
     start, problem = stable_start(vehicle, log)
     progress("the file's own effects", 0.05)
-    baseline = allowing_for_waves(replace(refit(vehicle, log, problem, start), file=file))
-    return with_waves(_searched_for(baseline, progress), baseline)
+    calm = replace(refit(vehicle, log, problem, start), file=file)
+    baseline = allowing_for_waves(calm)
+    found = _searched_for(baseline, progress)
+    if _waves_explained(baseline, found):
+        return _searched_for(calm, progress)
+    return with_waves(found, baseline)
+
+
+def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
+    """Whether waves that were allowed for are not there beside what was found: it swings as waves do.
+
+    A vehicle that its buoyancy turns over swings about its balance with a period of some seconds.
+    """
+    if baseline.sea is None or found.vehicle == baseline.vehicle:
+        return False
+    return shown(found.vehicle, baseline.log.record) is None
 
 
 def _searched_for(baseline: Baseline, progress: Progress) -> Diagnosis:

@@ -1,12 +1,13 @@
 """Manoeuvres that a vehicle's thrusters can fly, open loop: commands with a name.
 
 Each excites what some effects differ in: heading sweeps a current, coasting down the kinds of damping, drift
-angles lift, static tilts weight and trim, chirps lags and added mass, each thruster alone its gain.
+angles lift, static tilts weight and trim, chirps lags and added mass, each thruster alone its gain; sines on
+all axes at once what only several motions together show.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +35,10 @@ LEVELS = (0.1, 0.3, 0.6, 1.0)
 """Shares of the greatest thrust: their steady speeds tell linear drag from drag that grows with speed."""
 SINGLE = 0.6
 """Command of a thruster on its own."""
+ALL_AXES = 0.6
+"""Share of the greatest thrust on each axis where all are excited at once."""
+FASTEST = 0.5
+"""Highest frequency of them [Hz]."""
 LEAST_SHARE = 0.02  # of the authority: the torque of a slow turn on a vehicle without damping
 
 
@@ -152,6 +157,9 @@ def _demands(
         turns = [{SURGE: u, YAW: side} for u in (0.7, 0.3) for side in (0.3, -0.3)]
         words = "circles to both sides, at two speeds"
         yield "circles", words, held(*turns)
+    if len(axes) > 1:
+        words = "sums of sines on all axes at once, no frequency on two of them"
+        yield "all axes", words, ALL_AXES * _multisines(rows, sorted(axes)) * full
     tilts = [axis for axis in (ROLL, PITCH) if axis in axes]
     if tilts:
         share = [min(stiffness * np.sin(STATIC_TILT) / full[axis], 1.0) for axis in tilts]
@@ -165,6 +173,23 @@ def _chirp(rows: int) -> Array:
     t, growth = np.arange(rows) / LOG_RATE, np.log(CHIRP[1] / CHIRP[0]) * LOG_RATE / rows
     swept: Array = np.sin(2.0 * np.pi * CHIRP[0] * np.expm1(growth * t) / growth)
     return swept
+
+
+def _multisines(rows: int, axes: Sequence[int]) -> Array:
+    """Orthogonal multisines of amplitude 1 on some of six axes, (N, 6) (Morelli 2012).
+
+    Harmonics go to the axes in turn, so that none is excited alike; slow ones, from which speed comes, are
+    the larger, and phases after Schroeder (1970) keep the peaks low.
+    """
+    t, out = np.arange(rows) / rows, np.zeros((rows, 6))
+    highest = int(FASTEST * rows / LOG_RATE)
+    for place, axis in enumerate(axes):
+        harmonics = np.arange(place + 1, max(highest, len(axes)) + 1, len(axes))
+        order = np.arange(1, len(harmonics) + 1)
+        phases = -np.pi * order * (order - 1) / len(order)
+        waves = np.sin(2.0 * np.pi * np.outer(t, harmonics) + phases) @ harmonics**-0.5
+        out[:, axis] = waves / np.abs(waves).max()
+    return out
 
 
 def _single(thrusters: int, rows: int) -> Array:

@@ -14,15 +14,15 @@ beside all others; where a recording does not tell two of them apart, neither sh
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 from scipy.signal import lfilter
+from scipy.stats import chi2, norm
 from scipy.stats import f as fisher
-from scipy.stats import norm
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -59,6 +59,7 @@ RARE = 3.0  # times its noise from row to row: a position that was interpolated 
 ROUGH = 10.0  # times as large must an error be to show against such a position
 OTHERWISE = 1.1  # residual over its noise from which the position's noise is made anew
 SETTLED = 0.01  # standard errors
+HELD = 1e15  # information of an entry that is held
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ class KinematicTest:
         covariance: Theirs, (p, p), robust against correlated residuals.
         blocks: Independent stretches of data behind it.
         negligible: Size of an entry that does not matter.
+        missed: By how much the squared residual is greater without it, all other errors fitted anew, in units
+            of what is left; looked at only where the estimate shows.
     """
 
     effect: str
@@ -78,6 +81,7 @@ class KinematicTest:
     covariance: Array
     blocks: int
     negligible: float
+    missed: float = np.inf
 
     @property
     def standard_error(self) -> Array:
@@ -127,7 +131,16 @@ def shown(test: KinematicTest) -> bool:
     if (size < CATALOGUE[test.effect].parameter(ENTRIES[test.effect][0]).low).any():
         return False  # what no log can have: the pose is late, not the log
     clear = np.abs(size) > test.negligible + norm.isf(0.5 * SHOWN) * error
-    return test.p_value <= SHOWN and bool(clear.any())
+    return test.p_value <= SHOWN and bool(clear.any()) and _missed(test)
+
+
+def _missed(test: KinematicTest) -> bool:
+    """Whether a recording is explained worse without an effect than chance alone would make it.
+
+    Where a log moves along one line alone, scales and angles may turn into one another: the estimate is far
+    from nothing then and its linearised errors are small, and without it all fits as well.
+    """
+    return float(chi2.sf(test.missed, len(test.estimate))) <= SHOWN
 
 
 def vetoed(test: KinematicTest, claimed: Mapping[str, Any]) -> bool:
@@ -177,12 +190,20 @@ def kinematic_tests(record: Recording) -> dict[str, KinematicTest]:
         sigma[:3] *= np.maximum(left, 1.0)
     blocks = len(normal.gram) // block_length(normal.score)
     rough = ROUGH if (sigma[:3] > RARE * given[:3]).any() else 1.0
-    return {
-        name: KinematicTest(
-            name, log[place], spread[place, place], blocks, rough * _negligible(name, record.dt)
-        )
-        for name, (_, place) in ENTRIES.items()
-    }
+    tests = {}
+    for name, (_, place) in ENTRIES.items():
+        negligible = rough * _negligible(name, record.dt)
+        test = KinematicTest(name, log[place], spread[place, place], blocks, negligible)
+        if shown(test):
+            without = _fitted(record, log, sigma, place)[2]
+            test = replace(test, missed=(_squares(without) - _squares(normal)) / max(normal.chi2, 1.0))
+        tests[name] = test
+    return tests
+
+
+def _squares(normal: Normal) -> float:
+    """Sum of the squared residuals of a problem."""
+    return float(normal.channels.sum())
 
 
 def _negligible(effect: str, dt: float) -> float:
@@ -192,14 +213,26 @@ def _negligible(effect: str, dt: float) -> float:
     return 0.5 * dt if size is None else size
 
 
-def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, Normal]:
-    """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it."""
+def _fitted(
+    record: Recording, log: Array, sigma: Array, without: slice | int | None = None
+) -> tuple[Array, Array, Normal]:
+    """The log's best row (LOG,) by Gauss and Newton, its covariance, and the problem about it.
+
+    Args:
+        record: The recording.
+        log: Where to begin.
+        sigma: Noise of all channels (12,).
+        without: Entries that are held at 0.
+    """
     prior = np.full(LOG, PLAIN_SIZE**-2)
+    if without is not None:
+        log = log.copy()
+        log[without], prior[without] = 0.0, HELD
     for _ in range(ITERATIONS):
-        normal = _problem(record, log, sigma)
+        normal, biased = _problem(record, log, sigma)
         pull = normal.score.sum(axis=0) - prior * log
         step = np.linalg.solve(normal.matrix.sum(axis=0) + np.diag(prior), pull)
-        spread = covariance(normal, prior)
+        spread = covariance(normal, prior) + np.diag(biased**2)
         log = log + step
         log[SCALE] = np.clip(log[SCALE], -0.9, None)
         log[DELAY] = np.clip(log[DELAY], -LATEST, LATEST)
@@ -208,11 +241,13 @@ def _fitted(record: Recording, log: Array, sigma: Array) -> tuple[Array, Array, 
     return log, spread, normal
 
 
-def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
-    """The least-squares problem about an estimate of the log.
+def _problem(record: Recording, log: Array, sigma: Array) -> tuple[Normal, Array]:
+    """The least-squares problem about an estimate of the log, and by how much noise may bias it, (LOG,).
 
     Columns and residual share the noise of the velocity.  What that adds to their products is known, and
-    taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5).
+    taken off, short of leaving an axis without motion with less than nothing (Fuller 1987, sec. 2.5): without
+    any one block of pieces, too, or a jackknife over them has no bounds.  What is left biases a scale or an
+    angle by its share of the products: an axis that hardly moves seems to be read many times too large.
     """
     pieces = list(_pieces(record, log, sigma))
     if sum(len(gram) for gram, _, _ in pieces) < LEAST_PIECES:
@@ -221,11 +256,33 @@ def _problem(record: Recording, log: Array, sigma: Array) -> Normal:
             f"hold velocity against pose; record at least {LEAST_PIECES * PIECE_SECONDS:g} s"
         )
     gram, shared, squares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    mount = slice(SCALE.start, ANGLES.stop)
-    total, noisy = (part.sum(axis=0)[mount, mount] for part in (gram, shared))
-    gram -= CAUTION * min(1.0, float(eigh(total, noisy, eigvals_only=True)[0])) * shared
     rows = 3 * round(PIECE_SECONDS / record.dt)
-    return Normal(gram, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
+
+    def less(share: float) -> Normal:
+        """The problem without so much of what noise adds."""
+        return Normal(gram - share * shared, rows, squares, np.zeros((len(gram), 0, LOG + 1)))
+
+    share = _spare(gram.sum(axis=0), shared.sum(axis=0))
+    edges = np.arange(0, len(gram), block_length(less(CAUTION * share).score))
+    left_out = (part.sum(axis=0) - np.add.reduceat(part, edges) for part in (gram, shared))
+    share = CAUTION * min(share, *map(_spare, *left_out))
+    noisy, whole = (np.diagonal(part.sum(axis=0))[:LOG] for part in (shared, gram))
+    biased = (1.0 - share) * noisy / np.maximum(whole - share * noisy, np.finfo(float).tiny)
+    return less(share), np.minimum(biased, PLAIN_SIZE)
+
+
+def _spare(gram: Array, shared: Array) -> float:
+    """Share of what noise adds, at most all of it, that some pieces have to spare.
+
+    More, and they would tell less than nothing of a scale or an angle beside the log's other numbers.
+    """
+    mount = np.arange(SCALE.start, ANGLES.stop)
+    others = np.setdiff1d(np.arange(LOG), mount)
+    known = gram[np.ix_(others, others)] + PLAIN_SIZE**-2 * np.eye(len(others))
+    both = gram[np.ix_(others, mount)]
+    told = gram[np.ix_(mount, mount)] - both.T @ np.linalg.solve(known, both)
+    least = eigh(told, shared[np.ix_(mount, mount)], eigvals_only=True)[0]
+    return float(np.clip(least, 0.0, 1.0))
 
 
 def _pieces(record: Recording, log: Array, sigma: Array) -> Iterator[tuple[Array, Array, Array]]:

@@ -15,6 +15,7 @@ from hydro.core.evaluation.compare import compare
 from hydro.core.explanation.explain import explain
 from hydro.core.explanation.ladder import best
 from hydro.core.identification.fit import fit
+from hydro.core.sea.sea_state import SeaState
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle as vehicle_file
@@ -126,3 +127,13 @@ def test_explain_adds_waves_once(vehicle: Any, explained: Any) -> None:
     assert {table["name"] for table in last.effect} == {table["name"] for table in vehicle.effect} | {
         "ocean_waves"
     }
+
+
+def test_waves_that_what_is_missing_explains_are_not_named(vehicle: Any, monkeypatch: Any) -> None:
+    """A vehicle that its buoyancy turns over swings: what it lacks is named, and no sea that is not there."""
+    sea = SeaState(np.array([*list(SEA.values())[1:]]), 1e-4 * np.eye(4), 500.0, 200.0, 0.1)
+    monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda *given: sea)
+    still = flown(vehicle, {"name": "buoyancy_offset", "dx": 0.02, "dy": 0.01, "dz": 0.01})
+    found = [one for one in diagnose(vehicle, still).findings if one.verdict in ("missing", "suspect")]
+    assert [one.effect for one in found] == ["buoyancy_offset"]
+    assert found[0].confidence > 0.9

@@ -11,11 +11,12 @@ from recordings import damped
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.experiment.library import FLIGHT_LENGTH, library
+from hydro.core.experiment.library import FASTEST, FLIGHT_LENGTH, _multisines, library
 from hydro.core.experiment.manoeuvres import best, plain, showing
 from hydro.core.identification.fit import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
+from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle
@@ -169,3 +170,21 @@ def test_what_is_predicted_is_what_a_flight_shows():
         costs.append(normal.cost)
     assert flight.difference > 20.0
     assert np.sqrt(costs[1] - costs[0]) == pytest.approx(flight.difference, rel=0.15)
+
+
+def test_sines_on_all_axes_share_no_frequency_and_stay_within_their_size(datasets):
+    """Orthogonal multisines (Morelli 2012): products of two axes over whole periods are nothing."""
+    rows, axes = 1500, [0, 1, 2, 5]
+    demand = _multisines(rows, axes)
+    np.testing.assert_allclose(np.abs(demand[:, axes]).max(axis=0), 1.0)
+    assert not demand[:, [3, 4]].any(), "axes that the vehicle has not"
+    products = demand.T @ demand / rows
+    np.testing.assert_allclose(products - np.diag(np.diag(products)), 0.0, atol=1e-12)
+    power = np.abs(np.fft.rfft(demand, axis=0)) ** 2
+    frequency = np.fft.rfftfreq(rows, 1.0 / LOG_RATE)
+    assert power[frequency > FASTEST + 1e-9].max() < 1e-9 * power.max()
+    assert (demand[:, axes] ** 2).mean(axis=0).min() > 0.1, "peaks are low for what is in them"
+
+
+def test_a_vehicle_of_one_axis_has_no_flight_on_all_axes():
+    assert "all axes" not in {one.name for one in library(bar())}

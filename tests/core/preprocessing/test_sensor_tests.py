@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 import synthetic
 from recordings import DT, damped, moved, tumbling
+from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -15,6 +16,7 @@ from hydro.core.effects.sensor import LOG, corrected
 from hydro.core.errors import DataError
 from hydro.core.preprocessing.sensor_tests import (
     ENTRIES,
+    PLAIN_SIZE,
     _mount,
     _mount_derivatives,
     _reading,
@@ -196,3 +198,29 @@ def test_a_position_that_comes_more_rarely_than_it_is_logged_shows_nothing(every
         eta[:, i] = x[place] if held else np.interp(record.t, record.t[known], x)
     tests = kinematic_tests(Recording(**{**vars(record), "eta": eta}))
     assert not [name for name, test in tests.items() if shown(test)]
+
+
+def hardly_moving(seed: int) -> Recording:
+    """Two minutes straight ahead, to and fro at some cm/s, with three seconds of other motion."""
+    rng, rows, dt = np.random.default_rng(seed), 2400, 0.05
+    t, still = np.arange(rows) * dt, np.zeros((rows, 3))
+    velocity = np.outer(0.02 * np.sin(2.0 * np.pi * 0.05 * t), (1.0, 0.0, 0.0))
+    pulse = np.sin(np.pi * np.clip(t / 3.0 - 13.0, 0.0, 1.0)) ** 2
+    velocity += np.outer(pulse, rng.normal(0.0, 0.2, 3))
+    path = cumulative_simpson(velocity, dx=dt, axis=0, initial=0.0) + np.array([0.0, 0.0, 5.0])
+    motion = disturb(np.hstack([path, still, velocity, still]), ORDINARY, rng)
+    table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *POSE, *VELOCITY])
+    commands = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
+    return recording(synthetic.vehicle(), table.with_columns(pl.lit("a").alias("session"), *commands))
+
+
+@pytest.mark.parametrize("seed", range(0, 30, 3))
+def test_what_a_recording_hardly_tells_of_the_log_has_errors_of_a_plain_size(seed):
+    """What noise adds to the products is taken off; without the one lively block nothing may be left to take.
+
+    Such errors were of 1e11 m, and their covariance singular: the diagnosis ended.
+    """
+    for test in kinematic_tests(hardly_moving(seed)).values():
+        assert (test.standard_error < 4.0 * PLAIN_SIZE).all()
+        assert np.linalg.cond(test.covariance) < 1e12
+        assert not shown(test)
