@@ -307,7 +307,7 @@ def _flyable(
     curves, done = powers(rival.vehicle), set[str]()
     lengths = [one for one in LENGTHS if one <= limits.seconds] or [limits.seconds]
     for seconds in lengths:
-        for whole in library(rival.vehicle, seconds):
+        for whole in library(rival.vehicle, seconds, by_hand=False):
             if whole.name in done:
                 continue
             greatest = 0.0

@@ -89,12 +89,15 @@ def powers(vehicle: Vehicle) -> Array:
     return found
 
 
-def library(vehicle: Vehicle, seconds: float = FLIGHT_LENGTH) -> tuple[Manoeuvre, ...]:
+def library(
+    vehicle: Vehicle, seconds: float = FLIGHT_LENGTH, *, by_hand: bool = True
+) -> tuple[Manoeuvre, ...]:
     """The manoeuvres that a vehicle's thrusters can fly, open loop.
 
     Args:
         vehicle: The vehicle.
         seconds: Length of each.
+        by_hand: Only those that a pilot can fly without a table of commands.
 
     Raises:
         DataError: The vehicle has no thrusters, or an effect or thruster of its file is at fault.
@@ -102,7 +105,12 @@ def library(vehicle: Vehicle, seconds: float = FLIGHT_LENGTH) -> tuple[Manoeuvre
     program = assemble(vehicle)
     mixed = mixing(vehicle, inertia_matrix(vehicle))
     rows = round(seconds * LOG_RATE)
-    mixes = (_mixed(mixed, *demand) for demand in _demands(vehicle, program, mixed, rows))
+    demands = [*_demands(vehicle, program, mixed, rows)]
+    if not by_hand and len(mixed.axes) > 1:
+        words = "sums of sines on all axes at once, no frequency on two of them"
+        demand = ALL_AXES * _multisines(rows, sorted(mixed.axes)) * _greatest(vehicle, program, mixed)
+        demands.append(("all axes", words, demand))
+    mixes = [_mixed(mixed, *demand) for demand in demands]
     felt = mixed.table[:, DEADBAND]
     flown = [one for one in mixes if (np.abs(one.commands) > felt).any()]
     if len(vehicle.thruster):
@@ -117,10 +125,8 @@ def _demands(
     vehicle: Vehicle, program: Program, mixed: Mixing, rows: int
 ) -> Iterator[tuple[str, str, Array]]:
     """Name, words and demanded wrench (N, 6) of each manoeuvre whose axes the vehicle has."""
-    stiffness, axes = max(float(balance(vehicle)[3]), 0.0), set(mixed.axes)
-    limits = wrench_limits(program, NO_HULL, np.full(2, stiffness))
-    # A vehicle file without damping knows no greatest speed.
-    full = np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
+    stiffness, axes = _stiffness(vehicle), set(mixed.axes)
+    full = _greatest(vehicle, program, mixed)
 
     def held(*parts: Mapping[int, float]) -> Array:
         """Shares of the greatest wrench, each held for an equal part of the time."""
@@ -157,15 +163,24 @@ def _demands(
         turns = [{SURGE: u, YAW: side} for u in (0.7, 0.3) for side in (0.3, -0.3)]
         words = "circles to both sides, at two speeds"
         yield "circles", words, held(*turns)
-    if len(axes) > 1:
-        words = "sums of sines on all axes at once, no frequency on two of them"
-        yield "all axes", words, ALL_AXES * _multisines(rows, sorted(axes)) * full
     tilts = [axis for axis in (ROLL, PITCH) if axis in axes]
     if tilts:
         share = [min(stiffness * np.sin(STATIC_TILT) / full[axis], 1.0) for axis in tilts]
         poses = [{a: sign * s} for a, s in zip(tilts, share, strict=True) for sign in (1.0, -1.0)]
         words = "hold still at tilts of 15 degrees, both ways in " + " and ".join(DOF[a] for a in tilts)
         yield "static tilts", words, held(*poses)
+
+
+def _stiffness(vehicle: Vehicle) -> float:
+    """Moment that rights a vehicle, per sine of its tilt [N m]."""
+    return max(float(balance(vehicle)[3]), 0.0)
+
+
+def _greatest(vehicle: Vehicle, program: Program, mixed: Mixing) -> Array:
+    """Greatest wrench that is demanded on each axis (6,) [N, N m]."""
+    limits = wrench_limits(program, NO_HULL, np.full(2, _stiffness(vehicle)))
+    # A vehicle file without damping knows no greatest speed.
+    return np.where(limits > 0.0, np.minimum(mixed.authority, limits), mixed.authority)
 
 
 def _chirp(rows: int) -> Array:

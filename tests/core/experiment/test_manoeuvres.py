@@ -187,4 +187,11 @@ def test_sines_on_all_axes_share_no_frequency_and_stay_within_their_size(dataset
 
 
 def test_a_vehicle_of_one_axis_has_no_flight_on_all_axes():
-    assert "all axes" not in {one.name for one in library(bar())}
+    assert "all axes" not in {one.name for one in library(bar(), by_hand=False)}
+
+
+def test_what_no_pilot_flies_by_hand_is_for_flights_from_a_table(datasets):
+    vehicle = files.read(datasets / "vehicles" / "auv151.toml")[0]
+    assert [one.name for one in library(vehicle, by_hand=False) if one not in library(vehicle)] == [
+        "all axes"
+    ]
