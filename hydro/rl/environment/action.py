@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.control_allocation import mixing_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
 
@@ -13,7 +13,7 @@ ACTIONS = 6
 """Demands X, Y, Z, K, M, N in [-1, 1], shares of the greatest wrench on each axis alone."""
 
 
-@jit
+@kernel
 def command_kernel(
     allocation: Array, table: Array, authority: Array, actions: Array, tau: Array, commands: Array
 ) -> bool:
@@ -36,7 +36,7 @@ def command_kernel(
     return True
 
 
-@jit
+@kernel
 def mixed(
     allocation: Array, table: Array, authority: Array, action: Array, tau: Array, commands: Array
 ) -> bool:

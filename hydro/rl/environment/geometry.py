@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Hull
 from hydro.rl.world.config import World
 
@@ -30,7 +30,7 @@ def hull_numbers(hull: Hull) -> Array:
     return np.array([*hull.center, 0.5 * hull.length, 0.5 * hull.width, 0.5 * hull.height])
 
 
-@jit
+@kernel
 def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillars: Array) -> bool:
     """Whether a hull touches a wall, the floor, the surface or a pillar.
 
@@ -56,7 +56,7 @@ def collision_kernel(hull: Array, tank: Array, position: Array, R: Array, pillar
     return False
 
 
-@jit
+@kernel
 def shadow_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[float, float]:
     """Middle of a hull's shadow on an axis of the world, and half its length: the support of an ellipsoid."""
     row = R[3 * axis : 3 * axis + 3]
@@ -65,7 +65,7 @@ def shadow_kernel(hull: Array, position: Array, R: Array, axis: int) -> tuple[fl
     return center, extent
 
 
-@jit
+@kernel
 def shadow_distance(hull: Array, R: Array, x: float, y: float) -> float:
     """Horizontal distance [m] from the hull to a vertical line at (x, y) from its centre; 0 if pierced.
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.environment.blocks import Motion, Scenes, Senses
 from hydro.rl.environment.encoding import Encoding
@@ -95,7 +95,7 @@ def senses(settings: Settings, vehicle: Vehicle) -> Senses:
     )
 
 
-@jit
+@kernel
 def observe_kernel(
     senses: Senses, motion: Motion, scenes: Scenes, k: int, noise: Array, out: Array32
 ) -> float:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.rl.world.config import Reward
 
 SHAPING, DISTANCE, DISCOUNT, HEADING, BLIND, UPRIGHT, SUCCESS, OBSTACLE = range(8)
@@ -28,13 +28,13 @@ def weights(reward: Reward) -> Array:
     return np.array(dataclasses.astuple(reward), dtype=np.float64)
 
 
-@jit
+@kernel
 def shaping(w: Array, before: float, after: float) -> float:
     """Gamma phi(s_t) - phi(s_{t-1}) with phi = -(distance / d_max) phi_s, of distances to the goal [m]."""
     return float(w[SHAPING] / w[DISTANCE] * (before - w[DISCOUNT] * after))
 
 
-@jit
+@kernel
 def posture(w: Array, R: Array, x: float, y: float) -> float:
     """Heading and upright terms, w (cos + 1) / 2 each.
 
@@ -48,7 +48,7 @@ def posture(w: Array, R: Array, x: float, y: float) -> float:
     return float(gain)
 
 
-@jit
+@kernel
 def obstacle_cost(w: Array, least: float) -> float:
     """Cost of the nearest echo at `least` [m]: exponential between `near` and `far`, hard within `near`."""
     if least < w[NEAR]:
@@ -58,7 +58,7 @@ def obstacle_cost(w: Array, least: float) -> float:
     return float(w[OBSTACLE] * math.exp(-FALL_OFF * (least - w[NEAR])))
 
 
-@jit
+@kernel
 def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
     """Cost of energy, action size and unsteadiness.
 
@@ -76,26 +76,26 @@ def effort_cost(w: Array, power: float, action: Array, before: Array) -> float:
     return float(w[ENERGY] * power + w[ACTION] * mean * size + w[SMOOTHNESS] * mean * change)
 
 
-@jit
+@kernel
 def cross_track_cost(error: float) -> float:
     """e^2 below 1 m, and 2 |e| - 1 beyond: Huber-like, once differentiable (eq. 9)."""
     size = abs(error)
     return size * size if size < 1.0 else 2.0 * size - 1.0
 
 
-@jit
+@kernel
 def straying(w: Array, away: float) -> float:
     """Cost of being `away` [m] from what is to be held or followed."""
     return float(w[HOLD] * cross_track_cost(away))
 
 
-@jit
+@kernel
 def alignment(w: Array, R: Array, away: float) -> float:
     """Pay for a bow to the north, w (cos + 1) / 2, within `close` of the dock, `away` [m] from it."""
     return float(w[ALIGNMENT] * 0.5 * (R[0] + 1.0)) if away < w[CLOSE] else 0.0
 
 
-@jit
+@kernel
 def haste(w: Array, speed: float, allowed: float, away: float) -> float:
     """Cost of a speed [m/s] beyond what a dock `away` [m] from it allows, `allowed` where it is reached."""
     return float(w[HASTE] * max(0.0, speed - allowed - SLOWER * away))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Hull
 from hydro.rl.environment.geometry import FLOOR, LENGTH, RADIUS, WIDTH
 from hydro.rl.world.config import Sonar
@@ -38,7 +38,7 @@ def beams(sonar: Sonar, hull: Hull) -> Array:
     return np.column_stack([np.asarray(hull.center) + skin[:, None] * way, way])
 
 
-@jit
+@kernel
 def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: float) -> float:
     """Distance [m] along a unit ray from `origin`, NED, to the first surface; at most `reach`.
 
@@ -72,7 +72,7 @@ def range_kernel(origin: Point, ray: Point, tank: Array, pillars: Array, reach: 
     return max(nearest, 0.0)
 
 
-@jit
+@kernel
 def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Array, pillars: Array) -> float:
     """Range of one beam of a vehicle [m].
 
@@ -89,8 +89,8 @@ def sonar_kernel(beam: Array, reach: float, tank: Array, position: Array, R: Arr
     return float(range_kernel(origin, ray, tank, pillars, reach))
 
 
-@jit
-def displaced(point: Point, R: Array, vector: Array) -> Point:
+@kernel
+def displaced(point: Point, R: Array, vector: Array) -> tuple[float, float, float]:
     """A point, NED, by a vector of the body (3,) away."""
     x, y, z = vector[0], vector[1], vector[2]
     return (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hydro.core.columns import Array, Array32, Mask
-from hydro.core.compiled import jit
+from hydro.core.compiled import kernel
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST
@@ -62,7 +62,7 @@ def rules_of(settings: Settings, vehicle: Vehicle, table: Array) -> Rules:
     return Rules(hull_numbers(vehicle.hull), tank(settings.world), table, limits)
 
 
-@jit
+@kernel
 def sense_kernel(
     mask: Mask, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
@@ -82,7 +82,7 @@ def sense_kernel(
             sense(k, senses, motion, scenes, noise[k], nearest, out)
 
 
-@jit
+@kernel
 def sense(
     k: int, senses: Senses, motion: Motion, scenes: Scenes, noise: Array, nearest: Array, out: Array32
 ) -> None:
@@ -93,7 +93,7 @@ def sense(
     nearest[k] = observe_kernel(senses, motion, scenes, k, noise, out[k])
 
 
-@jit
+@kernel
 def power_share(table: Array, thrust: Array) -> float:
     """Share of the power that all thrusters take at full thrust; thrust (n,) [N]."""
     total = 0.0
@@ -104,14 +104,14 @@ def power_share(table: Array, thrust: Array) -> float:
     return float(total / max(thrust.size, 1))
 
 
-@jit
+@kernel
 def distance(goal: Array, pose: Array) -> float:
     """From a pose (7,) to a goal (3,) [m]."""
     x, y, z = goal[0] - pose[0], goal[1] - pose[1], goal[2] - pose[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
-@jit
+@kernel
 def step_kernel(
     rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, actions: Array, outcome: Outcome
 ) -> None:
@@ -129,7 +129,7 @@ def step_kernel(
         score(k, rules, motion, scenes, episodes, actions[k], outcome)
 
 
-@jit
+@kernel
 def score(
     k: int, rules: Rules, motion: Motion, scenes: Scenes, episodes: Episodes, action: Array, outcome: Outcome
 ) -> None:
@@ -160,7 +160,7 @@ def score(
     totals[OVERSPEED] += 1.0 if outcome.flags[FAST, k] else 0.0
 
 
-@jit
+@kernel
 def mark_ends(
     rules: Rules, motion: Motion, scenes: Scenes, k: int, away: float, totals: Array, flags: Mask
 ) -> None:
@@ -181,7 +181,7 @@ def mark_ends(
     flags[TERMINATED, k], flags[TRUNCATED, k] = ended, late and not ended
 
 
-@jit
+@kernel
 def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
     """Whether a vehicle `away` [m] from its goal is within all limits of its task."""
     if away > ends[RADIUS] or length(velocity[:3]) > ends[SPEED] or length(velocity[3:]) > ends[TURNING]:
@@ -189,14 +189,14 @@ def there(ends: Array, pose: Array, velocity: Array, away: float) -> bool:
     return bool(2.0 * math.acos(min(abs(pose[3]), 1.0)) <= ends[TILT])
 
 
-@jit
+@kernel
 def root_mean_square(totals: Array, ends: Array) -> float:
     """Of the distance from the goal, over the steps that count so far [m]; infinite where none does."""
     counted = totals[AGE] - math.floor(ends[SETTLING])
     return math.sqrt(totals[ERROR] / counted) if ends[SETTLING] >= 0.0 and counted > 0.0 else math.inf
 
 
-@jit
+@kernel
 def length(vector: Array) -> float:
     """Of a vector (3,)."""
     return math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)

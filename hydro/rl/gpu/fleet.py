@@ -82,6 +82,9 @@ class GpuFleet:
                 "and history out, or fly on the processor"
             )
         self.plant = GpuPlant(vehicle, count=count, period=settings.period, timestep=timestep)
+        from hydro.rl.gpu import kernels  # which imports numba-cuda
+
+        self._kernels = kernels
         self.settings, self.count, self.seed = settings, count, seed
         self.task = task_of(task)
         self.level = self.task.most if level is None else level
@@ -114,9 +117,7 @@ class GpuFleet:
 
     def _make_blocks(self, vehicle: Vehicle, crew: Any) -> None:
         """Blocks of arrays, as the kernels take them."""
-        from hydro.rl.gpu import kernels
-
-        count, settings, shared = self.count, self.settings, memory.shared
+        kernels, count, settings, shared = self._kernels, self.count, self.settings, memory.shared
         ends = np.array([self.task.ends(settings)], dtype=np.float64)
         worth = reward.weights(self.task.reward(settings))[None]
         self._commands = memory.zeros((count, len(crew.table)))
@@ -154,8 +155,7 @@ class GpuFleet:
 
     def reset(self, mask: Tensor | None = None) -> Tensor:
         """Begin the next episode of some vehicles (N,), by default of all; what all see (N, 36)."""
-        from hydro.rl.gpu import kernels
-
+        kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
         kernels.launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
         self.plant.reset(self._starts.mask, self._starts.pose, self._nobody)
@@ -171,8 +171,7 @@ class GpuFleet:
         Returns:
             What all see (N, 36).
         """
-        from hydro.rl.gpu import kernels
-
+        kernels = self._kernels
         self._demands.copy_(actions)
         kernels.launch(kernels.command, self.count, self._crew, self._told)
         self.plant.step(self._commands)
@@ -190,11 +189,15 @@ class GpuFleet:
 
     def _look(self) -> None:
         """Renew what the vehicles of the mask see."""
-        from hydro.rl.gpu import kernels
-
         self._noise.normal_(generator=self._generator)
-        kernels.launch(
-            kernels.look, self.count, self._senses, self._motion, self._scenes, self._episodes, self._view
+        self._kernels.launch(
+            self._kernels.look,
+            self.count,
+            self._senses,
+            self._motion,
+            self._scenes,
+            self._episodes,
+            self._view,
         )
 
 

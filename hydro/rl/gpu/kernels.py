@@ -17,6 +17,7 @@ from hydro.core.compiled import copy_kernel
 from hydro.rl.environment.action import ACTIONS, mixed
 from hydro.rl.environment.blocks import Episodes, Motion, Outcome, Rules, Scenes, Senses
 from hydro.rl.environment.step import distance, score, sense
+from hydro.sim.gpu.kernels import grid
 
 
 class Pool(NamedTuple):
@@ -128,6 +129,4 @@ def judge(
 
 def launch(kernel: Any, count: int, *blocks: Any) -> None:
     """Run a kernel for so many vehicles."""
-    from hydro.sim.gpu.kernels import grid
-
     kernel[grid(count)](*blocks)
