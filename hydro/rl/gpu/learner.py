@@ -21,7 +21,7 @@ from hydro.rl.environment.encoding import Encoding
 from hydro.rl.environment.torch_env import Batch
 from hydro.rl.gpu.returns import Horizon, Transition
 from hydro.rl.training.config import SACConfig
-from hydro.rl.training.policy import Policy, network
+from hydro.rl.training.policy import Policy, encoded, network
 from hydro.rl.training.sac import Losses, TwinLoss
 
 WARM_UP = 3
@@ -89,8 +89,7 @@ class DeviceLearner:
 
     def encoded(self, observations: Tensor) -> Tensor:
         """What the networks are given of observations (..., O), see `environment.encoding`."""
-        given = observations / self._scale
-        return torch.where(self._fades, torch.exp(-given), given)
+        return encoded(observations, self._scale, self._fades)
 
     @torch.no_grad()
     def advance(self) -> None:

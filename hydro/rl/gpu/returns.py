@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+
+from hydro.rl.training.returns import Window
 
 
 class Transition(NamedTuple):
@@ -21,23 +23,11 @@ class Transition(NamedTuple):
     steps: Tensor
 
 
-class Horizon:
-    """A window over the last steps: it gives each with the rewards of those after it, once they are known."""
+class Horizon(Window[Transition]):
+    """The window over steps in tensors."""
 
-    def __init__(self, steps: int, discount: float) -> None:
-        """Make an empty window of so many steps, gamma = `discount` from one to the next."""
-        self._discount = discount
-        self._window: deque[Transition] = deque(maxlen=steps)
-
-    def add(self, step: Transition) -> Transition | None:
-        """Add the next step; give the oldest of the window with what followed, or nothing while it fills.
-
-        What lies beyond the end of an episode does not count: its last steps look less far.
-        """
-        self._window.append(step)
-        if len(self._window) < (self._window.maxlen or 1):
-            return None
-        first, *later = self._window
+    def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
+        """A step and those after it, seen as one."""
         rewards, steps, following = first.rewards, first.steps, first.following
         terminated, ended = first.terminated, first.ended
         for each in later:

@@ -69,6 +69,12 @@ class Policy:
         return median(self._network, self.encoding(observations))  # type: ignore[attr-defined]
 
 
+def encoded(observations: Tensor, scale: Tensor, fades: Tensor) -> Tensor:
+    """What an `Encoding` of this scale, these of which fade, gives of observations (..., O), in tensors."""
+    given = observations / scale
+    return torch.where(fades, torch.exp(-given), given)
+
+
 class Whole(nn.Module):
     """A policy and its encoding as one module: observations (N, O) in SI units to actions (N, A)."""
 
@@ -83,8 +89,7 @@ class Whole(nn.Module):
 
     def forward(self, observations: Tensor) -> Tensor:
         """The median of what the policy would draw."""
-        given = observations / self.scale
-        mean, _ = self.layers(torch.where(self.fades, torch.exp(-given), given)).chunk(2, dim=-1)
+        mean, _ = self.layers(encoded(observations, self.scale, self.fades)).chunk(2, dim=-1)
         actions: Tensor = mean.tanh()
         return actions
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,15 +35,18 @@ class Transition(NamedTuple):
     steps: NDArray[np.int64]
 
 
-class Horizon:
+Step = TypeVar("Step")
+
+
+class Window(ABC, Generic[Step]):
     """A window over the last steps: it gives each with the rewards of those after it, once they are known."""
 
     def __init__(self, steps: int, discount: float) -> None:
         """Make an empty window of so many steps, gamma = `discount` from one to the next."""
         self._discount = discount
-        self._window: deque[Transition] = deque(maxlen=steps)
+        self._window: deque[Step] = deque(maxlen=steps)
 
-    def add(self, step: Transition) -> Transition | None:
+    def add(self, step: Step) -> Step | None:
         """Add the next step; give the oldest of the window with what followed, or nothing while it fills.
 
         What lies beyond the end of an episode does not count: its last steps look less far.
@@ -51,6 +55,18 @@ class Horizon:
         if len(self._window) < (self._window.maxlen or 1):
             return None
         first, *later = self._window
+        return self._together(first, later)
+
+    @abstractmethod
+    def _together(self, first: Step, later: Sequence[Step]) -> Step:
+        """A step and those after it, seen as one."""
+
+
+class Horizon(Window[Transition]):
+    """The window over steps in arrays."""
+
+    def _together(self, first: Transition, later: Sequence[Transition]) -> Transition:
+        """A step and those after it, seen as one."""
         rewards, steps = first.rewards.copy(), first.steps.copy()
         terminated, ended, following = first.terminated.copy(), first.ended.copy(), first.following.copy()
         for each in later:
