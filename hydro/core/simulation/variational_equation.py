@@ -41,6 +41,9 @@ Rows = NDArray[np.int64]
 DEVIATION = 12
 """Numbers of a deviation of the body itself."""
 LITTLE = 1e-3  # of the state, for J [m, rad, m/s, rad/s]
+STIFF = 1.0
+"""Decay of a velocity within a step, h |J_ii|, from which deviations take all four terms of the motion's method:
+the midpoint rule's two grow from 2 on, where that still is stable."""
 FORCES, THRUST, WHOLE = 0, 1, 2
 """What a parameter changes: wrenches of effects, thrusts of the same lag states, or any of a program."""
 
@@ -78,7 +81,7 @@ class Deviations(NamedTuple):
         delta: (12 + states, 12 + P).
         own: Internal states that parameters have of their own, now and in the middle of a step, and their
             rates, (3, all).
-        middle: Room for deviations in the middle of a step, as `delta`.
+        middle: Room for deviations within a step, (2, 12 + states, 12 + P).
         slope: Room for J, (12 + states, 12 + states).
         push: Room for df/dp without its rows of the pose, (6 + states, P).
         changed: Room for the rates of a changed state, (13 + states,).
@@ -138,7 +141,7 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
     delta[DEVIATION:, DEVIATION:] = ahead
     every[0] = own
     middle, slope, push = (
-        np.zeros((size, total)),
+        np.zeros((2, size, total)),
         np.zeros((size, size)),
         np.zeros((size - 6, total - DEVIATION)),
     )
@@ -147,7 +150,7 @@ def deviations_of(changes: Changes, ahead: Array, own: Array, out: Array) -> Dev
 
 @kernel
 def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviations: Deviations) -> None:
-    """Carry deviations through a step h [s] from its middle, by the midpoint rule.
+    """Carry deviations through a step h [s], J and df/dp as in its middle, by the midpoint rule.
 
     Of a motion (`dynamics.Motion`, without facets) it takes the arrays one by one, as `integrate.step` has
     them there: `s` and work[2] are of the middle, `rotors` (n,) too, work[0] are the rates.
@@ -159,10 +162,31 @@ def carry(flat: Array, s: Array, work: Array, rotors: Array, h: float, deviation
     _pose_slopes(s, slope)
     _balance_slopes(here, slope)
     _pushes(here, h, deviations, push)
+    if _is_stiff(slope, h):
+        _onward(slope, push, 0.25 * h, delta, delta, middle[1])
+        _onward(slope, push, h / 3.0, delta, middle[1], middle[0])
+        _onward(slope, push, 0.5 * h, delta, middle[0], middle[1])
+        _add(slope, push, h, middle[1], delta)
+        return
+    _onward(slope, push, 0.5 * h, delta, delta, middle[0])
+    _add(slope, push, h, middle[0], delta)
+
+
+@kernel
+def _is_stiff(slope: Array, h: float) -> bool:
+    """Whether a velocity decays so fast that two terms are too few."""
+    most = 0.0
+    for i in range(6, DEVIATION):
+        most = max(most, abs(slope[i, i]))
+    return h * most > STIFF
+
+
+@kernel
+def _onward(slope: Array, push: Array, h: float, delta: Array, at: Array, out: Array) -> None:
+    """Deviations h [s] on from `delta`, with their rates at `at`."""
     for i in range(delta.shape[0]):
-        copy_kernel(delta[i], middle[i])
-    _add(slope, push, 0.5 * h, delta, middle)
-    _add(slope, push, h, middle, delta)
+        copy_kernel(delta[i], out[i])
+    _add(slope, push, h, at, out)
 
 
 @kernel

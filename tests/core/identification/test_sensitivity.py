@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from recordings import damped, moved, noisy
 
 from hydro.core.effects import CATALOGUE
+from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.identification import multiple_shooting, sensitivity
 from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import moved as nudged
@@ -15,6 +17,7 @@ from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
+from hydro.core.vehicle.rigid_body import mass_matrix
 
 SURROUNDED = (
     {"name": "ocean_current", "v_N": 0.2, "v_E": -0.1},
@@ -77,6 +80,26 @@ def test_derivatives_are_differences_of_predictions(extra):
     told = {f"{name} {i}": round(float(worst[i]), 4) for i, name in enumerate(names) if worst[i] > 0.02}
     assert not told
     assert away[-1, -1] < 1e-3
+
+
+def test_derivatives_are_bounded_where_the_motion_is():
+    """Roll damped at 115 per second: the motion's Runge-Kutta method is stable there, the midpoint rule is not."""
+    vehicle = damped()
+    inertia = mass_matrix(vehicle) + added_mass_matrix(vehicle)
+    roll = 115.0 / float(np.linalg.inv(inertia)[3, 3])
+    effects = [dict(effect) for effect in vehicle.effect]
+    (linear,) = (effect for effect in effects if effect["name"] == "linear_damping")
+    linear["diagonal"] = [*linear["diagonal"][:3], roll, *linear["diagonal"][4:]]
+    vehicle = msgspec.structs.replace(vehicle, effect=tuple(effects))
+    shots = make_shots(recording(vehicle, moved(vehicle, rows=500)))
+    unknown = free(vehicle, ["linear_damping"])
+    changed, steps = nudged(unknown, unknown.starts[0])
+    base = multiple_shooting.prepare(candidate(vehicle), shots)
+    others = [multiple_shooting.prepare(candidate(other), shots, base) for other in changed]
+    found = sensitivity.linearise(base, others, steps, shots).gram.sum(axis=0)[:-1, :-1]
+    expected = by_differences(base, others, steps, shots).sum(axis=0)[:-1, :-1]
+    size = np.sqrt(np.diag(expected))
+    assert np.abs((found - expected) / np.outer(size, size)).max() < 0.02
 
 
 def test_a_problem_without_parameters_has_its_residuals_alone():
