@@ -8,7 +8,7 @@ import polars as pl
 
 from benchmarks.flown_advice import study
 from benchmarks.flown_advice.__main__ import summary, table
-from hydro.core.diagnosis.findings import Diagnosis
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 
 ROW = dict.fromkeys(study.SCHEMA) | {
     **{"seconds": 120.0, "family": "one heading", "open": "rivals", "inside": True, "failure": ""},
@@ -39,6 +39,16 @@ def test_open_studies_alone_are_counted_beside_the_random_flight():
     words = summary(told)
     assert "5 recordings of one manoeuvre, 3 of them open" in words
     assert "Seed 4 failed: DataError: too short" in words
+
+
+def test_other_values_of_what_was_not_misjudged_are_a_wrong_name():
+    vehicle = SimpleNamespace(name="hull")
+    damping = Finding("retune", "linear_damping", ("linear_damping",), 0.1)
+    inertia = Finding("retune", "added_mass", ("added_mass",), 0.7, confidence=1.0)
+    sure = Finding("retune", "linear_damping", ("linear_damping",), 0.7, confidence=1.0)
+    for findings, words in (((damping,), "nothing"), ((sure,), "nothing"), ((inertia,), "wrong: added_mass")):
+        found = Diagnosis(findings, vehicle, (9.0, 1.0, 1.0), None)
+        assert study.outcome(found, "tether", ["linear_damping"])["outcome"] == words
 
 
 def test_a_diagnosis_without_a_question_asks_for_no_flight(monkeypatch):

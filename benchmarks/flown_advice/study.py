@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from hydro.core.experiment.flight import Limits, advise
 
 LIMITS = Limits(depth=(5.0, 25.0), space=30.0, thrust=1.0, seconds=120.0)
 """Of the advised flight; a random one need not keep to depth and space."""
-WORDS = ("missing", "suspect", "cannot_tell_apart")
+WORDS = ("missing", "suspect", "cannot_tell_apart", "retune")
 TOLD: dict[str, Any] = {"outcome": pl.String, "confidence": pl.Float64, "findings": pl.String}
 SCHEMA: dict[str, Any] = {
     "seed": pl.Int64,
@@ -48,9 +50,10 @@ least expected distance between rivals; `inside`, whether the vehicle with what 
 """
 
 
-def outcome(found: Diagnosis, effect: str) -> dict[str, Any]:
-    """What a diagnosis says, held against the truth."""
-    told = [one for one in found.findings if one.verdict in WORDS]
+def outcome(found: Diagnosis, effect: str, misjudged: Sequence[str] = ()) -> dict[str, Any]:
+    """What a diagnosis says, held against the truth; that misjudged effects have other values is true."""
+    named = (one for one in found.findings if one.verdict in WORDS and math.isfinite(one.confidence))
+    told = [one for one in named if not (one.verdict == "retune" and one.effect in misjudged)]
     said = [f"{one.verdict} {'/'.join(one.members)} {one.confidence:.2f}" for one in told]
     words, sure = "nothing", None
     if told:
@@ -92,8 +95,8 @@ def _study(row: dict[str, Any]) -> None:
     case, _ = clean(case, row["seconds"], Path())
     sea, first = cases.first_recording(case, given, actual, family, row["seconds"])
     row["truth"] = json.dumps(sea.case.hidden)
-    found = diagnose(given, first)
-    row |= {f"first_{key}": value for key, value in outcome(found, effect).items()}
+    found, misjudged = diagnose(given, first), vehicles.damping_of(actual)
+    row |= {f"first_{key}": value for key, value in outcome(found, effect, misjudged).items()}
     row["open"] = ""
     if found.question is None:  # no model fits: there is nothing that a flight would tell apart
         return
@@ -112,9 +115,9 @@ def _study(row: dict[str, Any]) -> None:
     away = np.hypot(flown["x"] - flight.start[0], flown["y"] - flight.start[1])
     kept = flown["z"].is_between(*LIMITS.depth).all() and float(away.max()) <= LIMITS.space
     row["inside"] = bool(kept)
-    both = outcome(diagnose(given, pl.concat([first, flown])), effect)
+    both = outcome(diagnose(given, pl.concat([first, flown])), effect, misjudged)
     row |= {f"advised_{key}": value for key, value in both.items()}
     length = sum(one.seconds for one in flight.sessions)
     walks = sea.fly("random", cases.randomly(given, length, seed), flight.start)
-    both = outcome(diagnose(given, pl.concat([first, walks])), effect)
+    both = outcome(diagnose(given, pl.concat([first, walks])), effect, misjudged)
     row |= {f"random_{key}": value for key, value in both.items()}

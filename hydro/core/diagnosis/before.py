@@ -27,12 +27,11 @@ from hydro.core.diagnosis.contenders import (
     fitted,
     fitted_together,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, no_surer
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.misread import misread, newly_misread
 from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.effects import CATALOGUE
-from hydro.core.effects.catalogue import implausible
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
 from hydro.core.identification.fit import Fit
@@ -57,8 +56,6 @@ PLAIN = 0.6
 """Part of the floor that a change must take to be plain beside what the hull's model leaves."""
 GREAT = 0.2
 """Part of what the greatest change takes that another must take to be plain: its formula errs, too."""
-FANCIFUL = 0.5
-"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 LEAD = 0.6
 """Part of what the next best leaves that a name must remove where more is left than a model which is right
 leaves: then none is, and any that does nearly as well could be it.  Half of it where only further changes,
@@ -274,8 +271,7 @@ def _finding(
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
     sure = _confidence(change, wins[name], removed, beside, left, compared.chi2(model))
-    if implausible(fit.vehicle, [name]):
-        sure = min(sure, FANCIFUL)
+    sure = no_surer(sure, fit.vehicle, name)
     found = Finding(
         "retune" if known else "missing",
         name,

@@ -41,7 +41,7 @@ from hydro.core.diagnosis.confidence import (
     stated,
     unconfirmed,
 )
-from hydro.core.diagnosis.findings import Diagnosis, Finding, with_implausible
+from hydro.core.diagnosis.findings import Diagnosis, Finding, no_surer, with_implausible
 from hydro.core.diagnosis.identifiability import aliases, left_open, undetermined
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
@@ -266,7 +266,8 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     pieces = max(block_length(model.normal.score), 1)
     share, low, high = explained_share(without.costs - model.costs, baseline.refitted.excesses, pieces)
     tied = selection_frequency(found.rivals, effect)
-    parameters, errors = _tables(outcome.fit, effect)
+    fit = _joint(outcome)
+    parameters, errors = fit.table(effect)
     several, known = len(tied) > 1, bool(baseline.vehicle.effects(effect))
     if several:
         rivals = [found.rivals[name].vehicle for name in tied]
@@ -280,6 +281,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
     else:
         words = advice.adding(effect, parameters, log.record.dt)
     words += unconfirmed(effect, without, model, baseline.problem.shots.session)
+    sure = by_likelihood_confidence(tied[effect], model.normal.chi2, in_waves=baseline.sea is not None)
     return Finding(
         "cannot_tell_apart" if several else "retune" if known else "missing",
         effect,
@@ -287,7 +289,7 @@ def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
         share,
         low,
         high,
-        by_likelihood_confidence(tied[effect], model.normal.chi2, in_waves=baseline.sea is not None),
+        no_surer(sure, fit.vehicle, effect, errors),
         found.p_value,
         parameters,
         errors,
@@ -302,11 +304,10 @@ def _change(effect: str, baseline: Baseline, model: Model) -> Change:
     return greatest_change(baseline.vehicle, [model.unknown.entries[i] for i in own], model.values[own])
 
 
-def _tables(fit: Fit | None, effect: str) -> tuple[dict[str, object], dict[str, object]]:
-    """Values and standard errors of one fitted effect."""
-    if fit is None:
-        raise KeyError(effect)
-    return fit.table(effect)
+def _joint(outcome: Outcome) -> Fit:
+    """The joint fit of an outcome that has free values."""
+    assert outcome.fit is not None
+    return outcome.fit
 
 
 def _nothing(baseline: Baseline, outcome: Outcome) -> Finding:
@@ -323,7 +324,7 @@ def _started(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     """Damping that the file has not, and without which its predictions diverge too soon."""
     for name in baseline.effects:
         if not baseline.vehicle.effects(name):
-            values, errors = _tables(outcome.fit, name)
+            values, errors = _joint(outcome).table(name)
             words = advice.suspecting(name, "without it the predicted motion diverges")
             yield Finding("suspect", name, (name,), parameters=values, standard_errors=errors, advice=words)
 
@@ -355,7 +356,7 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
         wald = float(change @ np.linalg.solve(spread[np.ix_(entries, entries)], change)) / len(entries)
         p = float(fisher.sf(wald, len(entries), max(blocks - len(entries), 1)))
         if p <= ALPHA or absurd:
-            values, errors = _tables(outcome.fit, name)
+            values, errors = _joint(outcome).table(name)
             there = baseline.given.excess
             share = float(np.clip(cost / max(there, 1e-9), 0.0, 1.0)) if np.isfinite(there) else 1.0
             yield Finding(

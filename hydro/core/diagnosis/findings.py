@@ -49,6 +49,8 @@ leaves many times the noise and no effect earns any of it, so that no word on wh
 
 SURE = 0.9
 """Confidence from which a name is stated."""
+FANCIFUL = 0.5
+"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 FIT = 3.0
 """Mean squared residual in units of the noise up to which a fit is one."""
 WITH_VALUES = ("missing", "suspect", "retune", "cannot_tell_apart")
@@ -223,6 +225,20 @@ def _refusal(name: str, rows: pl.DataFrame, found: Sequence[str]) -> str:
                 f"`hydro fit --effect {name}`"
             )
     return f"the diagnosis has no finding {name} to add; it has {', '.join(found)}"
+
+
+def no_surer(
+    confidence: float, vehicle: Vehicle, effect: str, errors: Mapping[str, Any] | None = None
+) -> float:
+    """Confidence in a name, FANCIFUL at most where physics does not leave its values to it.
+
+    Args:
+        confidence: Of the name.
+        vehicle: With the values.
+        effect: The name.
+        errors: Standard errors of the values, see `implausible`.
+    """
+    return min(confidence, FANCIFUL) if implausible(vehicle, [effect], errors) else confidence
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:

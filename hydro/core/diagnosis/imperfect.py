@@ -19,7 +19,7 @@ from hydro.core.diagnosis.confidence import (
     by_transfer_confidence,
     explained_share,
 )
-from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, with_implausible
+from hydro.core.diagnosis.findings import SURE, Diagnosis, Finding, extended, no_surer, with_implausible
 from hydro.core.diagnosis.misread import misread
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model
 from hydro.core.diagnosis.transfer import (
@@ -53,8 +53,6 @@ ALSO, NEIGHBOURS = 0.5, 3
 """Part from which they are suspects with values, and how many at most."""
 OWN = 0.9
 """Of the confidence in a name, where it is one of the file's: its values take up what else is missing."""
-FANCIFUL = 0.5
-"""Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
 LITTLE = 1e-3
 """Of what is plain to see of a value: less is not there."""
 OUTDONE = 0.8
@@ -261,8 +259,7 @@ def _finding(
     sure *= OWN if rival.own else 1.0
     if surveyed.rivals[0] is not rival:
         sure = min(sure, OUTDONE)
-    if implausible(fit.vehicle, [rival.effect]):
-        sure = min(sure, FANCIFUL)
+    sure = no_surer(sure, fit.vehicle, rival.effect)
     words = advice.retuning(rival.effect) if rival.own else advice.adding(rival.effect, values, dt)
     least = max(NEARLY * surveyed.worth(rival), NAMED)
     near = [one.effect for one in others if surveyed.worth(one) >= least]

@@ -46,6 +46,10 @@ FAMILIES = (
 )
 
 
+DOUBT = 3.0
+"""Standard errors within which a value may be plausible though its estimate is not."""
+
+
 class Catalogue(dict[str, Effect]):
     """Effects by name; one of several of a vehicle, `payload:camera`, by the name before its label."""
 
@@ -230,30 +234,36 @@ def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
     return [{"name": name, "known": whole[name] or sorted(some)} for name, some in held.items()]
 
 
-def implausible(vehicle: Vehicle, names: Sequence[str] | None = None) -> list[str]:
+def implausible(
+    vehicle: Vehicle, names: Sequence[str] | None = None, errors: Mapping[str, Any] | None = None
+) -> list[str]:
     """Values of a vehicle's effects that lie beyond their plausible ranges, a sentence for each parameter.
 
     Args:
         vehicle: The vehicle.
         names: Effects that are looked at; by default all.
+        errors: Standard errors by parameter: what lies within DOUBT of them counts as plausible, and what
+            has none that is finite.
     """
     found = []
     for table in vehicle.effect:
         if names is None or table["name"] in names:
             given = [one for one in CATALOGUE[table["name"]].parameters if one.name in table]
-            found += [words for one in given if (words := _beyond(table, one, vehicle))]
+            doubt = {one.name: DOUBT * np.asarray((errors or {}).get(one.name, 0.0), float) for one in given}
+            found += [words for one in given if (words := _beyond(table, one, vehicle, doubt[one.name]))]
     return found
 
 
-def _beyond(table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle) -> str:
-    """That an entry of a parameter lies beyond what is plausible, the farthest; empty where none does."""
+def _beyond(table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle, doubt: Array) -> str:
+    """That an entry of a parameter lies beyond what is plausible by more than a doubt, or nothing."""
     if parameter.plausible is None:
         return ""
     values, farthest, words = np.asarray(table[parameter.name], float), 1.0, ""
+    doubts = np.broadcast_to(np.nan_to_num(doubt, nan=np.inf), values.shape)
     for index in np.ndindex(*values.shape):
         low, high = parameter.plausible.at(index, vehicle)
         value, middle, half = float(values[index]), 0.5 * (low + high), 0.5 * (high - low)
-        away = abs(value - middle) / half if half else math.inf
+        away = (abs(value - middle) - float(doubts[index])) / half if half else math.inf
         if away > max(farthest, 1.0 + ROUNDING):
             farthest = away
             place = "".join(f"[{i}]" for i in index)

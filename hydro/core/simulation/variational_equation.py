@@ -42,8 +42,8 @@ DEVIATION = 12
 """Numbers of a deviation of the body itself."""
 LITTLE = 1e-3  # of the state, for J [m, rad, m/s, rad/s]
 STIFF = 1.0
-"""Decay of a velocity within a step, h |J_ii|, from which deviations take all four terms of the motion's method:
-the midpoint rule's two grow from 2 on, where that still is stable."""
+"""Decay of a velocity within a step, h |J_ii|, from which deviations take all four terms of the motion's
+method: the midpoint rule's two grow from 2 on, where that still is stable."""
 FORCES, THRUST, WHOLE = 0, 1, 2
 """What a parameter changes: wrenches of effects, thrusts of the same lag states, or any of a program."""
 

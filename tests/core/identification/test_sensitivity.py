@@ -83,7 +83,7 @@ def test_derivatives_are_differences_of_predictions(extra):
 
 
 def test_derivatives_are_bounded_where_the_motion_is():
-    """Roll damped at 115 per second: the motion's Runge-Kutta method is stable there, the midpoint rule is not."""
+    """Roll damped at 115 per second, where the motion's method is stable and the midpoint rule is not."""
     vehicle = damped()
     inertia = mass_matrix(vehicle) + added_mass_matrix(vehicle)
     roll = 115.0 / float(np.linalg.inv(inertia)[3, 3])

@@ -90,6 +90,13 @@ def test_what_was_believed_once_is_told(table):
     assert "is implausible" in words
 
 
+def test_a_value_is_implausible_beyond_three_of_its_standard_errors():
+    vehicle, most = with_effect(name="ocean_current", v_N=-4.0, v_E=0.1), 3.0
+    assert implausible(vehicle, ["ocean_current"], {"v_N": 0.2, "v_E": 5.0})
+    assert not implausible(vehicle, ["ocean_current"], {"v_N": (4.0 - most) / 3.0 + 0.5, "v_E": 0.0})
+    assert not implausible(vehicle, ["ocean_current"], {"v_N": np.nan})
+
+
 def test_only_effects_asked_for_are_looked_at_and_the_farthest_entry_is_told():
     vehicle = with_effect(name="quadratic_damping", diagonal=[300.0, 0.0, 9999.0, 0.0, 0.0, 0.0])
     assert implausible(vehicle, ["linear_damping"]) == []
