@@ -186,6 +186,19 @@ def test_what_is_hidden_shows_in_the_motion(hidden, shows):
     assert shows(*ends)
 
 
+def test_what_couples_axes_is_hidden_beside_the_files_damping():
+    """Panels damp the vehicle, the file says by how much: alone no damping that couples axes is passive."""
+    coupled = {"name": "coupled_damping", "D15": -20.0, "D51": -20.0}
+    damping = {"name": "linear_damping", "diagonal": [50.0] * 6}
+    with pytest.raises(DataError, match="positive semi-definite"):
+        teacher(craft(), hidden=[coupled])
+    with pytest.raises(DataError, match="positive semi-definite"):
+        teacher(craft(effect=(damping,)), hidden=[coupled | {"D15": -90.0, "D51": -90.0}])
+    subject = teacher(craft(effect=(damping,)), hidden=[coupled])
+    assert subject.program.effects == ("coupled_damping",)
+    assert subject.ignored == ("linear_damping",)
+
+
 def test_a_hidden_sensor_error_is_in_the_log_and_not_in_the_motion():
     clean = collect(teacher(craft()), 1500, 4)
     wrong = collect(teacher(craft(), hidden=[{"name": "sensor_scale", "s": 0.1}]), 1500, 4)

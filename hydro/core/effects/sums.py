@@ -15,11 +15,13 @@ EIGENVALUE_TOLERANCE = 1e-9
 """Relative to the largest entry: asymmetry and negative eigenvalues below it are rounding."""
 
 
-def validate(vehicle: Vehicle) -> None:
+def validate(vehicle: Vehicle, damped: Vehicle | None = None) -> None:
     """Check the effects of a vehicle one by one and in sum.
 
     Args:
         vehicle: The vehicle.
+        damped: Another one that says what the damping is in sum, where something else than effects damps
+            the former.
 
     Raises:
         DataError: Naming the path in the vehicle file: an unknown effect or parameter, a number out of
@@ -33,7 +35,7 @@ def validate(vehicle: Vehicle) -> None:
     _require_semidefinite(added_mass, "added mass")
     if np.linalg.eigvalsh(mass_matrix(vehicle) + inertia_matrix(vehicle))[0] <= 0.0:
         raise DataError("rigid_body: the mass matrix with all effects must be positive definite")
-    linear, quadratic, drag = damping_in_sum(vehicle)
+    linear, quadratic, drag = damping_in_sum(damped or vehicle)
     _require_semidefinite(linear, "linear damping with coupled damping")
     for what, values in (("quadratic damping", quadratic), ("cross-flow drag", drag)):
         if (values < 0.0).any():
