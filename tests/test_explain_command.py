@@ -233,6 +233,26 @@ def test_a_study_that_is_done_is_not_done_again(counted, capsys):
     assert capsys.readouterr().err.count("already done") == 2
 
 
+def test_a_study_that_ended_since_nothing_predicts_better_tries_nothing_again(counted, monkeypatch):
+    tried: list[int] = []
+    monkeypatch.setattr(loop, "best_trial", lambda last, *_: tried.append(last.number))
+    assert run() == 0
+    before = contents()
+    assert loop.NO_BETTER in table.read("study/ladder.parquet").provenance.parameters["ended"]
+    assert run() == 0
+    assert tried == [0]
+    assert contents() == before
+
+
+def test_a_study_that_begins_with_the_file_of_another_resumes(counted):
+    assert run() == 0
+    line = ["explain", "study/vehicle-1.toml", "held.parquet", "-o", "next"]
+    assert cli.main(line) == 0
+    counted.clear()
+    assert cli.main(line) == 0
+    assert counted == []
+
+
 @pytest.mark.parametrize("lost", ["diagnosis-1.parquet", "vehicle-1.toml", "comparison-1.parquet"])
 def test_it_goes_on_where_it_stopped(counted, lost):
     assert run() == 0

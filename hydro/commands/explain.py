@@ -136,10 +136,11 @@ def explain(
             beyond=discovered if discover else None,
             progress=advance,
         )
-        for step in found:
+        for step in () if study.has_ended(steps) else found:
             steps.append(step)
             study.save_step(steps)
             _tell(step)
+        study.end(steps, ending(steps))
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, hull)
         _save_bands(study, best(steps))
     _print(study, steps, best(steps), ending(steps), person(as_json))

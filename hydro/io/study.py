@@ -26,6 +26,8 @@ OWN = re.compile(
     r"|(ladder|replay|leftover|growth|sessions|bands)\.parquet"
 )
 STAGE = "explain"
+ENDED = "ended"
+"""Parameter of `ladder.parquet`: why no step follows the last; there once that is known."""
 NO_FORCES = "no_forces"
 """Parameter of `sessions.parquet`: why no force can be found, and there is no table of what is left over."""
 
@@ -56,7 +58,8 @@ class Study:
             ladder = table.read(self.folder / LADDER, "ladder")
         except DataError:
             return []
-        ours = self._made("ladder", ladder.frame, self.vehicle_text).provenance
+        ended = {name: why for name, why in ladder.provenance.parameters.items() if name == ENDED}
+        ours = self._made("ladder", ladder.frame, self.vehicle_text, **ended).provenance
         if ladder.provenance != ours:
             return []
         steps: list[Step] = []
@@ -69,6 +72,13 @@ class Study:
                 break
             steps.append(step)
         return steps
+
+    def has_ended(self, steps: Sequence[Step]) -> bool:
+        """Whether it is known that no step follows the last of these, which are done."""
+        if not steps:
+            return False
+        ladder = table.read(self.folder / LADDER, "ladder")
+        return ENDED in ladder.provenance.parameters and ladder.frame["step"].max() == steps[-1].number
 
     def clear(self, steps: Sequence[Step]) -> bool:
         """Remove what is in the folder of another study, or of later steps; whether there was something."""
@@ -90,8 +100,16 @@ class Study:
         table.write(made, diagnosis)
         if step.estimates is not None:
             covariance.write(step.estimates, vehicle, stage=STAGE, inputs=[self.measured], vehicle_text=text)
+        self._save_ladder(steps)
+
+    def end(self, steps: Sequence[Step], why: str) -> None:
+        """Write down that no step follows the last of these, and why."""
+        self._save_ladder(steps, **{ENDED: why})
+
+    def _save_ladder(self, steps: Sequence[Step], **parameters: str) -> None:
+        """Write the ladder of all steps."""
         ladder = pl.concat(one.ladder for one in steps)
-        table.write(self._made("ladder", ladder, self.vehicle_text), self.folder / LADDER)
+        table.write(self._made("ladder", ladder, self.vehicle_text, **parameters), self.folder / LADDER)
 
     def save(self, kind: str, frame: pl.DataFrame, **parameters: object) -> None:
         """Write a table about the whole study under the name of its kind."""
@@ -100,10 +118,15 @@ class Study:
 
     def text(self, step: Step) -> str:
         """The vehicle file of a step: the given one with what was fitted, its comments in their places."""
-        text, origin = self.vehicle_text, {"data": self.measured.provenance.content, "method": STAGE}
+        text = self.vehicle_text
         for fitted in step.tables:
-            text = vehicles.set_effect(text, fitted | {"fit": origin})
+            text = vehicles.set_effect(text, fitted | {"fit": self._origin})
         return text
+
+    @property
+    def _origin(self) -> dict[str, str]:
+        """What the vehicle file of a step says of values that it has fitted."""
+        return {"data": self.measured.provenance.content, "method": STAGE}
 
     def _made(self, kind: str, frame: pl.DataFrame, text: str, **parameters: object) -> Artefact:
         """A table of the study; what rests on the held-out data has them among its inputs."""
@@ -130,7 +153,8 @@ class Study:
         if (compared.provenance, diagnosed.provenance) != tuple(one.provenance for one in ours):
             return None
         estimates, other = covariance.read(path, vehicle)
-        fitted = [e for e in vehicle.effect if e.get("fit", {}).get("method") == STAGE]
+        origin = self._origin
+        fitted = [e for e in vehicle.effect if number and e.get("fit", {}).items() >= origin.items()]
         if other or (fitted and estimates is None):
             return None
         return Step(
