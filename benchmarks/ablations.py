@@ -1,0 +1,119 @@
+"""What of `--recipe demos` makes soft actor-critic learn soon?  Stage 1, one choice taken back at a time.
+
+Nothing is cloned and nobody corrects: the policy learns by rewards alone, from the pilot's flights in half of
+every batch, and is examined every 5,000 steps.
+
+    python -m benchmarks.ablations run -o ablations
+    python -m benchmarks.ablations keep ablations --commit COMMIT
+
+Every training is an ordinary command in a folder of its own; the same line goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+
+from benchmarks.kept_tables import Row, keep, origin
+from hydro.io import table
+from hydro.rl.training.config import Curriculum
+
+VEHICLE = Path("datasets/vehicles/auv151.toml")
+STEPS = 200_000
+PLAIN = ("clone=0", "corrections=0", "lessons=0", "curriculum.examine=5000", "sac.random=1000")
+VARIANTS: dict[str, tuple[str, ...]] = {
+    "all of it": (),
+    "without demonstrations": ("demonstrations=0",),
+    "without layer normalisation": ("sac.norm=false",),
+    "256 wide, not 128": ("sac.layers=[256,256]",),
+    "batches of 512, not 256": ("sac.batch=512",),
+    "none of it": ("demonstrations=0", "sac.norm=false", "sac.layers=[256,256]", "sac.batch=512"),
+}
+"""What is taken back, in words, and by which choices."""
+
+
+def line(choices: Sequence[str], seed: int | str, folder: Path | str) -> list[str]:
+    """The command of one training."""
+    chosen = [word for choice in (*PLAIN, *choices) for word in ("--set", choice)]
+    return ["rl", "train", str(VEHICLE), "--recipe", "demos", "--stages", "1", "--steps", str(STEPS),
+            "--seed", str(seed), *chosen, "-o", str(folder)]  # fmt: skip
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Make the trainings that are not there, one after another."""
+    for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
+        for name, choices in VARIANTS.items():
+            folder = chosen.out / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
+            spent = folder.with_suffix(".time")
+            if spent.exists():
+                continue
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            words = [sys.executable, "-m", "hydro.cli", *line(choices, seed, folder)]
+            with subprocess.Popen(words, env=os.environ | {"OMP_NUM_THREADS": "1"}) as training:
+                _, status, used = os.wait4(training.pid, 0)
+                training.returncode = os.waitstatus_to_exitcode(status)
+            if training.returncode:
+                sys.exit(f"error: {name}, seed {seed}: the training ended with {training.returncode}")
+            spent.write_text(f"{used.ru_utime:.1f} {used.ru_stime:.1f}")
+
+
+def training(folder: Path) -> tuple[int | None, float]:
+    """Steps until one has passed, None where it has not, and its processor time [s]."""
+    found = table.read(folder / "evaluations.parquet", "evaluations").frame
+    passed = found.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)
+    used = sum(map(float, folder.with_suffix(".time").read_text().split()))
+    return (None if passed.is_empty() else int(passed["steps"].min())), used  # type: ignore[arg-type]
+
+
+def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
+    """Of the trainings of one variant the medians, with least and greatest."""
+    steps = sorted(STEPS if one is None else one for one, _ in found)
+    spent = sorted(seconds / 60.0 for _, seconds in found)
+    passed = sum(one is not None for one, _ in found)
+    return {
+        "learnt with": name,
+        "passed": f"{passed} of {len(found)}",
+        "steps until then": f"{statistics.median(steps):,.0f} ({steps[0]:,} to {steps[-1]:,})",
+        "processor time": f"{statistics.median(spent):.1f} min ({spent[0]:.1f} to {spent[-1]:.1f})",
+    }
+
+
+def kept(chosen: argparse.Namespace) -> None:
+    """Keep the table of a folder of trainings."""
+    rows, seeds = [], set[int]()
+    for name in VARIANTS:
+        folders = sorted(chosen.folder.glob(f"{name.replace(' ', '-').replace(',', '')}-*.time"))
+        found = [training(path.with_suffix("")) for path in folders]
+        seeds |= {int(path.stem.rpartition("-")[2]) for path in folders}
+        if found:
+            rows.append(row(name, found))
+    command = "python -m benchmarks.ablations run -o ablations; hydro " + " ".join(line((), "SEED", "RUN"))
+    where = origin(pl.DataFrame({"seed": sorted(seeds)}), command, chosen.commit)
+    keep("rl_ablations", [one | where for one in rows])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = parser.add_subparsers(required=True)
+    runs = parts.add_parser("run")
+    runs.add_argument("--first-seed", type=int, default=0)
+    runs.add_argument("--seeds", type=int, default=3)
+    runs.add_argument("-o", "--out", type=Path, required=True, help="folder of trainings")
+    runs.set_defaults(what=run)
+    keeps = parts.add_parser("keep")
+    keeps.add_argument("folder", type=Path, help="of trainings")
+    keeps.add_argument("--commit", required=True, help="of the code that was measured")
+    keeps.set_defaults(what=kept)
+    chosen = parser.parse_args()
+    chosen.what(chosen)
+
+
+if __name__ == "__main__":
+    main()
