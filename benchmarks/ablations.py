@@ -12,15 +12,13 @@ Every training is an ordinary command in a folder of its own; the same line goes
 from __future__ import annotations
 
 import argparse
-import os
 import statistics
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
 
+from benchmarks.commands import made, seconds
 from benchmarks.kept_tables import Row, keep, origin
 from hydro.io import table
 from hydro.rl.training.config import Curriculum
@@ -39,37 +37,30 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 """What is taken back, in words, and by which choices."""
 
 
-def line(choices: Sequence[str], seed: int | str, folder: Path | str) -> list[str]:
+def line(choices: Sequence[str], seed: int | str) -> list[str]:
     """The command of one training."""
     chosen = [word for choice in (*PLAIN, *choices) for word in ("--set", choice)]
     return ["rl", "train", str(VEHICLE), "--recipe", "demos", "--stages", "1", "--steps", str(STEPS),
-            "--seed", str(seed), *chosen, "-o", str(folder)]  # fmt: skip
+            "--seed", str(seed), *chosen]  # fmt: skip
+
+
+def place(folder: Path, name: str, seed: int | str) -> Path:
+    """Where a training of a variant is kept."""
+    return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
 
 
 def run(chosen: argparse.Namespace) -> None:
     """Make the trainings that are not there, one after another."""
     for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
         for name, choices in VARIANTS.items():
-            folder = chosen.out / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
-            spent = folder.with_suffix(".time")
-            if spent.exists():
-                continue
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            words = [sys.executable, "-m", "hydro.cli", *line(choices, seed, folder)]
-            with subprocess.Popen(words, env=os.environ | {"OMP_NUM_THREADS": "1"}) as training:
-                _, status, used = os.wait4(training.pid, 0)
-                training.returncode = os.waitstatus_to_exitcode(status)
-            if training.returncode:
-                sys.exit(f"error: {name}, seed {seed}: the training ended with {training.returncode}")
-            spent.write_text(f"{used.ru_utime:.1f} {used.ru_stime:.1f}")
+            made(line(choices, seed), place(chosen.out, name, seed))
 
 
 def training(folder: Path) -> tuple[int | None, float]:
     """Steps until one has passed, None where it has not, and its processor time [s]."""
     found = table.read(folder / "evaluations.parquet", "evaluations").frame
-    passed = found.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)
-    used = sum(map(float, folder.with_suffix(".time").read_text().split()))
-    return (None if passed.is_empty() else int(passed["steps"].min())), used  # type: ignore[arg-type]
+    passed = found.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)["steps"]
+    return (int(passed.to_list()[0]) if len(passed) else None), seconds(folder)
 
 
 def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
@@ -89,12 +80,11 @@ def kept(chosen: argparse.Namespace) -> None:
     """Keep the table of a folder of trainings."""
     rows, seeds = [], set[int]()
     for name in VARIANTS:
-        folders = sorted(chosen.folder.glob(f"{name.replace(' ', '-').replace(',', '')}-*.time"))
-        found = [training(path.with_suffix("")) for path in folders]
-        seeds |= {int(path.stem.rpartition("-")[2]) for path in folders}
-        if found:
-            rows.append(row(name, found))
-    command = "python -m benchmarks.ablations run -o ablations; hydro " + " ".join(line((), "SEED", "RUN"))
+        folders = [path.with_suffix("") for path in chosen.folder.glob(f"{place(Path(), name, '*')}.time")]
+        seeds |= {int(path.name.rpartition("-")[2]) for path in folders}
+        if folders:
+            rows.append(row(name, [training(path) for path in folders]))
+    command = f"python -m benchmarks.ablations run -o ablations; hydro {' '.join(line((), 'SEED'))} -o RUN"
     where = origin(pl.DataFrame({"seed": sorted(seeds)}), command, chosen.commit)
     keep("rl_ablations", [one | where for one in rows])
 

@@ -1,0 +1,102 @@
+"""Do policies hold better in other vehicles where they were trained under what a fit leaves open?
+
+Trained alike (`--recipe demos`), on the values of a vehicle file or with each episode's vehicle drawn from
+the covariance beside it (`--randomise posterior`); flown through the forest in vehicles that are drawn
+likewise (within what the fit leaves open), in the teacher that the file was fitted to, and there with changes
+beyond: a current, a payload, a dead thruster.  The pilots with and without a map fly all of it too.
+
+    hydro collect --vehicle datasets/vehicles/auv151.toml --rows 3000 --seed 44 --noise dvl -o minute.parquet
+    hydro fit datasets/vehicles/auv151.toml minute.parquet --effect added_mass --effect linear_damping
+        --effect quadratic_damping -o fitted.toml
+    python -m benchmarks.posterior run fitted.toml -o posterior
+    python -m benchmarks.posterior keep posterior --commit COMMIT
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import polars as pl
+
+from benchmarks.commands import made
+from benchmarks.kept_tables import Row, keep, origin
+from benchmarks.policies import POLICY, arrivals, of_seeds
+from hydro.io import table
+
+TRAINED = {"its values": (), "its posterior": ("--randomise", "posterior")}
+"""What a policy was trained on, and by which options."""
+RECIPE = ("--recipe", "demos", "--stages", "3", "--steps", "2000000")
+FLOWN = {
+    "student, drawn": ("student", ("posterior",)),
+    "teacher": ("teacher", ("nominal", "current", "load", "dead_thruster")),
+}
+"""Where, and in which settings."""
+
+
+def run(chosen: argparse.Namespace) -> None:
+    """Train and fly what is not there, seed by seed."""
+    for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
+        for name, options in TRAINED.items():
+            folder = chosen.out / f"{name.replace(' ', '-')}-{seed}"
+            made(("rl", "train", chosen.vehicle, *RECIPE, "--seed", str(seed), *options), folder)
+            for plant, settings in FLOWN.values():
+                wanted = [word for one in settings for word in ("--setting", one)]
+                pilot = "--pilot" if seed == chosen.first_seed and not options else "--no-pilot"
+                line = ("rl", "eval", folder, "--stage", "3", "--in", plant, *wanted, pilot)
+                out = chosen.out / f"{folder.name}-{plant}.parquet"
+                made((*line, "--episodes", str(chosen.episodes)), out)
+
+
+def flights(folder: Path) -> list[Row]:
+    """Every evaluation of a study, with what its policy was trained on."""
+    rows = []
+    for name in TRAINED:
+        for path in sorted(folder.glob(f"{name.replace(' ', '-')}-*.parquet")):
+            for row in table.read(path, "evaluations").frame.to_dicts():
+                rows.append(row | {"trained": name if row["flown_by"] == POLICY else ""})
+    return rows
+
+
+def by_flyer(found: list[Row]) -> list[Row]:
+    """A row for each pilot and each way of training: of the median training and of all, by place."""
+    places: dict[str, dict[str, list[Row]]] = {}
+    for row in found:
+        who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])
+        place = f"{row['plant']}, {row['setting'].replace('_', ' ')}"
+        places.setdefault(who, {}).setdefault(place, []).append(row)
+    return [
+        {"flown by": who} | {place: ", ".join(arrivals(of_seeds(rows))) for place, rows in each.items()}
+        for who, each in places.items()
+    ]
+
+
+def kept(chosen: argparse.Namespace) -> None:
+    """Keep the table of a study."""
+    found = flights(chosen.folder)
+    trained = sorted({row["seed"] for row in found if row["trained"]})
+    command = "python -m benchmarks.posterior run fitted.toml -o posterior"
+    where = origin(pl.DataFrame({"seed": trained}), command, chosen.commit)
+    keep("rl_posterior", [row | where for row in by_flyer(found)])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = parser.add_subparsers(required=True)
+    runs = parts.add_parser("run")
+    runs.add_argument("vehicle", type=Path, help="file with the covariance of a fit beside it")
+    runs.add_argument("--first-seed", type=int, default=0)
+    runs.add_argument("--seeds", type=int, default=5)
+    runs.add_argument("--episodes", type=int, default=100)
+    runs.add_argument("-o", "--out", type=Path, required=True, help="folder of the study")
+    runs.set_defaults(what=run)
+    keeps = parts.add_parser("keep")
+    keeps.add_argument("folder", type=Path, help="of a study")
+    keeps.add_argument("--commit", required=True, help="of the code that was measured")
+    keeps.set_defaults(what=kept)
+    chosen = parser.parse_args()
+    chosen.what(chosen)
+
+
+if __name__ == "__main__":
+    main()
