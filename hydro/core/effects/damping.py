@@ -294,6 +294,7 @@ POWER_DRAG = Effect(
             high=MOST_POWER,
             required=True,
             plausible=between(LEAST_POWER, MOST_POWER, "", "from laminar friction to flutter and waves"),
+            power=True,
         ),
     ),
     kernel=power,

@@ -69,6 +69,7 @@ class Parameter:
         symmetric: Whether a matrix has only the entries on and above its diagonal for free.
         plausible: What physics leaves to it: a value beyond is not believed without being told.
         held: Whether a fit leaves it as it is: it says from where another parameter counts.
+        power: Whether it is the power of a velocity, on which what it multiplies depends exponentially.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Parameter:
     symmetric: bool = False
     plausible: Plausible | None = None
     held: bool = False
+    power: bool = False
 
     def __post_init__(self) -> None:
         """Find a unit that is none while the catalogue is made, not while a vehicle is fitted."""

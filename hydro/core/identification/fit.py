@@ -29,8 +29,10 @@ from hydro.core.identification.levenberg_marquardt import (
     PRIOR,
     Problem,
     descend,
+    errors_of,
     linearised,
     over_standard_errors,
+    profiled,
     searched,
 )
 from hydro.core.identification.normal_equations import Normal, covariance
@@ -62,6 +64,8 @@ MOST_SHOTS = 1000
 """Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN_ERRORS = 3.0
+LOOSE = 0.1
+"""Standard error of a power from which the standard errors of all else are asked for over its profile."""
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
@@ -229,7 +233,9 @@ def fit(
     if isinstance(problem, OutputError):
         chi2 = problem.weighed(shots.sigma).linearise(unknown.at(kept), [], []).chi2
     progress("done", 1.0)
-    found = with_uncertainty(unknown, kept + 0.0, normal, chi2, method, vehicle)
+    found = with_uncertainty(
+        unknown, kept + 0.0, normal, chi2, method, vehicle, _over_powers(unknown, kept, normal, problem)
+    )
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
     told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
     warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
@@ -359,6 +365,14 @@ def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> 
     return kept, linearised(unknown, kept / unknown.scales, problem), problem
 
 
+def _over_powers(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Array:
+    """Least standard errors (P,): what powers that are hardly determined leave open of all else."""
+    errors = errors_of(normal) * unknown.scales
+    parameters = [CATALOGUE[entry.effect].parameter(entry.parameter) for entry in unknown.entries]
+    powers = [i for i, one in enumerate(parameters) if one.power and errors[i] > LOOSE]
+    return profiled(unknown, values, normal, problem, errors, powers)
+
+
 def _information(normal: Normal) -> Array:
     """X^T X of all pieces and what is known beforehand, (P, P)."""
     information = normal.matrix.sum(axis=0)
@@ -367,7 +381,13 @@ def _information(normal: Normal) -> Array:
 
 
 def with_uncertainty(
-    unknown: Free, values: Array, normal: Normal, chi2: float, method: str, file: Vehicle | None = None
+    unknown: Free,
+    values: Array,
+    normal: Normal,
+    chi2: float,
+    method: str,
+    file: Vehicle | None = None,
+    least: Array | None = None,
 ) -> Fit:
     """Covariance, warnings and a vehicle that is physically possible.
 
@@ -378,6 +398,7 @@ def with_uncertainty(
         chi2: Mean square of the residuals.
         method: `output` or `equation`.
         file: The vehicle whose file states standard errors of its values, which count as another estimate.
+        least: Standard errors at least, (P,); correlations stay.
     """
     warnings: list[str] = []
     within = possible(unknown, values, _information(normal))
@@ -386,6 +407,9 @@ def with_uncertainty(
         values = within
     scales = unknown.scales
     spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
+    if least is not None:
+        wider = np.maximum(least / np.sqrt(np.diag(spread)), 1.0)
+        spread = spread * np.outer(wider, wider)
     if file is not None and np.isfinite(stated(file, unknown.entries)).any():
         values, spread, told = combined(values, spread, file, unknown.entries)
         information = np.asarray(np.linalg.inv(spread / np.outer(scales, scales)), np.float64)

@@ -63,6 +63,10 @@ class Prior:
         return float((self.information * (x - self.centre) ** 2).sum())
 
 
+PROFILE = (-2.0, -1.0, 1.0, 2.0)
+"""Standard errors by which an entry goes from its best value where its profile is asked for."""
+
+
 class Problem(Protocol):
     """What the iteration asks of a method."""
 
@@ -209,7 +213,7 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
     From wide to narrow; a derivative so narrow that no row of commands lies in it tells less, and ends it.
     """
     stepped = np.array([entry.resolution > 0.0 for entry in unknown.entries])
-    before = _errors(normal)
+    before = errors_of(normal)
     for _ in range(ROUNDS):
         steps = np.array([entry.step / entry.scale for entry in unknown.entries])
         wanted = np.where(stepped, np.minimum(ERRORS * before, steps), steps)
@@ -218,7 +222,7 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
         pairs = zip(unknown.entries, wanted * unknown.scales, strict=True)
         unknown = replace(unknown, entries=tuple(replace(e, step=float(step)) for e, step in pairs))
         narrower = linearised(unknown, values / unknown.scales, problem)
-        errors = _errors(narrower)
+        errors = errors_of(narrower)
         if (errors[stepped] > before[stepped]).any():
             break
         normal, before = narrower, errors
@@ -229,6 +233,42 @@ def over_standard_errors(unknown: Free, values: Array, normal: Normal, problem: 
         gram[:, :, i] *= share
         normal = replace(normal, gram=gram)
     return normal
+
+
+def profiled(
+    unknown: Free, values: Array, normal: Normal, problem: Problem, errors: Array, entries: Sequence[int]
+) -> Array:
+    """Standard errors of all values over what some entries may be, each by itself, (P,).
+
+    A power that the data leave open leaves open what it multiplies, by far more than the slope at the best
+    value tells: with another power a drag may stand in for one that is quadratic.  It goes over PROFILE of
+    its standard errors, the others are fitted anew, and each place counts as likely as its sum of squares
+    leaves it; variances are those there and of what moves from place to place.
+
+    Args:
+        unknown: The entries.
+        values: Their best values, (P,).
+        normal: The problem about them.
+        problem: What was fitted.
+        errors: Standard errors of the values, (P,).
+        entries: Those that go.
+    """
+    found = errors.copy()
+    for i in entries:
+        held, weight, variance = np.arange(len(values)) == i, 1.0, errors**2
+        for side in PROFILE:
+            there = unknown.within(values + side * errors * held)
+            if there[i] == values[i]:
+                continue
+            rest = unknown.holding(there, held)
+            others, moved_on, _ = descend(rest, rest.starts[0], problem, ITERATIONS)
+            likely = np.exp(-0.5 * max(moved_on.cost - normal.cost, 0.0) / max(normal.chi2, 1.0))
+            spread = (others - values[~held]) ** 2 + (errors_of(moved_on) * rest.scales) ** 2
+            variance[~held] += likely * spread
+            variance[i] += likely * (there[i] - values[i]) ** 2
+            weight += likely
+        found = np.maximum(found, np.sqrt(variance / weight))
+    return found
 
 
 def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
@@ -252,7 +292,7 @@ def _reach(unknown: Free, values: Array, i: int, problem: Problem) -> float:
     return float(max(plateau / 12.0**0.5, np.where(rise < 9.0, away, 0.0).max() / 3.0))
 
 
-def _errors(normal: Normal) -> Array:
+def errors_of(normal: Normal) -> Array:
     """Standard errors in scales, (P,)."""
     count = normal.score.shape[1]
     return np.asarray(np.sqrt(np.diag(covariance(normal, np.full(count, PRIOR**-2)))))

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.log_faults import sound
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import OutputError, fit
+from hydro.core.identification.fit import LOOSE, OutputError, fit
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
     ERRORS,
@@ -178,6 +178,18 @@ def test_three_standard_errors_reach_what_costs_hardly_more():
     )
     error = np.sqrt(covariance(normal, np.array([1e-9])))[0, 0]
     assert 0.8 / FINER <= 3.0 * error <= 0.8
+
+
+def test_three_standard_errors_reach_the_truth_where_a_power_is_loose():
+    """Amounts go with their power exponentially: the slope at the best value made moments four errors off."""
+    hidden = {"name": "power_drag", "diagonal": [12.0, 20.0, 25.0, 1.0, 2.0, 1.5], "n": 2.6}
+    raw = noisy(moved(damped(hidden), rows=1500), 0)
+    found = fit(damped(), raw, ["power_drag", "linear_damping", "quadratic_damping"])
+    truth = np.array([*hidden["diagonal"], hidden["n"]])
+    errors = found.standard_errors[:7]
+    assert errors[6] > LOOSE
+    assert np.abs((found.values[:7] - truth) / errors).max() < 3.0
+    assert (np.abs(found.values[3:6] - truth[3:6]) > 1.5 * errors[3:6]).any(), "a tail, or it shows nothing"
 
 
 def test_noise_free_data_leave_standard_errors_though_two_entries_are_all_but_one():
