@@ -18,7 +18,7 @@ from pathlib import Path
 
 import polars as pl
 
-from benchmarks.commands import made, seconds
+from benchmarks.commands import made, parser, place, seconds
 from benchmarks.kept_tables import Row, keep, origin
 from hydro.io import table
 from hydro.rl.training.config import Curriculum
@@ -42,11 +42,6 @@ def line(choices: Sequence[str], seed: int | str) -> list[str]:
     chosen = [word for choice in (*PLAIN, *choices) for word in ("--set", choice)]
     return ["rl", "train", str(VEHICLE), "--recipe", "demos", "--stages", "1", "--steps", str(STEPS),
             "--seed", str(seed), *chosen]  # fmt: skip
-
-
-def place(folder: Path, name: str, seed: int | str) -> Path:
-    """Where a training of a variant is kept."""
-    return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
 
 
 def run(chosen: argparse.Namespace) -> None:
@@ -90,18 +85,8 @@ def kept(chosen: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parts = parser.add_subparsers(required=True)
-    runs = parts.add_parser("run")
-    runs.add_argument("--first-seed", type=int, default=0)
-    runs.add_argument("--seeds", type=int, default=3)
-    runs.add_argument("-o", "--out", type=Path, required=True, help="folder of trainings")
-    runs.set_defaults(what=run)
-    keeps = parts.add_parser("keep")
-    keeps.add_argument("folder", type=Path, help="of trainings")
-    keeps.add_argument("--commit", required=True, help="of the code that was measured")
-    keeps.set_defaults(what=kept)
-    chosen = parser.parse_args()
+    whole, _ = parser(__doc__.splitlines()[0], run, kept, seeds=3)
+    chosen = whole.parse_args()
     chosen.what(chosen)
 
 

@@ -1,11 +1,12 @@
-"""Commands of hydro as processes of their own, one after another, and the processor time that each takes."""
+"""Studies of trainings: commands of hydro one after another, with their processor time, kept as tables."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 
@@ -41,3 +42,29 @@ def seconds(out: Path) -> float:
 def beside(out: Path) -> Path:
     """Where the time of what is made stands."""
     return out.with_name(f"{out.name}.time")
+
+
+def place(folder: Path, name: str, seed: int | str) -> Path:
+    """Where a training of a variant is kept."""
+    return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
+
+
+def parser(
+    about: str,
+    run: Callable[[argparse.Namespace], None],
+    kept: Callable[[argparse.Namespace], None],
+    seeds: int,
+) -> tuple[argparse.ArgumentParser, argparse.ArgumentParser]:
+    """The parser of a study that is run or kept as a table, and that of `run`, for more; `what` is chosen."""
+    whole = argparse.ArgumentParser(description=about)
+    parts = whole.add_subparsers(required=True)
+    runs = parts.add_parser("run")
+    runs.add_argument("--first-seed", type=int, default=0)
+    runs.add_argument("--seeds", type=int, default=seeds)
+    runs.add_argument("-o", "--out", type=Path, required=True, help="folder of the study")
+    runs.set_defaults(what=run)
+    keeps = parts.add_parser("keep")
+    keeps.add_argument("folder", type=Path, help="of a study")
+    keeps.add_argument("--commit", required=True, help="of the code that was measured")
+    keeps.set_defaults(what=kept)
+    return whole, runs

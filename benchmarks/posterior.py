@@ -19,7 +19,7 @@ from pathlib import Path
 
 import polars as pl
 
-from benchmarks.commands import made
+from benchmarks.commands import made, parser, place
 from benchmarks.kept_tables import Row, keep, origin
 from benchmarks.policies import POLICY, arrivals, of_seeds
 from hydro.io import table
@@ -38,7 +38,7 @@ def run(chosen: argparse.Namespace) -> None:
     """Train and fly what is not there, seed by seed."""
     for seed in range(chosen.first_seed, chosen.first_seed + chosen.seeds):
         for name, options in TRAINED.items():
-            folder = chosen.out / f"{name.replace(' ', '-')}-{seed}"
+            folder = place(chosen.out, name, seed)
             made(("rl", "train", chosen.vehicle, *RECIPE, "--seed", str(seed), *options), folder)
             for plant, settings in FLOWN.values():
                 wanted = [word for one in settings for word in ("--setting", one)]
@@ -52,7 +52,7 @@ def flights(folder: Path) -> list[Row]:
     """Every evaluation of a study, with what its policy was trained on."""
     rows = []
     for name in TRAINED:
-        for path in sorted(folder.glob(f"{name.replace(' ', '-')}-*.parquet")):
+        for path in sorted(folder.glob(f"{place(Path(), name, '*')}.parquet")):
             for row in table.read(path, "evaluations").frame.to_dicts():
                 rows.append(row | {"trained": name if row["flown_by"] == POLICY else ""})
     return rows
@@ -81,20 +81,10 @@ def kept(chosen: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parts = parser.add_subparsers(required=True)
-    runs = parts.add_parser("run")
+    whole, runs = parser(__doc__.splitlines()[0], run, kept, seeds=5)
     runs.add_argument("vehicle", type=Path, help="file with the covariance of a fit beside it")
-    runs.add_argument("--first-seed", type=int, default=0)
-    runs.add_argument("--seeds", type=int, default=5)
     runs.add_argument("--episodes", type=int, default=100)
-    runs.add_argument("-o", "--out", type=Path, required=True, help="folder of the study")
-    runs.set_defaults(what=run)
-    keeps = parts.add_parser("keep")
-    keeps.add_argument("folder", type=Path, help="of a study")
-    keeps.add_argument("--commit", required=True, help="of the code that was measured")
-    keeps.set_defaults(what=kept)
-    chosen = parser.parse_args()
+    chosen = whole.parse_args()
     chosen.what(chosen)
 
 

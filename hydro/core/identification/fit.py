@@ -367,8 +367,10 @@ def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> 
 
 def _over_powers(unknown: Free, values: Array, normal: Normal, problem: Problem) -> Array:
     """Least standard errors (P,): what powers that are hardly determined leave open of all else."""
-    errors = errors_of(normal) * unknown.scales
     parameters = [CATALOGUE[entry.effect].parameter(entry.parameter) for entry in unknown.entries]
+    if not any(one.power for one in parameters):
+        return np.zeros(len(values))
+    errors = errors_of(normal) * unknown.scales
     powers = [i for i, one in enumerate(parameters) if one.power and errors[i] > LOOSE]
     return profiled(unknown, values, normal, problem, errors, powers)
 
