@@ -13,6 +13,7 @@ from terminal import fits, on_terminal
 
 from hydro import cli
 from hydro.io import table
+from hydro.study import policies
 
 ROOT = Path(__file__).resolve().parents[1]
 VEHICLE = str(ROOT / "datasets" / "vehicles" / "auv151.toml")
@@ -231,19 +232,41 @@ def test_a_film_of_a_flight(run: Path, tmp_path: Path) -> None:
 def test_a_study_runs_every_condition_it_can_and_says_what_it_could_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = ["study", VEHICLE, "--condition", "R_effects", "--condition", "R_MLP", "--seeds", 1, "--stages", 1]
-    line += ["--steps", 80, "--episodes", 3, *SMALL, "-o", tmp_path]
-    assert rl(*line) == 0
+    line = ["study", VEHICLE, "--seeds", 1, "--stages", 1, "--steps", 80, "--episodes", 3, *SMALL]
+    line += [word for name in ("R_effects", "R_MLP", "R_identified") for word in ("--condition", name)]
+    assert rl(*line, "-o", tmp_path) == 0
     told = capsys.readouterr().err
     assert "not run: R_MLP, for want of its residual model" in told
+    assert "not run: R_identified, for want of a file" in told
     tests = table.read(tmp_path / "tests.parquet", "evaluations").frame
     assert tests.select("flown_by", "plant").rows() == [
         (who, simulator) for simulator in ("student", "teacher") for who in ("policy", "helmsman")
     ]
     assert set(tests["condition"]) == {"R_effects"}
     assert (tmp_path / "curves.png").exists()
-    assert rl(*line) == 0
+    assert rl(*line, "-o", tmp_path) == 0
     assert "0 of 4 steps run" in capsys.readouterr().err
+
+
+def test_a_study_trains_in_what_was_identified_and_flies_it_in_the_teacher_of_its_vehicle(
+    tmp_path: Path,
+) -> None:
+    identified = tmp_path / "identified.toml"
+    study = policies.Study(tmp_path, Path(VEHICLE), identified=identified, seeds=2, stages=2)
+    runs, left = policies.runs(study)
+    assert [run.condition for run in runs] == ["R_0", "R_effects", "R_identified"] * 2
+    assert len(left) == 3
+    of_it = tmp_path / "R_identified-seed0"
+    training, *flights = (step for step in policies.steps(study, runs) if of_it in step.writes[0].parents)
+    assert training.line[:3] == ("rl", "train", str(identified))
+    assert training.reads == (identified,)
+    assert [step.writes[0].name for step in flights] == [
+        f"{simulator}-{stage}.parquet" for simulator in ("student", "teacher") for stage in (1, 2)
+    ]
+    for step in flights:
+        in_teacher = "teacher" in step.line
+        assert step.line.count("--truth") == step.reads.count(Path(VEHICLE)) == in_teacher
+        assert ("--pilot" in step.line) != in_teacher
 
 
 @pytest.mark.parametrize(

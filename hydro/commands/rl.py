@@ -30,7 +30,7 @@ TrainingFolder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), FOLDER
 ]
 ConditionName = Annotated[
-    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured or R_effects.")
+    str, typer.Option(help="Physics: R_0, R_MLP, R_PhysFeat, R_structured, R_effects or R_identified.")
 ]
 ResidualModel = Annotated[
     Path | None,

@@ -17,6 +17,10 @@ Models = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE", help="Residual model of a condition; repeat for several."),
 ]
+Identified = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Vehicle file that `hydro explain` or `fit` wrote, of R_identified."),
+]
 Conditions = Annotated[
     list[str] | None, typer.Option(metavar="NAME", help="Only this condition; repeat for several.")
 ]
@@ -34,6 +38,7 @@ def study(
     vehicle: ModelFile,
     output: Folder,
     model: Models = None,
+    identified: Identified = None,
     condition: Conditions = None,
     seeds: Annotated[int, typer.Option(min=1, help="Trainings of each condition.")] = 5,
     stages: Annotated[int, typer.Option(min=1, max=3, help="Last stage of the curriculum.")] = 3,
@@ -48,15 +53,17 @@ def study(
 ) -> None:
     """Train every condition with several seeds, fly every policy in both simulators, and compare.
 
-    Conditions: R_0 without water forces, R_MLP and R_PhysFeat with residual networks, R_effects with the
-    vehicle file's effects. Each training goes through the curriculum and is then tested in the student and
-    in the teacher on the same tasks, which a pilot by hand flies besides. Every step is an ordinary command,
-    printed as it runs; seeds come before conditions, so that a study that is stopped has something of each.
-    One that was interrupted goes on where it stopped, inside a training too. With --engine ray steps run on
-    the nodes of a Ray cluster, as many as have room, and --workers does not count.
+    Conditions: R_0 without water forces, R_MLP, R_PhysFeat and R_structured with residual networks,
+    R_effects with the vehicle file's effects, R_identified with those of a file that was identified from the
+    teacher's data. Each training goes through the curriculum and is then flown through the task of every
+    stage in the student and in the teacher of VEHICLE, the same tasks everywhere, which pilots by hand fly
+    besides. Every step is an ordinary command, printed as it runs; seeds come before conditions, so that a
+    study that is stopped has something of each. One that was interrupted goes on where it stopped, inside a
+    training too. With --engine ray steps run on the nodes of a Ray cluster, as many as have room, and
+    --workers does not count.
 
     DIR gets a folder per training, tests.parquet with all tests and curves.png. What is not run, for want of
-    a model, is said.
+    a file, is said.
     """
     from hydro.study import policies
 
@@ -64,6 +71,7 @@ def study(
         output,
         vehicle,
         models=tuple(model or ()),
+        identified=identified,
         conditions=tuple(condition or policies.CONDITIONS),
         seeds=seeds,
         stages=stages,
@@ -77,10 +85,10 @@ def study(
     with runner(context, output, workers, engine, address, threads) as (steps_of, together):
         ran = steps_of.run(plan, together)
     message(f"{ran} of {len(plan)} steps run, the others were done")
-    shown = policies.summarise(runs, output).select(
+    shown = policies.summarise(known, runs).select(
         "condition", "flown_by", "seed", "steps", "plant", "task", "level",
         "success", "success_low", "success_high", "collision", "time_to_goal", "energy",
     )  # fmt: skip
     print_table(shown, "Flown without exploration, with 95 % intervals")
-    for name in left:
-        message(f"not run: {name}, for want of its residual model: add --model FILE")
+    for want in left:
+        message(f"not run: {want}")

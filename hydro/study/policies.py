@@ -13,17 +13,18 @@ from hydro.study.steps import Step
 if TYPE_CHECKING:
     import polars as pl
 
-CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_effects")
+CONDITIONS = ("R_0", "R_MLP", "R_PhysFeat", "R_structured", "R_effects", "R_identified")
 SIMULATORS = ("student", "teacher")
 
 
 @dataclass(frozen=True)
 class Run:
-    """One training of a study."""
+    """One training of a study, in the student of a vehicle file, with a residual model or without."""
 
     condition: str
     seed: int
     folder: Path
+    vehicle: Path
     model: Path | None
 
     @property
@@ -31,9 +32,9 @@ class Run:
         """Its tables."""
         return tuple(self.folder / f"{name}.parquet" for name in ("run", "curves", "evaluations", "policy"))
 
-    def tested(self, simulator: str) -> Path:
-        """The table of its flights in a simulator."""
-        return self.folder / f"{simulator}.parquet"
+    def tested(self, simulator: str, stage: int) -> Path:
+        """The table of its flights through the task of a stage in a simulator."""
+        return self.folder / f"{simulator}-{stage}.parquet"
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,9 @@ class Study:
 
     Attributes:
         folder: Of the study.
-        vehicle: The vehicle file.
+        vehicle: The vehicle file, which the teacher flies.
         models: Residual models of conditions.
+        identified: Vehicle file that was identified from the teacher's data, of `R_identified`.
         conditions: Physics to train under.
         seeds: Trainings of each.
         stages: Last stage of the curriculum.
@@ -56,6 +58,7 @@ class Study:
     folder: Path
     vehicle: Path
     models: tuple[Path, ...] = ()
+    identified: Path | None = None
     conditions: tuple[str, ...] = CONDITIONS
     seeds: int = 5
     stages: int = 3
@@ -74,62 +77,76 @@ def _kind(path: Path) -> str:
 
 
 def runs(study: Study) -> tuple[list[Run], list[str]]:
-    """The trainings, seeds before conditions, and the conditions that lack their model.
+    """The trainings, seeds before conditions, and what the conditions that are not trained lack.
 
     Raises:
-        UsageError: There is no such condition, or all lack their model.
+        UsageError: There is no such condition, or all lack their file.
     """
     from hydro.rl.environment.conditions import CONDITIONS as KNOWN
-    from hydro.rl.environment.conditions import MODELS
+    from hydro.rl.environment.conditions import IDENTIFIED, MODELS
 
     names, models = study.conditions, {_kind(path): path for path in study.models}
     if unknown := [name for name in names if name not in KNOWN]:
         raise UsageError(f"no condition is called {unknown[0]!r}: choose one of {', '.join(KNOWN)}")
-    left = [name for name in names if name in MODELS and MODELS[name] not in models]
+    left = {name: "its residual model: add --model FILE" for name in names if name in MODELS}
+    left = {name: want for name, want in left.items() if MODELS[name] not in models}
+    if IDENTIFIED in names and study.identified is None:
+        left[IDENTIFIED] = "a file that data were explained with: add --identified FILE"
+    flown = dict.fromkeys(names, study.vehicle) | {IDENTIFIED: study.identified or study.vehicle}
     found = [
-        Run(name, seed, study.folder / f"{name}-seed{seed}", models.get(MODELS.get(name, "")))
+        Run(name, seed, study.folder / f"{name}-seed{seed}", flown[name], models.get(MODELS.get(name, "")))
         for seed in range(study.seeds)
         for name in names
         if name not in left
     ]
+    wants = [f"{name}, for want of {want}" for name, want in left.items()]
     if not found:
-        raise UsageError(f"{', '.join(left)} fly with a residual model: add --model FILE")
-    return found, left
+        raise UsageError(f"nothing to train: {'; '.join(wants)}")
+    return found, wants
 
 
 def steps(study: Study, of: Sequence[Run]) -> list[Step]:
     """Training and tests of every run, and the curves of all."""
-    plan = [step for run in of for step in _of_a_run(study, run)]
+    plan = [step for run in of for step in _of_a_run(study, run, first=run is of[0])]
     curves, folders = study.folder / "curves.png", [str(run.folder) for run in of]
     reads = tuple(run.folder / "evaluations.parquet" for run in of)
     return [*plan, Step(("rl", "curves", *folders, "-o", str(curves)), reads, (curves,))]
 
 
-def _of_a_run(study: Study, run: Run) -> Iterator[Step]:
+def _of_a_run(study: Study, run: Run, first: bool) -> Iterator[Step]:
     """Training and tests of one run."""
     given = () if run.model is None else ("--model", str(run.model))
     which = ("--condition", run.condition, *given, "--seed", str(run.seed))
     options = ["--stages", str(study.stages), "--steps", str(study.steps), "--recipe", study.recipe]
     options += [word for one in study.choices for word in ("--set", one)]
-    reads = (study.vehicle,) if run.model is None else (study.vehicle, run.model)
-    line = ("rl", "train", str(study.vehicle), *which, *options, "-o", str(run.folder))
+    reads = (run.vehicle,) if run.model is None else (run.vehicle, run.model)
+    line = ("rl", "train", str(run.vehicle), *which, *options, "-o", str(run.folder))
     yield Step(line, reads, run.files)
-    for simulator in SIMULATORS:
-        # one pilot stands for all seeds of a condition
-        alone = () if run.seed == 0 else ("--no-pilot",)
-        flown = ("rl", "eval", str(run.folder), "--in", simulator, "--episodes", str(study.episodes), *alone)
-        tested = run.tested(simulator)
-        yield Step((*flown, "-o", str(tested)), (run.folder / "policy.parquet",), (tested,))
+    for simulator, stage in tests(study):
+        # one pilot stands for all seeds of a condition, and in the teacher for all conditions
+        piloted = run.seed == 0 if simulator == "student" else first
+        other = simulator == "teacher" and run.vehicle != study.vehicle
+        true = ("--truth", str(study.vehicle)) if other else ()
+        flown = ("rl", "eval", str(run.folder), "--stage", str(stage), "--in", simulator, *true)
+        many = ("--episodes", str(study.episodes), "--pilot" if piloted else "--no-pilot")
+        tested, learnt = run.tested(simulator, stage), run.folder / "policy.parquet"
+        reads = (learnt, study.vehicle) if other else (learnt,)
+        yield Step((*flown, *many, "-o", str(tested)), reads, (tested,))
 
 
-def summarise(runs: Sequence[Run], folder: Path) -> pl.DataFrame:
+def tests(study: Study) -> list[tuple[str, int]]:
+    """Simulators and stages in which every policy is flown."""
+    return [(simulator, stage) for simulator in SIMULATORS for stage in range(1, study.stages + 1)]
+
+
+def summarise(study: Study, runs: Sequence[Run]) -> pl.DataFrame:
     """Write the tests of all runs as one table, and return it."""
     import polars as pl
 
     from hydro.io import table
 
-    tests = [table.read(run.tested(simulator), "evaluations") for run in runs for simulator in SIMULATORS]
-    whole = pl.concat([test.frame for test in tests])
-    made = table.make("evaluations", whole, stage="rl study", inputs=tests)
-    table.write(made, folder / "tests.parquet")
+    flown = [table.read(run.tested(*test), "evaluations") for run in runs for test in tests(study)]
+    whole = pl.concat([test.frame for test in flown])
+    made = table.make("evaluations", whole, stage="rl study", inputs=flown)
+    table.write(made, study.folder / "tests.parquet")
     return whole

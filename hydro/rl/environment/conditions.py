@@ -1,4 +1,4 @@
-"""The physics that policies are trained under: the paper's three conditions (V-C) and two more."""
+"""The physics that policies are trained under: the paper's three conditions (V-C) and three more."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ from hydro.sim.residual.beside import beside
 from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 
-NO_WATER, EFFECTS = "R_0", "R_effects"
+NO_WATER, EFFECTS, IDENTIFIED = "R_0", "R_effects", "R_identified"
 MODELS = {"R_MLP": "mlp", "R_PhysFeat": "physfeat", "R_structured": "structured"}
 """Kind of residual model that a condition flies with."""
-CONDITIONS = (NO_WATER, *MODELS, EFFECTS)
+OF_THE_FILE = (EFFECTS, IDENTIFIED)
+"""Conditions under which the effects of the vehicle file act."""
+CONDITIONS = (NO_WATER, *MODELS, *OF_THE_FILE)
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class Condition:
 
     Attributes:
         name: `R_0`, a network output of zero: thrusters, weight and buoyancy, and MuJoCo's own C_RB;
-            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; or `R_effects`, all effects of the
-            vehicle file.
+            `R_MLP`, `R_PhysFeat` or `R_structured`, a residual model; `R_effects`, all effects of the
+            vehicle file; or `R_identified`, the same, of a file that was identified from data.
         model: The residual model, for the conditions that fly with one.
         conditioning: Preset of `sim.residual.conditioning` for its wrench, the same for all of them.
     """
@@ -74,7 +76,7 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
     """
     model = condition.model
     if model is None:
-        return wet(vehicle) if condition.name == EFFECTS else dry(vehicle)
+        return wet(vehicle) if condition.name in OF_THE_FILE else dry(vehicle)
     control = Control(Network.of(model), period, conditioning=preset(condition.conditioning, vehicle))
     whole = model.subtract == "effects"
     if (

@@ -56,7 +56,7 @@ class Builder:
         """
         settings = self.config.settings if trial is None else trial.of(self.config.settings)
         drawn = settings.randomise
-        if (drawn.posterior or drawn.box) and self.config.condition != conditions.EFFECTS:
+        if (drawn.posterior or drawn.box) and self.config.condition not in conditions.OF_THE_FILE:
             raise UsageError(
                 f"{self.config.condition} does not heed the numbers of the vehicle file's effects: draw them "
                 f"with --condition {conditions.EFFECTS}"

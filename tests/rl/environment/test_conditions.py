@@ -23,8 +23,9 @@ def test_no_hydrodynamics_keep_the_rigid_body_alone():
     assert not felt.program.effects
 
 
-def test_effects_are_those_of_the_file():
-    felt = conditions.water(Condition("R_effects"), vehicle())
+@pytest.mark.parametrize("condition", ["R_effects", "R_identified"])
+def test_effects_are_those_of_the_file(condition):
+    felt = conditions.water(Condition(condition), vehicle())
     np.testing.assert_array_equal(felt.inertia, inertia_matrix(vehicle()))
     assert set(felt.program.effects) >= {"linear_damping", "quadratic_damping"}
 
