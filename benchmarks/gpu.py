@@ -7,6 +7,7 @@ MuJoCo's students on all threads (implicitfast at 2 ms).  Rounds of all take tur
 
     python benchmarks/gpu.py
     python benchmarks/gpu.py --vehicles 1000 --vehicles 100000 -o gpu.parquet
+    python benchmarks/gpu.py --model physfeat.parquet   # under a residual network besides
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-import hydro
 from hydro.core.columns import Array
 from hydro.core.effects import assemble
 from hydro.core.errors import HydroError, UsageError
@@ -44,12 +44,15 @@ Flight = Callable[[], int]
 """Flies some control steps of many vehicles, and says how many."""
 
 
-def of_gpu(vehicle: Vehicle, commands: Array) -> Flight:
-    """Fly so many vehicles under commands (K, N, n), which lie on the device."""
+def of_gpu(vehicle: Vehicle, commands: Array, condition: conditions.Condition | None = None) -> Flight:
+    """Fly so many vehicles under commands (K, N, n), which lie on the device; by default under effects."""
     from numba import cuda
 
+    from hydro.sim.gpu.plant import GpuPlant
+
     rows, count = commands.shape[:2]
-    plant = hydro.student(vehicle, device="cuda", count=count, period=PERIOD, timestep=PERIOD / STEPS)
+    water = conditions.waters(condition or conditions.Condition(), vehicle, PERIOD)
+    plant = GpuPlant(vehicle, water, count=count, period=PERIOD, timestep=PERIOD / STEPS)
     held = [memory.put(row) for row in commands]
     pose = np.tile([0.0, 0, 50, 1, 0, 0, 0], (count, 1))
     plant.reset(np.ones(count, dtype=bool), pose, np.zeros((count, 6)))
@@ -116,17 +119,33 @@ def of_mujoco(vehicle: Vehicle, commands: Array) -> Flight:
     return fly
 
 
-WAYS = {"gpu": of_gpu, "gpu_tasks": of_gpu_with_tasks, "processor": of_processor, "mujoco": of_mujoco}
+Ways = dict[str, Callable[[Vehicle, Array], Flight]]
+WAYS: Ways = {"gpu": of_gpu, "gpu_tasks": of_gpu_with_tasks, "processor": of_processor, "mujoco": of_mujoco}
+TITLES = {"gpu": "GPU", "gpu_tasks": "with tasks", "processor": "simulate, 1 thread",
+          "mujoco": "MuJoCo, all threads", "gpu_network": "GPU, network"}  # fmt: skip
 
 
-def measured(vehicle: Vehicle, counts: list[int], rows: int, rounds: int) -> Iterator[dict[str, float]]:
+def networked(path: Path) -> Ways:
+    """How to fly under a residual network."""
+    from hydro.io import table
+    from hydro.io.model import from_artefact
+
+    model = from_artefact(table.read(path, "model"))
+    names = {kind: name for name, kind in conditions.MODELS.items()}
+    condition = conditions.Condition(names[str(model.architecture["model"])], model)
+    return {"gpu_network": lambda vehicle, commands: of_gpu(vehicle, commands, condition)}
+
+
+def measured(
+    ways: Ways, vehicle: Vehicle, counts: list[int], rows: int, rounds: int
+) -> Iterator[dict[str, float]]:
     """Control steps per second of all ways to fly, by the number of vehicles."""
     for count in counts:
         rng = np.random.default_rng(2)
         thrusters = len(vehicle.thruster)
         some = max(2, min(rows, ROOM // (count * thrusters)))
         commands = rng.uniform(-0.3, 0.3, (some, count, thrusters))
-        flown = {name: way(vehicle, commands) for name, way in WAYS.items()}
+        flown = {name: way(vehicle, commands) for name, way in ways.items()}
         for fly in flown.values():
             fly()  # compiled by now
         rates: dict[str, list[float]] = {name: [] for name in flown}
@@ -152,6 +171,7 @@ def card() -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vehicle", default="auv151", help="preset")
+    parser.add_argument("--model", type=Path, help="residual network to fly under as well")
     parser.add_argument("--vehicles", type=int, action="append", help="how many; repeat for several")
     parser.add_argument("--rows", type=int, default=25, help="control steps of a round")
     parser.add_argument("--rounds", type=int, default=9)
@@ -163,12 +183,13 @@ def main() -> None:
             raise UsageError("numba-cuda's simulator times nothing; unset NUMBA_ENABLE_CUDASIM")
         vehicle = files.read(bundled("vehicles") / f"{chosen.vehicle}.toml")[0]
         print(f"{vehicle.name}: control steps per second, on {os.cpu_count()} cores and {card()}\n")
-        print("| vehicles | GPU | with tasks | simulate, 1 thread | MuJoCo, all threads | GPU / simulate |")
-        print("|---:|---:|---:|---:|---:|---:|")
+        ways = WAYS | (networked(chosen.model) if chosen.model else {})
+        print(f"| vehicles | {' | '.join(TITLES[name] for name in ways)} | GPU / simulate |")
+        print("|---:|" + "---:|" * (len(ways) + 1))
         rows = []
-        for row in measured(vehicle, chosen.vehicles or list(COUNTS), chosen.rows, chosen.rounds):
+        for row in measured(ways, vehicle, chosen.vehicles or list(COUNTS), chosen.rows, chosen.rounds):
             rows.append(row)
-            rates = " | ".join(f"{row[f'{name}_per_second']:,.0f}" for name in WAYS)
+            rates = " | ".join(f"{row[f'{name}_per_second']:,.0f}" for name in ways)
             print(f"| {row['vehicles']} | {rates} |", end="")
             print(f" {row['ratio']:.0f} [{row['ratio_low']:.0f}, {row['ratio_high']:.0f}] |", flush=True)
             if chosen.out:

@@ -29,18 +29,27 @@ def craft():
     return files.read(CRAFT)[0]
 
 
-@pytest.fixture(scope="module")
-def simulated():
-    """What `simulated_gpu` found; the simulator is chosen as a process begins."""
+def found_by(script: str) -> dict:
+    """What a script found in the simulator, which is chosen as a process begins."""
     done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "sim" / "simulated_gpu.py", CRAFT],
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": str(ROOT)},
+        [sys.executable, ROOT / "tests" / "sim" / script, CRAFT],
+        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
         text=True,
         capture_output=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return found_by("simulated_gpu.py")
+
+
+@pytest.fixture(scope="module")
+def networked():
+    return found_by("simulated_network.py")
 
 
 @needs_numba_cuda
@@ -72,7 +81,30 @@ def test_commands_of_another_shape_are_refused(simulated):
 
 
 @needs_numba_cuda
-def test_the_step_compiles_for_a_gpu_with_every_effect_there_is(monkeypatch):
+def test_residual_networks_fly_as_in_mujoco_whatever_they_are_and_stand_beside(networked):
+    """Every architecture that remembers, is passive, conditioned, beside effects or in a current."""
+    flights = networked["flights"]
+    assert len(flights) == 7
+    for name, flight in flights.items():
+        assert flight["apart"] < 1e-7, name
+        assert name == "no water" or flight["of_the_network"] > 0.05, name
+
+
+@needs_numba_cuda
+def test_what_a_network_remembers_comes_back_bit_for_bit(networked):
+    assert networked["back"]
+    assert networked["remembers"] > 0.0
+
+
+@needs_numba_cuda
+def test_water_that_only_mujoco_has_and_another_control_step_are_refused(networked):
+    of_the_host, step = networked["refused"]
+    assert "wrenches of the host" in of_the_host
+    assert "fly with period=0.04" in step
+
+
+@needs_numba_cuda
+def test_the_step_compiles_for_a_gpu_with_every_effect_there_is_and_a_network(monkeypatch):
     """To PTX, where the compiler's wheels are; the dispatchers hold the whole catalogue, whoever flies."""
     pytest.importorskip("cuda.bindings.nvvm", reason="the CUDA compiler's bindings are not installed")
     from numba import cuda, types
@@ -92,13 +124,16 @@ def test_the_step_compiles_for_a_gpu_with_every_effect_there_is(monkeypatch):
         return types.NamedTuple(arrays, kind)
 
     arguments = (
-        block(kernels.Crafts, 2, 3, types.Array(types.int32, 1, "C"), 2),
+        block(kernels.Crafts, 2, 3, types.Array(types.int32, 1, "C"), 2, 2),
+        block(kernels.Control, 1, 3, 2, types.Array(types.float32, 1, "C"), 2, types.int64),
         block(Fleet, 2, 2, 3, 1),
         block(Readings, 2, 2, 2, 2, types.Array(types.boolean, 1, "C")),
         block(Pace, types.float64, types.int64, types.float64),
         block(kernels.Orders, 2),
     )
-    ptx, result = cuda.compile_ptx(kernels.step_kernel(4, 8, 3).py_func, arguments, cc=(9, 0))
+    ptx, result = cuda.compile_ptx(
+        kernels.step_kernel(kernels.Sizes(4, 8, 3, work=563, scratch=218)).py_func, arguments, cc=(9, 0)
+    )
     text = ptx if isinstance(ptx, str) else ptx.decode()
     assert result == types.none
     assert ".target sm_90" in text

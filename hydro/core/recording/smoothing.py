@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Rows
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.errors import DataError
 
 Method = Literal["rts", "kalman", "kalman-difference"]
@@ -117,7 +117,7 @@ def _hold_last(values: Array, rows: int) -> Array:
     return np.concatenate([values, np.repeat(values[-1:], rows - len(values), axis=0)])
 
 
-@jit
+@kernel
 def _step(state: Array, z: float, gain: Array, dt: float) -> float:
     """One prediction and correction of one axis, (nu, nu_dot) in place; the innovation."""
     predicted = state[0] + dt * state[1]
@@ -127,7 +127,16 @@ def _step(state: Array, z: float, gain: Array, dt: float) -> float:
     return innovation
 
 
-@jit
+@kernel
+def filter_axis(row: int, state: Array, z: float, gain: Array, dt: float) -> None:
+    """Advance the filter of one axis, (nu, nu_dot) in place, by one sample; see `filter_step`."""
+    if row == 0:
+        state[0], state[1] = z, 0.0
+    else:
+        _step(state, z, gain, dt)
+
+
+@kernel
 def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> None:
     """Advance the six filters in place by one sample; the first one begins them.
 
@@ -140,10 +149,7 @@ def filter_step(row: int, state: Array, z: Array, forward: Array, dt: float) -> 
     """
     gain = forward[min(row, forward.shape[0] - 1)]
     for i in range(6):
-        if row == 0:
-            state[i, 0], state[i, 1] = z[i], 0.0
-        else:
-            _step(state[i], z[i], gain[i], dt)
+        filter_axis(row, state[i], z[i], gain[i], dt)
 
 
 @jit

@@ -8,6 +8,8 @@ vehicles are computed together or on which thread; it agrees with torch to a few
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hydro.core.columns import Array, Array32
@@ -162,7 +164,7 @@ def _norm(weights: Array32, start: int, x: Array32, out: Array32) -> None:
     mean /= length
     for j in range(length):
         variance += (x[j] - mean) ** 2
-    root = np.sqrt(variance / length + EPSILON)
+    root = math.sqrt(variance / length + EPSILON)
     for j in range(length):
         value = weights[start + j] * ((x[j] - mean) / root) + weights[start + length + j]
         out[j] = np.float32(value)
@@ -187,7 +189,7 @@ def _direction(weights: Array32, start: int, nu: Array, out: Array32) -> None:
     square = 0.0
     for i in range(6):
         square += (nu[i] / weights[start + i]) ** 2 / 6.0
-    speed = np.sqrt(square)
+    speed = math.sqrt(square)
     for i in range(6):
         out[i] = np.float32(nu[i] / weights[start + i] / (SLOW + speed))
     out[6] = np.float32(1.0 / (1.0 + speed))
@@ -236,7 +238,7 @@ def _growth(weights: Array32, start: int, nu: Array) -> float:
     square = 0.0
     for i in range(6):
         square += weights[start + 42 + i] * nu[i] ** 2
-    return 1.0 + float(np.sqrt(square))
+    return 1.0 + math.sqrt(square)
 
 
 @kernel

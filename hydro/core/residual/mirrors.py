@@ -27,6 +27,8 @@ the square.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hydro.core.columns import Array, Array32
@@ -92,12 +94,12 @@ def mirrored_wrench(
     for i in range(AXES):
         z[i] = (z[i] if i < 3 else nu[i]) * weights[start + SCALE + i]
         square += z[i] ** 2
-    beyond = max(np.sqrt(square) / weights[start + TOP], 1.0)
+    beyond = max(math.sqrt(square) / weights[start + TOP], 1.0)
     square = 0.0
     for i in range(AXES):
         z[i] /= beyond
         square += z[i] ** 2
-    m = np.sqrt(square + EPSILON**2)
+    m = math.sqrt(square + EPSILON**2)
     for i in range(AXES):
         d[i] = z[i] / m
     at = start + LINEAR
@@ -142,7 +144,7 @@ def _steer(weights: Array32, at: int, drag: Array, tau: Array) -> None:
         square = 0.0
         for j in range(3):
             square += drag[3 * half + j] ** 2
-        size = max(np.sqrt(square), TINY)
+        size = max(math.sqrt(square), TINY)
         for i in range(3):
             factor = 0.0
             for j in range(3):
@@ -185,8 +187,8 @@ def _images(weights: Array32, at: int, d: Array, square: float, x: Array, image:
         apart = far
         for i in range(AXES):
             apart -= MIRRORS[g, i] * x[i]
-        r = np.sqrt(3.0 * max(apart, 0.0)) / WIDTH
-        image[g] = (1.0 + r) * np.exp(-r)
+        r = math.sqrt(3.0 * max(apart, 0.0)) / WIDTH
+        image[g] = (1.0 + r) * math.exp(-r)
 
 
 @kernel

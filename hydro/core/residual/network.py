@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.distillation import history
 from hydro.core.distillation.features import names, physfeat_kernel
 from hydro.core.errors import DataError
@@ -106,7 +106,8 @@ class Network:
             raise DataError(f"past velocities: expected shape {(len(x), self.memory)}, got {before.shape}")
         out = np.empty((len(x), _AXES))
         network = Weights(self.program, self.weights, self.physfeat, self.scalers)
-        _network_columns(network, x, np.ascontiguousarray(before), np.empty(self.room, np.float32), out)
+        work, scratch = np.empty(self.room, np.float32), np.empty(self.inputs + SCRATCH)
+        _network_columns(network, x, np.ascontiguousarray(before), work, scratch, out)
         return out
 
 
@@ -119,13 +120,18 @@ class Weights(NamedTuple):
     scalers: Array
 
 
-@jit
-def network_kernel(network: Weights, state: Array, memory: Array, work: Array32, out: Array) -> None:
-    """Write tau_res (6,) of one state (12,) and its memory to `out`; `work` is the workspace."""
+@kernel
+def network_kernel(
+    network: Weights, state: Array, memory: Array, work: Array32, scratch: Array, out: Array
+) -> None:
+    """Write tau_res (6,) of one state (12,) and its memory to `out`.
+
+    `work` is the workspace (`Network.room`,); `scratch` (inputs + `mirrors.SCRATCH`,) is overwritten.
+    """
     scalers = network.scalers
     inputs = (scalers.size - 2 * out.size) // 2
     own = inputs - memory.size
-    features = np.empty(inputs)
+    features = scratch[:inputs]
     if network.physfeat:
         physfeat_kernel(state, features[:own])
     else:
@@ -135,13 +141,15 @@ def network_kernel(network: Weights, state: Array, memory: Array, work: Array32,
         features[own + j] = memory[j]
     for j in range(inputs):
         work[j] = np.float32((features[j] - scalers[j]) / scalers[inputs + j])
-    layers.run(network.program, network.weights, state[:6], work, np.empty(SCRATCH))
+    layers.run(network.program, network.weights, state[:6], work, scratch[inputs:])
     last = work.size - out.size
     for j in range(out.size):
         out[j] = scalers[2 * inputs + j] + scalers[2 * inputs + out.size + j] * work[last + j]
 
 
 @jit
-def _network_columns(network: Weights, states: Array, past: Array, work: Array32, out: Array) -> None:
+def _network_columns(
+    network: Weights, states: Array, past: Array, work: Array32, scratch: Array, out: Array
+) -> None:
     for k in range(states.shape[0]):
-        network_kernel(network, states[k], past[k], work, out[k])
+        network_kernel(network, states[k], past[k], work, scratch, out[k])

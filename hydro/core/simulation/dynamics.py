@@ -41,6 +41,7 @@ from hydro.core.effects.program import (
     start,
     wrench,
 )
+from hydro.core.simulation.held import exert_held
 from hydro.core.vehicle.frames import quaternion_kernel
 from hydro.core.vehicle.panels import panel_wrench_kernel
 from hydro.core.vehicle.rigid_body import coriolis_kernel, restoring_kernel
@@ -59,7 +60,8 @@ class Motion(NamedTuple):
         flat: Its program.
         facets: (8, F) hull of the panel method, or `NO_HULL`.
         y: State, (13 + internal states,).
-        s: State of motion of `core.effects.layout`, that of wherever the vehicle was looked at last.
+        s: State of motion of `core.effects.layout`, that of wherever the vehicle was looked at last; a wrench
+            that is held may stand behind it (`simulation.held`).
         work: (4, y.size) room for three states and a wrench.
     """
 
@@ -185,4 +187,6 @@ def rates_kernel(
     tau[:] = 0.0
     propel(flat, s, rotors, tau)
     panel_wrench_kernel(s[RELATIVE_VELOCITY : RELATIVE_VELOCITY + 6], facets, tau)
+    if s.size > MOTION:
+        exert_held(s, tau)
     accelerate(flat, s, y[BODY:], rates[BODY:], tau, rates[7:BODY])

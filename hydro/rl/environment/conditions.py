@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -91,6 +92,12 @@ def water(condition: Condition, vehicle: Vehicle, *, period: float = 0.04, file:
     return residual(vehicle, control, effects=whole, beside=() if whole else beside(vehicle, model.labelled))
 
 
+def waters(condition: Condition, vehicle: Vehicle, period: float) -> Callable[[Vehicle], Water]:
+    """What of the water vehicles feel that differ from the file's in numbers; see `water`."""
+    known = vehicle_hash(vehicle)
+    return lambda one: water(condition, one, period=period, file=known)
+
+
 def plant(
     condition: Condition,
     vehicle: Vehicle,
@@ -110,10 +117,9 @@ def plant(
         threads: Threads that share the vehicles.
         folder: Folder of the vehicle file.
     """
-    known = vehicle_hash(vehicle)
     return StudentPlant(
         vehicle,
-        lambda one: water(condition, one, period=settings.period, file=known),
+        waters(condition, vehicle, settings.period),
         count=count,
         physics=settings.physics,
         period=settings.period,

@@ -21,6 +21,7 @@ from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.rl.environment import observation, reward
 from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.blocks import FLAGS, TOTALS, Episodes, Motion, Outcome, Scenes
+from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.observation import OBSERVATIONS
 from hydro.rl.environment.reward import WEIGHTS
 from hydro.rl.environment.step import rules_of
@@ -59,17 +60,19 @@ class GpuFleet:
         seed: int = 0,
         task: str = PointToPoint.name,
         level: int | None = None,
+        condition: Condition | None = None,
         timestep: float = STEP,
     ) -> None:
         """Make a fleet; `reset` begins.
 
         Args:
             settings: All choices; nothing is drawn anew, and one observation is seen at once.
-            vehicle: The vehicle file, with all its effects.
+            vehicle: The vehicle file.
             count: Number of vehicles.
             seed: Of tasks and noise.
             task: One whose goals stay where they are, without a plan and a current.
             level: Its level; the greatest by default.
+            condition: Physics to fly under; the effects of the vehicle file by default.
             timestep: Integration step at most [s].
 
         Raises:
@@ -81,7 +84,8 @@ class GpuFleet:
                 "a GPU's vehicles are all as the file says and see one observation at once: leave randomise "
                 "and history out, or fly on the processor"
             )
-        self.plant = GpuPlant(vehicle, count=count, period=settings.period, timestep=timestep)
+        water = waters(condition or Condition(), vehicle, settings.period)
+        self.plant = GpuPlant(vehicle, water, count=count, period=settings.period, timestep=timestep)
         from hydro.rl.gpu import kernels  # which imports numba-cuda
 
         self._kernels = kernels

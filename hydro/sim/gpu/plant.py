@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from hydro.core.columns import Array
-from hydro.core.effects import assemble
 from hydro.core.effects.program import STATE_COUNT, thrusters_of
 from hydro.core.errors import DataError, UsageError
 from hydro.core.simulation.dynamics import BODY, NO_HULL
 from hydro.core.vehicle.description import Vehicle
+from hydro.sim.bridge.water import Water, wet
 from hydro.sim.flight import Fleet, Pace, remembered, require_alike, steps_of
 from hydro.sim.gpu import memory
+from hydro.sim.gpu.craft import Craft, control_of
 from hydro.sim.plant import Readings, Snapshot
 
 STEP = 0.01
@@ -32,47 +32,60 @@ class GpuPlant:
     """
 
     def __init__(
-        self, vehicle: Vehicle, *, count: int = 1, period: float = 0.04, timestep: float = STEP
+        self,
+        vehicle: Vehicle,
+        water: Callable[[Vehicle], Water] = wet,
+        *,
+        count: int = 1,
+        period: float = 0.04,
+        timestep: float = STEP,
     ) -> None:
         """Lay out the vehicles; `reset` begins.
 
         Args:
-            vehicle: The vehicle file, with all its effects.
+            vehicle: The vehicle file.
+            water: What of the water a vehicle feels; everything its file says by default. A residual network
+                and its conditioning are those of the first vehicle for all.
             count: Number of vehicles N.
             period: Control step [s].
             timestep: Integration step at most [s].
 
         Raises:
-            UsageError: There is no GPU or no numba-cuda, or a number is none that can be.
+            UsageError: There is no GPU or no numba-cuda, or a number is none that can be; or the water is
+                such as MuJoCo alone has.
             DataError: The vehicle cannot be simulated, or has no thrusters.
         """
         memory.require()
         for name, value in (("count", count), ("period", period), ("timestep", timestep)):
             if not 0 < value < np.inf:
                 raise UsageError(f"{name}: expected a positive number, got {value:g}")
-        flat = assemble(vehicle).flat
+        felt = water(vehicle)
+        if felt.control is not None and abs(felt.control.period - period) > 1e-9:
+            own = f"{felt.control.period:g}"
+            raise UsageError(f"the network's control step is {own} s: fly with period={own}")
+        first = Craft.of(vehicle, felt)
+        flat = first.program
         table, states = thrusters_of(flat), int(flat[STATE_COUNT])
         if not len(table):
             raise DataError(f"{vehicle.name}: has no thrusters to fly by; give it some")
         from hydro.sim.gpu import kernels  # which imports numba-cuda
 
-        past = remembered(table, period)
-        self.vehicle, self.count = vehicle, count
-        self._start, self._step = (
-            kernels.start_kernel(states, len(table)),
-            kernels.step_kernel(states, len(table), past),
-        )
+        room = () if felt.control is None else (felt.control.network.room, felt.control.scratch)
+        sizes = kernels.Sizes(states, len(table), remembered(table, period), *room)
+        self.vehicle, self.count, self._water = vehicle, count, water
+        self._start, self._step = kernels.start_kernel(sizes), kernels.step_kernel(sizes)
+        self._control = control_of(felt, count)
         self._pace = Pace(period, steps_of(period, timestep), vehicle.environment.gravity)
         self._fleet = Fleet(
             memory.zeros((count, BODY + states)),
             memory.zeros((count, len(table))),
-            memory.zeros((count, past, len(table))),
+            memory.zeros((count, sizes.past, len(table))),
             memory.zeros((count,)),
         )
         self._readings = Readings(*(memory.put(each) for each in Readings.of(count, len(table))))
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
-        self._flat, self._facets = flat, memory.put(NO_HULL)
-        self._choose([flat], np.zeros(count, dtype=np.int32))
+        self._facets = memory.put(NO_HULL)
+        self._choose([first], np.zeros(count, dtype=np.int32))
 
     @property
     def kind(self) -> Any:
@@ -90,7 +103,7 @@ class GpuPlant:
         """
         if not vehicles:
             raise DataError("a pool of no vehicles; give at least one")
-        self._choose([self._program(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
+        self._choose([self._craft(one) for one in vehicles], np.zeros(self.count, dtype=np.int32))
 
     def change(self, vehicles: Mapping[int, Vehicle]) -> None:
         """Let some be other vehicles; see `sim.plant.Plant`.  Of a pool what nobody is any more is dropped.
@@ -98,32 +111,34 @@ class GpuPlant:
         Raises:
             DataError: One cannot be simulated or is too different.
         """
-        kind, programs = memory.host(self.kind), list(self._programs)
-        rows = {flat.tobytes(): row for row, flat in enumerate(programs)}
+        kind, crafts = memory.host(self.kind), list(self._kept)
+        rows = {craft.key: row for row, craft in enumerate(crafts)}
         for number, vehicle in vehicles.items():
-            flat = self._program(vehicle)
-            kind[number] = rows.setdefault(flat.tobytes(), len(programs))
-            if kind[number] == len(programs):
-                programs.append(flat)
+            craft = self._craft(vehicle)
+            kind[number] = rows.setdefault(craft.key, len(crafts))
+            if kind[number] == len(crafts):
+                crafts.append(craft)
         kept, renamed = np.unique(kind, return_inverse=True)
-        self._choose([programs[row] for row in kept], renamed.astype(np.int32))
+        self._choose([crafts[row] for row in kept], renamed.astype(np.int32))
 
-    def _program(self, vehicle: Vehicle) -> Array:
-        """The program of a vehicle that flies beside the first."""
-        flat = assemble(vehicle).flat
-        require_alike(vehicle.name, flat, self._flat)
-        return flat
+    def _craft(self, vehicle: Vehicle) -> Craft:
+        """A vehicle that flies beside the first."""
+        craft = Craft.of(vehicle, self._water(vehicle))
+        require_alike(vehicle.name, craft.program, self._kept[0].program)
+        return craft
 
-    def _choose(self, programs: list[Array], kind: NDArray[np.int32]) -> None:
+    def _choose(self, crafts: list[Craft], kind: NDArray[np.int32]) -> None:
         """Bring programs, and who flies by which, to the device."""
         from hydro.sim.gpu.kernels import Crafts
 
-        rows = np.zeros((len(programs), max(map(len, programs))))
-        for row, flat in zip(rows, programs, strict=True):
-            row[: len(flat)] = flat
-        self._programs = programs
-        tables = np.stack([thrusters_of(flat) for flat in programs])
-        self._crafts = Crafts(memory.put(rows), memory.put(tables), memory.put(kind), self._facets)
+        self._kept = crafts
+        rows = np.zeros((len(crafts), max(len(craft.program) for craft in crafts)))
+        for row, craft in zip(rows, crafts, strict=True):
+            row[: len(craft.program)] = craft.program
+        tables = np.stack([thrusters_of(craft.program) for craft in crafts])
+        inertias = np.stack([craft.inertia for craft in crafts])
+        bring = memory.put
+        self._crafts = Crafts(bring(rows), bring(tables), bring(kind), self._facets, bring(inertias))
 
     def reset(self, mask: ArrayLike, pose: ArrayLike, velocity: ArrayLike) -> None:
         """Put some vehicles somewhere; see `sim.plant.Plant`.
@@ -173,7 +188,7 @@ class GpuPlant:
         """Run one of the kernels for all vehicles."""
         from hydro.sim.gpu.kernels import grid
 
-        kernel[grid(self.count)](self._crafts, self._fleet, self._readings, self._pace, given)
+        kernel[grid(self.count)](self._crafts, self._control, self._fleet, self._readings, self._pace, given)
 
     def readings(self) -> Readings:
         """A copy of what is read off the vehicles, on the host."""
@@ -190,4 +205,4 @@ class GpuPlant:
 
     def _state(self) -> dict[str, Any]:
         """The arrays that change as vehicles fly, by name."""
-        return self._fleet._asdict() | self._readings._asdict()
+        return self._fleet._asdict() | self._readings._asdict() | {"control": self._control.states}

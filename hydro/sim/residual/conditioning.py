@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hydro.core.columns import Array
-from hydro.core.compiled import jit
+from hydro.core.compiled import jit, kernel
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import MAX_REVERSE, MAX_THRUST, configuration_matrix, thruster_table
@@ -135,7 +135,7 @@ def _limits(vehicle: Vehicle) -> tuple[float, ...]:
     return tuple(float(limit) if limit > 0.0 else math.inf for limit in authority)
 
 
-@jit
+@kernel
 def condition_kernel(
     wrench: Array, nu: Array, parameters: Array, state: Array, counts: Array, out: Array
 ) -> None:
@@ -162,7 +162,7 @@ def condition_kernel(
         out[i] = share * min(max(state[i], -limit), limit)
 
 
-@jit
+@kernel
 def _moving(nu: Array, linear: float, angular: float) -> float:
     """Share of the wrench that the dead band lets through."""
     if linear == 0.0:

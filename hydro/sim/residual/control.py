@@ -19,18 +19,24 @@ the state.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hydro.core.columns import Array, Array32
-from hydro.core.compiled import jit, kernel, within
+from hydro.core.compiled import copy_kernel, jit, kernel, within
 from hydro.core.distillation import history
+from hydro.core.effects.layout import TIME
 from hydro.core.errors import UsageError
-from hydro.core.recording.smoothing import Design, filter_step, gains
+from hydro.core.recording.smoothing import Design, filter_axis, gains
 from hydro.core.residual.layers import COLUMNS, damping
+from hydro.core.residual.mirrors import SCRATCH
 from hydro.core.residual.network import Network, Weights, network_kernel
+from hydro.core.simulation import held
+from hydro.core.simulation.dynamics import observe_state
 from hydro.core.vehicle.rigid_body import coriolis_kernel
 from hydro.sim.residual.conditioning import COUNTS, OFF, PARAMETERS, Conditioning, condition_kernel
 
@@ -60,6 +66,9 @@ AT_INERTIA, AT_ROOT, AT_ROOT_WEIGHTS = 14, 15, 16  # of a passive model; no iner
 AT_LEAD = 17  # s
 AT_PAST = 18  # where among the states the past velocities begin
 HEADER = 19
+
+OWN = 18
+"""Numbers that `renew` needs beside the room of its network: a state and a wrench."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,11 @@ class Control:
     def states(self) -> int:
         """Numbers that one vehicle's control keeps between control steps."""
         return self.past + self.network.memory + (0 if self.network.passive is None else PASSIVE_STATES)
+
+    @property
+    def scratch(self) -> int:
+        """Numbers of room that a control step needs beside the workspace of the network."""
+        return OWN + self.network.inputs + SCRATCH
 
     @property
     def past(self) -> int:
@@ -156,42 +170,91 @@ def steps_since(states: Array, begun: Array, period: float) -> Array:
     return np.asarray(np.where(tick > 0.0, tick - np.floor(begun / period + ROUNDED), 0.0))
 
 
+class Tables(NamedTuple):
+    """A control's parameters as `renew` takes them.
+
+    Attributes:
+        block: All of `Control.encode`.
+        gains: Of its filter (rows, 6, 2), see `core.recording.smoothing.Gains`.
+        program: Of its network (steps, COLUMNS).
+        weights: Of its network.
+    """
+
+    block: Array
+    gains: Array
+    program: Array
+    weights: Array32
+
+
+class Room(NamedTuple):
+    """Room of a control step: the network's workspace (`Network.room`,), and (`Control.scratch`,) numbers."""
+
+    work: Array32
+    scratch: Array
+
+
+@jit
+def tables_of(block: Array, weights: Array32) -> Tables:
+    """The tables that stand in a block of parameters."""
+    begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
+    at, steps = int(block[AT_PROGRAM]), int(block[AT_STEPS])
+    return Tables(
+        block,
+        block[begin : begin + 12 * rows].reshape(rows, 6, 2),
+        block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
+        weights,
+    )
+
+
 @jit
 def control_kernel(block: Array, weights: Array32, states: Array, time: float, nu: Array) -> None:
-    """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step."""
-    first = states[TICK] == 0.0
-    filters = states[FILTER : FILTER + 12].reshape(6, 2)
-    begin, rows = int(block[AT_GAINS]), int(block[AT_GAIN_ROWS])
-    forward = block[begin : begin + 12 * rows].reshape(rows, 6, 2)
-    filter_step(int(states[TICK]), filters, nu, forward, block[AT_PERIOD])
-    states[TICK] = np.floor(time / block[AT_PERIOD] + ROUNDED) + 1.0
+    """Begin a control step from a block of parameters: `renew` with room of its own."""
+    room = Room(np.empty(int(block[AT_ROOM]), np.float32), np.empty(OWN + int(block[AT_INPUTS]) + SCRATCH))
+    renew(tables_of(block, weights), states, time, nu, room)
+
+
+@kernel
+def renew(tables: Tables, states: Array, time: float, nu: Array, room: Room) -> None:
+    """Begin a control step: renew the held wrench from the velocity nu (6,), and count the step.
+
+    Args:
+        tables: The control.
+        states: What it remembers; written.
+        time: [s].
+        nu: FRD [m/s, rad/s].
+        room: Overwritten.
+    """
+    block, work, scratch = tables.block, room.work, room.scratch
+    first, row, last = states[TICK] == 0.0, int(states[TICK]), len(tables.gains) - 1
+    for i in range(6):
+        axis = states[FILTER + 2 * i : FILTER + 2 * i + 2]
+        filter_axis(row, axis, nu[i], tables.gains[min(row, last), i], block[AT_PERIOD])
+    states[TICK] = math.floor(time / block[AT_PERIOD] + ROUNDED) + 1.0
 
     past = int(block[AT_PAST])
     memory = states[past : past + int(block[AT_MEMORY])]
     if first:
         history.begin(nu, memory)
-    state, wrench = np.empty(12), np.empty(6)
+    state, wrench = scratch[:12], scratch[12:OWN]
     for i in range(6):
-        state[i] = nu[i] + block[AT_LEAD] * filters[i, 1]
-        state[6 + i] = filters[i, 1]
-    inputs, steps, at = int(block[AT_INPUTS]), int(block[AT_STEPS]), int(block[AT_PROGRAM])
+        dot = states[FILTER + 2 * i + 1]
+        state[i] = nu[i] + block[AT_LEAD] * dot
+        state[6 + i] = dot
     begin = int(block[AT_SCALERS])
-    work = np.empty(int(block[AT_ROOM]), np.float32)
     network = Weights(
-        block[at : at + steps * COLUMNS].reshape(steps, COLUMNS),
-        weights,
+        tables.program,
+        tables.weights,
         block[AT_PHYSFEAT] > 0.0,
-        block[begin : begin + 2 * inputs + 12],
+        block[begin : begin + 2 * int(block[AT_INPUTS]) + 12],
     )
-    network_kernel(network, state, memory, work, wrench)
+    network_kernel(network, state, memory, work, scratch[OWN:], wrench)
     history.remember(state[:6], memory)
     if block[AT_INERTIA] > 0.0:
-        held = states[past + memory.size : past + memory.size + PASSIVE_STATES]
+        going_on = states[past + memory.size : past + memory.size + PASSIVE_STATES]
         root = work[int(block[AT_ROOT]) : int(block[AT_ROOT]) + 36]
-        damping(weights, int(block[AT_ROOT_WEIGHTS]), root, nu, held[DAMPING : DAMPING + 36])
-        for i in range(6):
-            held[OFFSET + i] = 0.0
-        _add_passive(block, held, nu, held[OFFSET : OFFSET + 6])
+        damping(tables.weights, int(block[AT_ROOT_WEIGHTS]), root, nu, going_on[DAMPING : DAMPING + 36])
+        going_on[OFFSET : OFFSET + 6] = 0.0
+        _add_passive(block, going_on, nu, going_on[OFFSET : OFFSET + 6])
     begin = int(block[AT_CONDITIONING])
     if begin:
         condition_kernel(
@@ -203,8 +266,49 @@ def control_kernel(block: Array, weights: Array32, states: Array, time: float, n
             states[HELD : HELD + 6],
         )
     else:
-        for i in range(6):
-            states[HELD + i] = wrench[i]
+        copy_kernel(wrench, states[HELD : HELD + 6])
+
+
+@kernel
+def hold(block: Array, states: Array, inertia: Array, s: Array) -> None:
+    """Write the held wrench behind a state of motion, as `core.simulation.held` has it.
+
+    Args:
+        block: Parameters of the control.
+        states: What it remembers.
+        inertia: Whose Coriolis and centripetal forces are taken away (36,), row by row.
+        s: State of motion (`held.WITH_HELD`,); `held.FELT` is left as it is.
+    """
+    copy_kernel(inertia, s[held.CANCELLED : held.CANCELLED + 36])
+    copy_kernel(states[HELD : HELD + 6], s[held.WRENCH : held.WRENCH + 6])
+    at, first = int(block[AT_INERTIA]), int(block[AT_PAST]) + int(block[AT_MEMORY])
+    for i in range(36):
+        s[held.DAMPING + i] = states[first + DAMPING + i] if at else 0.0
+        s[held.CANCELLED + i] -= block[at + i] if at else 0.0
+    for i in range(6):
+        s[held.WRENCH + i] -= states[first + OFFSET + i] if at else 0.0
+
+
+@kernel
+def attend(
+    flat: Array, y: Array, tables: Tables, states: Array, inertia: Array, s: Array, room: Room
+) -> None:
+    """Begin a control step where one is due, and hold its wrench, for a motion without MuJoCo.
+
+    Args:
+        flat: Program of the vehicle.
+        y: State of its motion, see `core.simulation.dynamics`.
+        tables: The control.
+        states: What it remembers; written.
+        inertia: See `hold`.
+        s: State of motion (`held.WITH_HELD`,) with its time and `held.FELT`; the rest is written.
+        room: Overwritten.
+    """
+    observe_state(flat, y, s)
+    if due(tables.block, states, s[TIME]):
+        at = int(s[held.FELT])
+        renew(tables, states, s[TIME], s[at : at + 6], room)
+    hold(tables.block, states, inertia, s)
 
 
 @within
@@ -214,19 +318,19 @@ def exert(block: Array, states: Array, nu: Array, part: Array, tau: Array) -> No
         tau[i] -= states[HELD + i]
     if block[AT_INERTIA] > 0.0:
         first = int(block[AT_PAST]) + int(block[AT_MEMORY])
-        held = states[first : first + PASSIVE_STATES]
+        going_on = states[first : first + PASSIVE_STATES]
         for i in range(6):
-            part[i] = -held[OFFSET + i]
-        _add_passive(block, held, nu, part)
+            part[i] = -going_on[OFFSET + i]
+        _add_passive(block, going_on, nu, part)
         for i in range(6):
             tau[i] -= part[i]
 
 
 @kernel
-def _add_passive(block: Array, held: Array, nu: Array, tau: Array) -> None:
+def _add_passive(block: Array, going_on: Array, nu: Array, tau: Array) -> None:
     """Add D nu + C(nu) nu to `tau` (6,), of the D that is held."""
     begin = int(block[AT_INERTIA])
     coriolis_kernel(block[begin : begin + 36], nu, tau)
     for i in range(6):
         for j in range(6):
-            tau[i] += held[DAMPING + 6 * i + j] * nu[j]
+            tau[i] += going_on[DAMPING + 6 * i + j] * nu[j]

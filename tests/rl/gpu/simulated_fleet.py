@@ -12,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from sim.trained import trained
 
 from hydro.core.errors import UsageError
 from hydro.io import vehicle as files
+from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.fleet import Fleet
 from hydro.rl.gpu.env import GpuEnv
 from hydro.rl.gpu.fleet import GpuFleet
@@ -28,8 +30,9 @@ SILENT = Settings(noise=Noise(0.0, 0.0, 0.0, 0.0), task=Episode(steps=12))
 class Plant:
     """The plant of the GPU's fleet as the processor's asks for it: live arrays of the host."""
 
-    def __init__(self, vehicle):
-        self._flying = GpuPlant(vehicle, count=COUNT, period=SILENT.period, timestep=0.02)
+    def __init__(self, vehicle, condition):
+        water = waters(condition, vehicle, SILENT.period)
+        self._flying = GpuPlant(vehicle, water, count=COUNT, period=SILENT.period, timestep=0.02)
         self.vehicle, self._readings = vehicle, self._flying.readings()
         self.pose, self.velocity, self.specific_force, self.thrust, self.diverged = self._readings
 
@@ -47,9 +50,11 @@ class Plant:
 
 
 def beside(vehicle, task, level) -> dict[str, float]:
-    """Largest differences over steps in which every vehicle begins anew several times."""
-    ours = GpuFleet(SILENT, vehicle, count=COUNT, seed=3, task=task, level=level, timestep=0.02)
-    theirs = Fleet(SILENT, Plant(vehicle), seed=3)
+    """Largest differences over steps in which every vehicle begins anew several times, with a network."""
+    condition = Condition("R_MLP", trained("mlp")[1])
+    flown = {"count": COUNT, "seed": 3, "task": task, "level": level, "timestep": 0.02}
+    ours = GpuFleet(SILENT, vehicle, condition=condition, **flown)
+    theirs = Fleet(SILENT, Plant(vehicle, condition), seed=3)
     theirs.set_level(task, level)
     rng = np.random.default_rng(4)
     seen = [np.abs(ours.reset().cpu().numpy() - theirs.reset()).max()]

@@ -26,7 +26,7 @@ def simulated():
     """What `simulated_fleet` found; the simulator is chosen as a process begins."""
     done = subprocess.run(
         [sys.executable, ROOT / "tests" / "rl" / "gpu" / "simulated_fleet.py", CRAFT],
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
         text=True,
         capture_output=True,
         check=False,
