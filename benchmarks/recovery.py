@@ -31,7 +31,7 @@ from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.effects import CATALOGUE, damping, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
-from hydro.core.identification.parameters import Free
+from hydro.core.prediction.parameters import Free
 from hydro.core.simulation.excitation import Session, demands
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

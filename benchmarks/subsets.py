@@ -36,7 +36,8 @@ from benchmarks.recovery import interval, true_values
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.diagnose import diagnose
 from hydro.core.diagnosis.findings import Finding
-from hydro.core.identification.fit import Fit, fit
+from hydro.core.identification.fit import fit
+from hydro.core.identification.outcome import Fit
 from hydro.core.vehicle.description import Vehicle
 
 POSITION, ANGLES, DVL, RATES = ("x", "y", "z"), ("phi", "theta", "psi"), ("u", "v", "w"), ("p", "q", "r")

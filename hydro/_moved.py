@@ -27,9 +27,10 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.preprocessing": "sensor_tests coloured",
     "hydro.core.evaluation": "evidence:score_test wiring:thruster_order compare misfit metrics "
     "conditions:regimes places:failure_regimes restarts:rolling_prediction",
-    "hydro.core.identification": "fit parameters shooting:multiple_shooting "
-    "sensitivity weakform:weak_form normal:normal_equations descent:levenberg_marquardt suspects candidate "
-    "passive:passivity beginnings:initial_guess given:prior",
+    "hydro.core.identification": "fit descent:levenberg_marquardt suspects passive:passivity "
+    "beginnings:initial_guess given:prior",
+    "hydro.core.prediction": "parameters shooting:multiple_shooting sensitivity weakform:weak_form "
+    "normal:normal_equations candidate",
     "hydro.core.distillation": "labels split features history",
     "hydro.core.simulation": "dynamics integrate simulate excitation handling:steady_motion "
     "noise:sensor_noise variation:variational_equation",

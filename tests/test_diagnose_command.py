@@ -18,7 +18,7 @@ from hydro.commands import shell
 from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.io import table
 from hydro.io import vehicle as vehicles
 from hydro.report.diagnosis import lines

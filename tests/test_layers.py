@@ -40,6 +40,7 @@ LEVELS = {
         ("preprocessing",),
         ("residual",),
         ("identification",),
+        ("prediction",),
         ("distillation",),
         ("simulation",),
         ("logs",),

@@ -15,8 +15,8 @@ import pytest
 
 from hydro import cli
 from hydro.core.geometry import solid
-from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import stated
+from hydro.core.prediction.parameters import free
 from hydro.core.simulation.simulate import simulate
 from hydro.io import vehicle
 

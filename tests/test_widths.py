@@ -22,7 +22,7 @@ from hydro import cli
 from hydro.commands import fit
 from hydro.commands.tables import print_table
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.parameters import unit_at
+from hydro.core.prediction.parameters import unit_at
 from hydro.io.files import bundled
 from hydro.report import ladder
 

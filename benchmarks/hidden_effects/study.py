@@ -20,9 +20,9 @@ from hydro.core.diagnosis.findings import Diagnosis
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import Ahead
-from hydro.core.identification.fit import OutputError
 from hydro.core.identification.levenberg_marquardt import descend
-from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY, free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle

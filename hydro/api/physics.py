@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from hydro.core.explanation.ladder import Step
-    from hydro.core.identification.fit import Fit
+    from hydro.core.identification.outcome import Fit
     from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.model import Model
@@ -68,7 +68,7 @@ def fit(
         progress: called with a few words and the share of the work done.
 
     Returns:
-        A `hydro.core.identification.fit.Fit`: `vehicle` with the estimates, `frame()` with a row per
+        A `hydro.core.identification.outcome.Fit`: `vehicle` with the estimates, `frame()` with a row per
         parameter (value, standard error, unit, whether the data determine it), `covariance`, `chi2` and
         `warnings`.
         `hydro.add` writes it into a vehicle with its standard errors.
@@ -185,7 +185,7 @@ def add(vehicle: Vehicle, diagnosis: pl.DataFrame | Fit, effects: Sequence[str] 
     """
     from hydro.core.diagnosis.findings import extended, tables
     from hydro.core.errors import DataError
-    from hydro.core.identification.fit import Fit
+    from hydro.core.identification.outcome import Fit
 
     if not isinstance(diagnosis, Fit):
         return extended(vehicle, tables(diagnosis, effects))

@@ -15,7 +15,7 @@ from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from hydro.core.identification.fit import Fit
+    from hydro.core.identification.outcome import Fit
     from hydro.io.table import Artefact
 
 

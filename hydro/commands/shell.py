@@ -304,7 +304,7 @@ def tell_duration(vehicle: Vehicle, frame: pl.DataFrame, *, steps: bool = False)
     if not sys.stderr.isatty():
         return
     from hydro.core.effects.catalogue import own_effects
-    from hydro.core.identification.parameters import free
+    from hydro.core.prediction.parameters import free
     from hydro.core.recording import extent
     from hydro.core.threads import available
 
@@ -326,7 +326,7 @@ def here(root: Any) -> Callable[[Step], None]:
 
 def tell_not_shown(vehicle: Vehicle, frame: pl.DataFrame) -> None:
     """What a recording without some sensors cannot show, on stderr, before anything else is said."""
-    from hydro.core.identification.visibility import not_shown
+    from hydro.core.prediction.visibility import not_shown
 
     tell_voltage(vehicle, frame)
     for line in not_shown(vehicle, frame):

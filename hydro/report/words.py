@@ -15,7 +15,7 @@ from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
 from hydro.core.errors import DataError
-from hydro.core.identification.parameters import unit_at
+from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
     "log_fault": ("Fault in the log", "What the log says of {columns} is impossible."),

@@ -8,7 +8,7 @@ from hydro.core import compiled
 
 LOADED = """
 import pathlib, sys
-import hydro.core.distillation.labels, hydro.core.identification.multiple_shooting
+import hydro.core.distillation.labels, hydro.core.prediction.multiple_shooting
 import hydro.sim.bridge.callbacks, hydro.sim.teacher_plant
 import hydro.rl.environment.action, hydro.rl.environment.step
 for name, module in sorted(sys.modules.items()):

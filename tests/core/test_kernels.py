@@ -17,7 +17,7 @@ from hydro.core.diagnosis.baseline import stable_shots
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.effects.catalogue import own_effects
 from hydro.core.identification.levenberg_marquardt import moved
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.core.simulation import simulate
 
 SCALARS = {"np.float32", "None", "float", "int", "bool", "tuple[float, float]", "tuple[float, float, float]"}

@@ -9,8 +9,8 @@ import pytest
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import deviations
+from hydro.core.prediction.parameters import free
 from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.io import covariance, table
 from hydro.io import vehicle as files

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from hydro.core.errors import DataError
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import Vehicle, as_written
 from hydro.io import rewrite, vehicle
 

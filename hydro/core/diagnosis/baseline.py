@@ -28,12 +28,12 @@ from hydro.core.diagnosis.model import (
 from hydro.core.effects.catalogue import CATALOGUE, own_effects
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.fit import fit as equation_error
-from hydro.core.identification.output_error import OutputError, in_waves
-from hydro.core.identification.tracking import shot_seconds
+from hydro.core.identification.outcome import Fit
+from hydro.core.prediction import multiple_shooting
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError, in_waves
+from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread

@@ -34,9 +34,9 @@ from hydro.core.diagnosis.model import Diverges, Model
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.block_resampling import weights
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import Fit
-from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.progress import Progress, part
 from hydro.core.residual.hull import Hull

@@ -23,9 +23,9 @@ from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.unexplained import WRENCH, steadily_disturbed, wrenches_of_pulls
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
-from hydro.core.identification.normal_equations import eliminate
-from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
+from hydro.core.prediction.normal_equations import eliminate
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.feedback import Feedback, feedback
 from hydro.core.vehicle.frames import rotation_from_quaternion
 

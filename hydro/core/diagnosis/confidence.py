@@ -25,7 +25,7 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.block_resampling import block_sums, interval, weights
 from hydro.core.experiment.advice import suspecting
 from hydro.core.identification.levenberg_marquardt import PRIOR
-from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.prediction.normal_equations import Normal, block_length
 
 RIGHT = 2.0
 """Mean squared residual in units of the noise of a model that may be right: then likelihood names effects."""

@@ -21,12 +21,12 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gone_on, held_at
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.prior import in_file
 from hydro.core.identification.suspects import Suspect, is_curved, of_entries, shapes, suspects
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress
 from hydro.core.residual.asked_anew import AskedAnew

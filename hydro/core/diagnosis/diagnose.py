@@ -57,12 +57,12 @@ from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
 from hydro.core.experiment.manoeuvres import best, plain, showing
-from hydro.core.identification.fit import UNDETERMINED, Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
-from hydro.core.identification.normal_equations import block_length, covariance
-from hydro.core.identification.parameters import free
+from hydro.core.identification.outcome import UNDETERMINED, Fit
 from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
 from hydro.core.identification.suspects import choice, is_curved
+from hydro.core.prediction.normal_equations import block_length, covariance
+from hydro.core.prediction.parameters import free
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.sea.sea_state import shown

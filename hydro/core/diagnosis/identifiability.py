@@ -24,11 +24,11 @@ from hydro.core.diagnosis.model import Model
 from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question
-from hydro.core.identification.candidate import accelerations, candidate
-from hydro.core.identification.fit import UNDETERMINED
 from hydro.core.identification.levenberg_marquardt import moved
-from hydro.core.identification.parameters import Entry
+from hydro.core.identification.outcome import UNDETERMINED
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction.candidate import accelerations, candidate
+from hydro.core.prediction.parameters import Entry
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle

@@ -35,10 +35,10 @@ from hydro.core.diagnosis.transfer import (
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.catalogue import implausible
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import Fit
-from hydro.core.identification.normal_equations import block_length
-from hydro.core.identification.output_error import OutputError
+from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import greatest_change
+from hydro.core.prediction.normal_equations import block_length
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import shown
 from hydro.core.progress import Progress, part
 from hydro.core.residual.allowance import Allowance

@@ -12,8 +12,8 @@ from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
-from hydro.core.identification.tracking import tracked
 from hydro.core.logs.axis_faults import axis_faults
+from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.recording.arrays import Recording, noise, recording
 from hydro.core.recording.sensor_faults import (

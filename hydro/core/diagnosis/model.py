@@ -17,7 +17,6 @@ from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Columns, Evidence, p_values
-from hydro.core.identification.fit import Fit, with_uncertainty
 from hydro.core.identification.initial_guess import elsewhere
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
@@ -28,10 +27,11 @@ from hydro.core.identification.levenberg_marquardt import (
     moved,
     searched,
 )
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import Free, free
+from hydro.core.identification.outcome import Fit, with_uncertainty
 from hydro.core.identification.suspects import Suspect
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import Free, free
 from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]

@@ -1,7 +1,7 @@
 """The search for what a model lacks: hold the whole catalogue against what is left, and fit the best.
 
 All suspects are linearised together about the present model, over short shots
-(`identification.multiple_shooting`).  Those that tell most, by more than chance would let the most telling of
+(`prediction.multiple_shooting`).  Those that tell most, by more than chance would let the most telling of
 all do (`evaluation.score_test`), are fitted in earnest with everything that is in the model already; the best
 joins it, and the search goes on.  Where the model leaves far more than the noise, a few shots tell most
 suspects apart, and only those are fitted to all shots that these do not rule out.  Afterwards every finding
@@ -38,8 +38,8 @@ from hydro.core.identification.levenberg_marquardt import (
     Problem,
     linear_step,
 )
-from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import Suspect, is_curved, shapes, suspects
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
 from hydro.core.recording.shots import kept_evenly

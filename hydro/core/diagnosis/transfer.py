@@ -36,14 +36,14 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known, with_role
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.replay_error import BEYOND
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import Free, free
+from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, in_file, stated
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction import multiple_shooting
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import Free, free
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.allowance import Held

@@ -29,13 +29,13 @@ from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces, families
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.experiment import advice
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import linear_step
-from hydro.core.identification.normal_equations import Normal, block_length
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import greatest_change
 from hydro.core.identification.suspects import choice, of_entries
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import Normal, block_length
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import drawn
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation_from_quaternion

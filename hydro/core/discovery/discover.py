@@ -28,10 +28,10 @@ from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.effects.formula import FORMULA, amounts, joined, one_term
 from hydro.core.experiment import advice
 from hydro.core.experiment.advice import suspecting
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import moved
-from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import deviations, greatest_change, in_file
+from hydro.core.prediction.normal_equations import Normal, block_length
 from hydro.core.progress import Progress, part, silent
 from hydro.core.vehicle.description import Vehicle
 

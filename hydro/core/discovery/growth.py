@@ -27,7 +27,7 @@ from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.leftover import Means, through_water, with_samples
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import candidate
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 

@@ -27,8 +27,8 @@ from hydro.core.evaluation.replay_error import HORIZONS, replay
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
 from hydro.core.evaluation.yardsticks import Yardstick
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.tracking import tracked
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle

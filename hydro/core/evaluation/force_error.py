@@ -22,7 +22,7 @@ from hydro.core.evaluation.misfit import Misfit, counted
 from hydro.core.evaluation.regimes import Family, Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
-from hydro.core.identification.candidate import Candidate, accelerations, true_velocity
+from hydro.core.prediction.candidate import Candidate, accelerations, true_velocity
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import CHANNELS

@@ -27,7 +27,7 @@ from hydro.core.errors import DataError
 from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import Candidate, candidate, true_velocity
+from hydro.core.prediction.candidate import Candidate, candidate, true_velocity
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.rigid_body import coriolis_kernel

@@ -21,8 +21,8 @@ from hydro.core.evaluation.misfit import Misfit, counted
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
-from hydro.core.identification.candidate import Candidate, candidate
-from hydro.core.identification.multiple_shooting import (
+from hydro.core.prediction.candidate import Candidate, candidate
+from hydro.core.prediction.multiple_shooting import (
     Prepared,
     corrected_first,
     displaced,

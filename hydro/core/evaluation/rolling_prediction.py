@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, VELOCITY, Array, Rows, command_column
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import corrected_first, predict, prepare
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import corrected_first, predict, prepare
 from hydro.core.recording.arrays import Recording, recording, smoothed
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.bands import spread, table

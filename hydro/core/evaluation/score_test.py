@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
 from hydro.core.columns import Array
-from hydro.core.identification.normal_equations import Normal, block_length
+from hydro.core.prediction.normal_equations import Normal, block_length
 
 Columns = Sequence[int]
 

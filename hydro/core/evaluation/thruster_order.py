@@ -2,7 +2,7 @@
 
 A column that belongs to another thruster pushes where the file does not expect it, and no effect does that:
 added mass and damping bend until they fit best.  So before any effect is thought of, the accelerations of the
-recording (equation error, `identification.weak_form`) are held against every exchange of two columns and
+recording (equation error, `prediction.weak_form`) are held against every exchange of two columns and
 every reversal. A constant wrench, all that the file's own effects could be otherwise, and whatever part of
 its thrust each thruster may lack are free meanwhile, so that a worn or dead thruster is none of this.
 
@@ -25,10 +25,10 @@ from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
 from hydro.core.effects.record import Role
 from hydro.core.evaluation.block_resampling import weights
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import moved
-from hydro.core.identification.parameters import free
-from hydro.core.identification.weak_form import Windows
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.parameters import free
+from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts

@@ -16,7 +16,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY, WRENCH, Array
 from hydro.core.effects.layout import MASS, MASS_MATRIX
 from hydro.core.effects.program import constants_of
-from hydro.core.identification.candidate import Candidate
+from hydro.core.prediction.candidate import Candidate
 
 
 class Weights(NamedTuple):

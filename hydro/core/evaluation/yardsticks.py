@@ -22,8 +22,8 @@ from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import BEYOND, laid, last_samples, root_mean_square
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.evaluation.weights import Weights
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.tracking import tracked
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.tracking import tracked
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts

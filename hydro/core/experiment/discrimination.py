@@ -17,12 +17,12 @@ from itertools import combinations
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import Free, free
 from hydro.core.identification.suspects import choice, is_curved, suspects
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import Free, free
 from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle
 

@@ -30,8 +30,8 @@ from hydro.core.experiment.discrimination import (
 )
 from hydro.core.experiment.library import FLIGHT_LENGTH, Manoeuvre, library, powers
 from hydro.core.experiment.manoeuvres import predicted_shots
-from hydro.core.identification.candidate import Candidate, candidate
-from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY
+from hydro.core.prediction.candidate import Candidate, candidate
+from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY
 from hydro.core.recording.shots import SHOT_SECONDS
 from hydro.core.simulation.simulate import trajectory
 

@@ -3,7 +3,7 @@
 Rivals are vehicles that explain a recording about as well, by different effects.  Each short manoeuvre of a
 library is simulated; the one in which the rivals would differ most, in units of the sensors' noise, is the
 one to fly.  They are compared as a diagnosis would compare them: over shots of two seconds whose beginnings
-are free (`identification.multiple_shooting`), so that what a little other beginning could imitate does not
+are free (`prediction.multiple_shooting`), so that what a little other beginning could imitate does not
 count.
 """
 
@@ -20,10 +20,10 @@ from hydro.core.columns import Array
 from hydro.core.effects.sensor import DELAY
 from hydro.core.errors import DataError
 from hydro.core.experiment.library import Manoeuvre, library
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import Candidate, candidate
-from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, free
-from hydro.core.identification.sensitivity import linearise
+from hydro.core.prediction import multiple_shooting
+from hydro.core.prediction.candidate import Candidate, candidate
+from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY, free
+from hydro.core.prediction.sensitivity import linearise
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.simulation.excitation import LOG_RATE

@@ -21,7 +21,7 @@ from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
 from hydro.core.explanation.options import is_open, of_change, options
 from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial
-from hydro.core.identification.tracking import tracked
+from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress, part, silent
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull

@@ -16,9 +16,9 @@ from hydro.core.columns import Array
 from hydro.core.diagnosis.confidence import Fitted, left_out_costs
 from hydro.core.diagnosis.model import as_it_is, begun, screened
 from hydro.core.diagnosis.transfer import CORRELATED, SUSPECT, sessions_of
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.output_error import OutputError
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.vehicle.description import Vehicle
 
 

@@ -33,11 +33,11 @@ from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, is_open, options, states
 from hydro.core.explanation.screening import promising
 from hydro.core.explanation.with_hull import with_hull
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import free
-from hydro.core.identification.tracking import tracked
+from hydro.core.identification.outcome import Fit
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
+from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress
 from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull

@@ -18,7 +18,7 @@ from hydro.core.diagnosis.contenders import Compared
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import as_it_is
 from hydro.core.evaluation.block_resampling import interval, weights
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
 

@@ -1,8 +1,8 @@
 """Parameters of named effects, and their covariance, from a recording.
 
 Two methods.  Equation error balances accelerations over windows of the smoothed motion
-(`identification.weak_form`): fast, and close, but noise in the measured motion biases it.  Output error
-predicts short shots and compares them with what was logged (`identification.multiple_shooting`): it begins
+(`prediction.weak_form`): fast, and close, but noise in the measured motion biases it.  Output error
+predicts short shots and compares them with what was logged (`prediction.multiple_shooting`): it begins
 where equation error ended and is unbiased where the model is true. Both are weighted least squares, solved by
 a Levenberg-Marquardt iteration within bounds.
 """
@@ -10,23 +10,18 @@ a Levenberg-Marquardt iteration within bounds.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
-from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting, weak_form
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
     ITERATIONS,
-    PRIOR,
     Problem,
     descend,
     errors_of,
@@ -35,14 +30,16 @@ from hydro.core.identification.levenberg_marquardt import (
     profiled,
     searched,
 )
-from hydro.core.identification.normal_equations import Normal, covariance
-from hydro.core.identification.output_error import OutputError, aimed
-from hydro.core.identification.parameters import LONGEST_SENSOR_DELAY, Free, effect_table, free
-from hydro.core.identification.passivity import accepted, bounded_in_sum, possible
-from hydro.core.identification.prior import combined, stated
-from hydro.core.identification.tracking import shot_seconds, tracked
-from hydro.core.identification.visibility import of_recording
+from hydro.core.identification.outcome import IMPASSIVE, Fit, information, with_uncertainty
+from hydro.core.identification.passivity import bounded_in_sum, possible
 from hydro.core.logs.axis_faults import require_as_called
+from hydro.core.prediction import multiple_shooting, weak_form
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.output_error import OutputError, aimed
+from hydro.core.prediction.parameters import LONGEST_SENSOR_DELAY, Free, free
+from hydro.core.prediction.tracking import shot_seconds, tracked
+from hydro.core.prediction.visibility import of_recording
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.heavy_tails import Tail
@@ -53,7 +50,6 @@ from hydro.core.recording.sensor_faults import (
     without_outliers,
 )
 from hydro.core.recording.shots import Shots, make_shots
-from hydro.core.simulation.estimates import Estimate, Estimates
 from hydro.core.vehicle.description import Vehicle
 
 Method = Literal["output", "equation"]
@@ -62,121 +58,11 @@ METHODS: tuple[str, ...] = ("output", "equation")
 TURNS = 8  # of search and iteration
 MOST_SHOTS = 1000
 """Shots, or windows, that a fit looks at: half an hour of a recording of any length."""
-UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
-PLAIN_ERRORS = 3.0
 LOOSE = 0.1
 """Standard error of a power from which the standard errors of all else are asked for over its profile."""
-ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
 BETTER = 9.0  # squared residual of a shot by which another beginning must be better
-IMPASSIVE = (
-    "the best values would let damping or added mass drive the vehicle; they are the best of what "
-    "a passive hull can have"
-)
-
-
-@dataclass(frozen=True)
-class Fit:
-    """Fitted effects.
-
-    Attributes:
-        vehicle: The vehicle with the fitted values.
-        free: The entries that were fitted.
-        values: (P,) in the units of the entries.
-        standard_errors: (P,).
-        covariance: (P, P).
-        determined: Which entries the data determine, (P,).
-        chi2: Mean square of the residuals in units of the noise; about 1 where the model is true.
-        method: `output` or `equation`.
-        warnings: What the user should know, one line each.
-        share: Share of the recording that was looked at.
-    """
-
-    vehicle: Vehicle
-    free: Free
-    values: Array
-    standard_errors: Array
-    covariance: Array
-    determined: NDArray[np.bool_]
-    chi2: float
-    method: str
-    warnings: tuple[str, ...]
-    share: float = 1.0
-
-    def tables(self) -> tuple[dict[str, Any], ...]:
-        """The `[[effect]]` tables of the fitted effects, with their standard errors.
-
-        Values are rounded to a hundredth of their standard errors, or to as many more digits as a damping at
-        the edge of what a passive hull can have needs to stay within; a form that another one has replaced (a
-        diagonal by a matrix) is there as None.
-        """
-        places = 2 - np.floor(np.log10(np.maximum(self.standard_errors, 1e-300))).astype(int)
-        values = self._rounded(places)
-        while not accepted(self.free, values) and not np.array_equal(values, self.values):
-            places += 1
-            values = self._rounded(places)
-        errors = np.array([float(f"{error:.3g}") for error in self.standard_errors])
-        tables = []
-        for name in dict.fromkeys(entry.effect for entry in self.free.entries):
-            table = effect_table(self.free, name, self.free.within(values))
-            replaced = {other: None for other in CATALOGUE[name].one_of if other not in table}
-            spread = _errors_of(self.free, name, errors)
-            text = CATALOGUE[name].written(next(iter(self.free.vehicle.effects(name))))
-            tables.append({"name": name} | text | replaced | table | {"standard_error": spread})
-        return tuple(tables)
-
-    def table(self, effect: str) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Values and standard errors of one fitted effect, see `tables`.
-
-        Raises:
-            KeyError: It was not fitted.
-        """
-        for table in self.tables():
-            if table["name"] == effect:
-                apart = ("name", "standard_error")
-                values = {k: v for k, v in table.items() if k not in apart and v is not None}
-                return values, dict(table["standard_error"])
-        raise KeyError(effect)
-
-    def estimates(self) -> Estimates:
-        """The fitted values as they stand in `tables`, with their covariance."""
-        written = {table["name"]: table for table in self.tables()}
-        entries = tuple(
-            Estimate(
-                entry.effect,
-                entry.parameter,
-                entry.index,
-                entry.unit,
-                float(np.asarray(written[entry.effect][entry.parameter], float)[entry.index]),
-            )
-            for entry in self.free.entries
-        )
-        return Estimates(entries, self.covariance)
-
-    def _rounded(self, places: NDArray[np.int64]) -> Array:
-        pairs = zip(self.values.tolist(), places.tolist(), strict=True)
-        return np.array([round(value, digits) for value, digits in pairs])
-
-    def frame(self) -> pl.DataFrame:
-        """One row per entry: parameter, value, standard_error, unit, determined."""
-        entries = self.free.entries
-        return pl.DataFrame(
-            {
-                "parameter": [entry.name for entry in entries],
-                "value": self.values,
-                "standard_error": self.standard_errors,
-                "unit": [entry.unit for entry in entries],
-                "determined": self.determined,
-            }
-        )
-
-
-def _errors_of(free_: Free, name: str, errors: Array) -> dict[str, Any]:
-    """The standard errors of one effect in the shape of its table; 0 of what is held."""
-    found = effect_table(free_, name, errors)
-    fitted = effect_table(free_, name, np.full(len(errors), np.nan))
-    return {key: np.where(np.isnan(fitted[key]), found[key], 0.0).tolist() for key in found}
 
 
 def fit(
@@ -354,7 +240,7 @@ def _found(unknown: Free, values: Array, problem: Problem) -> tuple[Array, Norma
 
 def _passive(unknown: Free, values: Array, normal: Normal, problem: Problem) -> tuple[Array, Normal, Problem]:
     """Where the best values would drive the vehicle, the best that a passive hull can have; the rest anew."""
-    kept = possible(unknown, values, _information(normal))
+    kept = possible(unknown, values, information(normal))
     if np.array_equal(kept, values):
         return values, normal, problem
     held = bounded_in_sum(unknown)
@@ -373,100 +259,3 @@ def _over_powers(unknown: Free, values: Array, normal: Normal, problem: Problem)
     errors = errors_of(normal) * unknown.scales
     powers = [i for i, one in enumerate(parameters) if one.power and errors[i] > LOOSE]
     return profiled(unknown, values, normal, problem, errors, powers)
-
-
-def _information(normal: Normal) -> Array:
-    """X^T X of all pieces and what is known beforehand, (P, P)."""
-    information = normal.matrix.sum(axis=0)
-    total: Array = information + PRIOR**-2 * np.eye(len(information))
-    return total
-
-
-def with_uncertainty(
-    unknown: Free,
-    values: Array,
-    normal: Normal,
-    chi2: float,
-    method: str,
-    file: Vehicle | None = None,
-    least: Array | None = None,
-) -> Fit:
-    """Covariance, warnings and a vehicle that is physically possible.
-
-    Args:
-        unknown: The entries.
-        values: Their best values, (P,).
-        normal: The problem about them.
-        chi2: Mean square of the residuals.
-        method: `output` or `equation`.
-        file: The vehicle whose file states standard errors of its values, which count as another estimate.
-        least: Standard errors at least, (P,); correlations stay.
-    """
-    warnings: list[str] = []
-    within = possible(unknown, values, _information(normal))
-    if not np.array_equal(within, values):
-        warnings.append(IMPASSIVE)
-        values = within
-    scales = unknown.scales
-    spread = covariance(normal, np.full(len(values), PRIOR**-2)) * np.outer(scales, scales)
-    if least is not None:
-        wider = np.maximum(least / np.sqrt(np.diag(spread)), 1.0)
-        spread = spread * np.outer(wider, wider)
-    if file is not None and np.isfinite(stated(file, unknown.entries)).any():
-        values, spread, told = combined(values, spread, file, unknown.entries)
-        information = np.asarray(np.linalg.inv(spread / np.outer(scales, scales)), np.float64)
-        values = possible(unknown, unknown.within(values), information)
-        warnings += told
-    errors = np.sqrt(np.diag(spread))
-    plain = (np.abs(values) > PLAIN_ERRORS * errors) & (errors < 0.3 * PRIOR * scales)
-    determined = (errors <= UNDETERMINED * scales) | plain
-    if lost := int(normal.lost.sum()):
-        warnings.append(
-            f"{lost} of {len(normal.lost)} predictions diverge with these values and are left "
-            "out; check the vehicle's damping"
-        )
-    warnings += _advice(unknown, determined)
-    warnings += _confusions(unknown, spread, errors, determined)
-    low, high = unknown.bounds
-    at_bound = [
-        e.name for e, stuck in zip(unknown.entries, (values <= low) | (values >= high), strict=True) if stuck
-    ]
-    if at_bound:
-        warnings.append(f"on the bound of what is possible: {', '.join(at_bound)}")
-    fitted = unknown.at(values)
-    warnings += implausible(fitted, [entry.effect for entry in unknown.entries])
-    return Fit(
-        vehicle=fitted,
-        free=unknown,
-        values=values,
-        standard_errors=errors,
-        covariance=spread,
-        determined=determined,
-        chi2=chi2,
-        method=method,
-        warnings=tuple(warnings),
-    )
-
-
-def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:
-    """One line for each effect of which the data leave something open."""
-    lines = []
-    for name in dict.fromkeys(entry.effect for entry in unknown.entries):
-        pairs = zip(unknown.entries, determined, strict=True)
-        left = [entry.name for entry, known in pairs if entry.effect == name and not known]
-        if left:
-            need = CATALOGUE[name].excitation
-            lines.append(f"not determined by these data: {', '.join(left)}; it would need {need}")
-    return lines
-
-
-def _confusions(unknown: Free, spread: Array, errors: Array, determined: NDArray[np.bool_]) -> list[str]:
-    """Pairs of entries that the data can hardly tell apart."""
-    correlation = spread / np.outer(errors, errors)
-    return [
-        f"{unknown.entries[i].name} and {unknown.entries[j].name} can hardly be told apart by these data "
-        f"(correlation {correlation[i, j]:+.3f})"
-        for i in range(len(errors))
-        for j in range(i)
-        if abs(correlation[i, j]) > ALIKE and determined[i] and determined[j]
-    ]

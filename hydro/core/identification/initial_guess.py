@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from hydro.core.columns import Array
 from hydro.core.effects.catalogue import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Problem, linear_step, moved
-from hydro.core.identification.parameters import Free
 from hydro.core.identification.suspects import every_shape, is_curved
+from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import catalogue_name
 
 KEPT = 4

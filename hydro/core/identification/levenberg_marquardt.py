@@ -24,8 +24,8 @@ from typing import Protocol
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification.normal_equations import Normal, bounded_step, covariance
-from hydro.core.identification.parameters import Free
+from hydro.core.prediction.normal_equations import Normal, bounded_step, covariance
+from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import Vehicle
 
 PRIOR = 10.0

@@ -20,7 +20,7 @@ from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.record import Role
 from hydro.core.effects.sums import damping_in_sum
 from hydro.core.errors import DataError
-from hydro.core.identification.parameters import Entry, Free
+from hydro.core.prediction.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
 
 CUTS = 100

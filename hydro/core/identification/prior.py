@@ -17,8 +17,8 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import PRIOR
-from hydro.core.identification.normal_equations import Normal, covariance
-from hydro.core.identification.parameters import Entry, Free
+from hydro.core.prediction.normal_equations import Normal, covariance
+from hydro.core.prediction.parameters import Entry, Free
 from hydro.core.vehicle.description import Vehicle
 
 KNOWN = 0.2

@@ -21,7 +21,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.effects.record import Shapes
-from hydro.core.identification.parameters import effect_table, free
+from hydro.core.prediction.parameters import effect_table, free
 from hydro.core.vehicle.description import Vehicle
 
 

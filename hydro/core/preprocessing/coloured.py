@@ -16,7 +16,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.effects import sensor
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.preprocessing.sensor_tests import ENTRIES, KinematicTest, shown
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, drawn, noise
 from hydro.core.recording.dead_reckoning import pose_error

@@ -28,7 +28,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.sensor import ANGLES, BIAS, DELAY, LEVER, LOG, SCALE
 from hydro.core.errors import DataError
-from hydro.core.identification.normal_equations import Normal, block_length, covariance
+from hydro.core.prediction.normal_equations import Normal, block_length, covariance
 from hydro.core.recording.arrays import Recording, noise
 from hydro.core.vehicle.frames import rotation
 

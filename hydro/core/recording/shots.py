@@ -1,6 +1,6 @@
 """Shots: stretches of a few seconds from many places of a recording, each with its own beginning.
 
-What a model predicts from there is compared with what was logged: `identification.multiple_shooting`.
+What a model predicts from there is compared with what was logged: `prediction.multiple_shooting`.
 """
 
 from __future__ import annotations

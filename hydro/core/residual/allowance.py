@@ -20,16 +20,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import Prior, moved
-from hydro.core.identification.multiple_shooting import (
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import (
     ENDLESS,
     corrected_first,
     prepare,
     residuals,
 )
-from hydro.core.identification.normal_equations import eliminate
-from hydro.core.identification.parameters import Free
+from hydro.core.prediction.normal_equations import eliminate
+from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.residual.library import RESTING, Flow, sizes, terms
 from hydro.core.residual.regression import answers, robust, thinning

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import ENDLESS, SHOTS_TOGETHER, prepare, residuals
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.output_error import OutputError
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, prepare, residuals
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import CHANNELS
 from hydro.core.residual.hull import Law
 from hydro.core.residual.response import Transitions

@@ -9,8 +9,8 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.output_error import OutputError
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.regression import learn, robust
 from hydro.core.residual.response import Transitions

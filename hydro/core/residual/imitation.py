@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.identification.fit import Fit
 from hydro.core.identification.levenberg_marquardt import PRIOR, moved
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import Free
+from hydro.core.identification.outcome import Fit
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import Free
 from hydro.core.vehicle.description import Vehicle
 
 

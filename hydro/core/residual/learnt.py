@@ -24,7 +24,7 @@ from hydro.core.effects import CATALOGUE, inertia_matrix
 from hydro.core.effects.columns import effect_wrenches
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
-from hydro.core.identification.candidate import candidate, true_velocity
+from hydro.core.prediction.candidate import candidate, true_velocity
 from hydro.core.recording.shots import Shots
 from hydro.core.residual.library import Flow
 from hydro.core.residual.lowering import TrainedModel

@@ -21,7 +21,7 @@ from hydro.core.distillation.features import CROSS, features
 from hydro.core.effects.columns import through_water
 from hydro.core.effects.layout import FLOW
 from hydro.core.effects.program import constants_of
-from hydro.core.identification.candidate import Candidate, true_velocity
+from hydro.core.prediction.candidate import Candidate, true_velocity
 from hydro.core.recording.arrays import CUBIC_REACH
 from hydro.core.recording.shots import Shots
 from hydro.core.vehicle.description import Vehicle

@@ -15,9 +15,9 @@ import numpy as np
 
 from hydro.core.columns import Array, Rows
 from hydro.core.errors import DataError
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import ENDLESS, SHOTS_TOGETHER, costs, prepare, residuals
-from hydro.core.identification.normal_equations import eliminate
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import ENDLESS, SHOTS_TOGETHER, costs, prepare, residuals
+from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.residual.library import AXES, Flow, sizes, terms
 from hydro.core.residual.response import Transitions, rows_of

@@ -22,8 +22,8 @@ from hydro.core.columns import Array, Rows
 from hydro.core.effects import sensor
 from hydro.core.effects.layout import INVERSE_MASS_MATRIX
 from hydro.core.effects.program import constants_of
-from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
-from hydro.core.identification.multiple_shooting import (
+from hydro.core.prediction.candidate import Candidate, memories, rotor_states, true_velocity
+from hydro.core.prediction.multiple_shooting import (
     LONGEST_STEP,
     SHOTS_TOGETHER,
     Answers,

@@ -23,7 +23,7 @@ from hydro.core.columns import Array
 from hydro.core.effects.waves import COMPONENTS, WAVES, harmonics
 from hydro.core.errors import DataError
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import candidate
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import Recording
 from hydro.core.sea.likelihood import (
     AXES,

@@ -27,7 +27,7 @@ from hydro.core.effects.layout import (
 from hydro.core.effects.program import constants_of, heed
 from hydro.core.evaluation.force_error import missing_wrench
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import (
+from hydro.core.prediction.candidate import (
     Candidate,
     memories,
     move,

@@ -13,7 +13,7 @@ from hydro.core.columns import Array
 from hydro.core.effects import changes, validate
 from hydro.core.effects.catalogue import wholly_known
 from hydro.core.errors import DataError, UsageError
-from hydro.core.identification.parameters import Free, free
+from hydro.core.prediction.parameters import Free, free
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.vehicle.description import Vehicle
 from hydro.rl.world.config import Randomisation, Settings

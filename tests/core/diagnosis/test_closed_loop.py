@@ -13,7 +13,7 @@ from hydro.core.diagnosis import closed_loop
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.effects.surroundings import steady_pull
-from hydro.core.identification.output_error import OutputError
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 

@@ -20,7 +20,7 @@ from hydro.core.diagnosis.confidence import (
 )
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 
 SHOTS, ROWS = 60, 40
 SESSION = np.repeat([0, 1, 2, 3], 15)

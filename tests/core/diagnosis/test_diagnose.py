@@ -36,10 +36,10 @@ from hydro.core.diagnosis.transfer import left_out_error
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
-from hydro.core.identification.fit import with_uncertainty
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import free
+from hydro.core.identification.outcome import with_uncertainty
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import free
 from hydro.core.progress import silent
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

@@ -8,7 +8,7 @@ import pytest
 
 from hydro.core.diagnosis.identifiability import aliases
 from hydro.core.diagnosis.model import Model
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 

@@ -9,11 +9,11 @@ from recordings import damped, moved, noisy
 from hydro.core.diagnosis.identifiability import undetermined
 from hydro.core.effects import CATALOGUE
 from hydro.core.evaluation.score_test import Evidence
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 

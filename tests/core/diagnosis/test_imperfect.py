@@ -15,7 +15,7 @@ from hydro.core.diagnosis import imperfect
 from hydro.core.diagnosis.confidence import by_evidence_confidence, by_transfer_confidence
 from hydro.core.diagnosis.findings import SURE, Finding, extended
 from hydro.core.diagnosis.transfer import Rival, Survey
-from hydro.core.identification.fit import Fit
+from hydro.core.identification.outcome import Fit
 from hydro.io import vehicle as files
 
 VEHICLES = Path(__file__).resolve().parents[3] / "datasets" / "vehicles"

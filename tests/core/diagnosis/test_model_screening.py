@@ -8,8 +8,8 @@ import numpy as np
 
 from hydro.core.diagnosis import model as module
 from hydro.core.diagnosis.model import screened
-from hydro.core.identification.normal_equations import Normal
 from hydro.core.identification.suspects import Suspect
+from hydro.core.prediction.normal_equations import Normal
 
 SHOTS, ROWS, SHAPES = 60, 40, 5
 

@@ -25,7 +25,7 @@ from hydro.core.diagnosis.transfer import (
 )
 from hydro.core.effects import CATALOGUE
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.vehicle.description import Vehicle
 from hydro.io.files import bundled
 from hydro.io.vehicle import read

@@ -14,8 +14,8 @@ from hydro.core.diagnosis import unexplained
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import fit_model
 from hydro.core.effects import inertia_matrix
-from hydro.core.identification.candidate import accelerations, candidate
-from hydro.core.identification.fit import OutputError
+from hydro.core.prediction.candidate import accelerations, candidate
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.simulation.simulate import simulate

@@ -18,7 +18,7 @@ from hydro.core.effects.catalogue import thruster_table
 from hydro.core.effects.sums import validate
 from hydro.core.errors import DataError, HydroWarning
 from hydro.core.identification.fit import fit
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.core.simulation.simulate import trajectory
 from hydro.core.vehicle.control_allocation import mixing, mixing_kernel
 from hydro.core.vehicle.description import Thruster

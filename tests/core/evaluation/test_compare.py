@@ -17,7 +17,7 @@ from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.regimes import Family, Pieces, conditions, families, phrase
 from hydro.core.evaluation.replay_error import BEYOND, replay
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import candidate
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate

@@ -14,7 +14,7 @@ from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import replay
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import candidate
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import recording
 
 EVERY, FIRST = 10, 3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hydro.core.evaluation.score_test import Evidence, p_values
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 
 SHOTS, ROWS = 60, 40
 

@@ -174,7 +174,7 @@ def test_the_noise_floor_does_not_depend_on_chance(datasets):
     """Of a chaotic model the floor of 5 s ahead went up and down by a fifth with the seed."""
     from hydro.core.evaluation.regimes import Pieces
     from hydro.core.evaluation.replay_error import replay
-    from hydro.core.identification.candidate import candidate
+    from hydro.core.prediction.candidate import candidate
     from hydro.io import table
     from hydro.io import vehicle as files
 

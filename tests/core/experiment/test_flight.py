@@ -13,7 +13,7 @@ from hydro.core.errors import DataError
 from hydro.core.experiment.discrimination import Rival, distance, utility
 from hydro.core.experiment.flight import Limits, Question, advise
 from hydro.core.identification.fit import fit
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.parameters import free
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle

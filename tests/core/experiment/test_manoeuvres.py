@@ -13,7 +13,7 @@ from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment.library import FASTEST, FLIGHT_LENGTH, _multisines, library
 from hydro.core.experiment.manoeuvres import best, plain, showing
-from hydro.core.identification.fit import OutputError
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.simulation.excitation import LOG_RATE

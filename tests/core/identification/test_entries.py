@@ -13,8 +13,8 @@ import polars as pl
 import pytest
 
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction.parameters import free
 from hydro.io import vehicle as files
 
 KEPT = pl.read_csv(Path(__file__).with_name("entries.csv"), schema_overrides={"starts": pl.String})

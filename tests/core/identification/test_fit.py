@@ -18,8 +18,7 @@ from hydro.core.diagnosis.findings import extended
 from hydro.core.diagnosis.log_faults import sound
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.fit import LOOSE, OutputError, fit
+from hydro.core.identification.fit import LOOSE, fit
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
     ERRORS,
@@ -28,10 +27,12 @@ from hydro.core.identification.levenberg_marquardt import (
     over_standard_errors,
     searched,
 )
-from hydro.core.identification.multiple_shooting import costs, displaced, prepare
-from hydro.core.identification.normal_equations import Normal, covariance
-from hydro.core.identification.parameters import free
-from hydro.core.identification.weak_form import Windows
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import costs, displaced, prepare
+from hydro.core.prediction.normal_equations import Normal, covariance
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
+from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import TRUST, make_shots
 from hydro.core.simulation.simulate import simulate

@@ -11,9 +11,9 @@ from hydro.core.effects import validate
 from hydro.core.effects.catalogue import held_as_known, own_effects, wholly_known
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
-from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import combined, deviations
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 from hydro.io.files import bundled

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hydro.core.identification.levenberg_marquardt import Prior, descend
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import free
 from tests.synthetic import vehicle
 
 ROWS = 400

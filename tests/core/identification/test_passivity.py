@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hydro.core.effects import validate
 from hydro.core.effects.catalogue import added_mass_matrix
 from hydro.core.effects.sums import damping_in_sum
-from hydro.core.identification.parameters import free
 from hydro.core.identification.passivity import possible
+from hydro.core.prediction.parameters import free
 from hydro.io import vehicle as files
 
 seeds = st.integers(0, 2**32 - 1)

@@ -9,9 +9,9 @@ import synthetic
 from hypothesis import given as drawn
 from hypothesis import strategies as st
 
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import free
 from hydro.core.identification.prior import deviations, greatest_change, in_file, shrunk_to_prior
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import free
 
 FILE = msgspec.structs.replace(
     synthetic.vehicle(),

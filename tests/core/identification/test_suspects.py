@@ -8,9 +8,9 @@ import pytest
 import synthetic
 
 from hydro.core.effects import CATALOGUE
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import is_curved, suspects
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.parameters import free
 from hydro.core.vehicle.thrusters import DEADBAND
 from hydro.io import vehicle as files
 

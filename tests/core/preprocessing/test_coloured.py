@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.preprocessing.coloured import POSE_CHANNELS, coloured, velocity_noise
 from hydro.core.preprocessing.sensor_tests import kinematic_tests
 from hydro.core.recording.arrays import noise, recording

@@ -11,8 +11,8 @@ from recordings import damped, moved
 
 from hydro.core.diagnosis.model import as_it_is, fit_model
 from hydro.core.identification.levenberg_marquardt import Prior
-from hydro.core.identification.output_error import OutputError
-from hydro.core.identification.parameters import free
+from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.residual.allowance import FACTORS, NUMBERS, TEMPERS, Allowance

@@ -9,7 +9,7 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.diagnosis.model import fit_model
-from hydro.core.identification.output_error import OutputError
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.residual.imitation import imitation, widened

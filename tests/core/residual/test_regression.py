@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from recordings import damped, moved
 
-from hydro.core.identification.candidate import candidate
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.residual.hull import stretches

@@ -10,8 +10,8 @@ import pytest
 from recordings import damped, moved
 
 from hydro.core.effects.columns import effect_wrenches
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.candidate import candidate, true_velocity
+from hydro.core.prediction import multiple_shooting
+from hydro.core.prediction.candidate import candidate, true_velocity
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.residual.response import Transitions

@@ -17,9 +17,9 @@ from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.effects import assemble
 from hydro.core.effects.waves import drawn, harmonics
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.multiple_shooting import cost, prepare
-from hydro.core.identification.output_error import OutputError
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import cost, prepare
+from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.sea.likelihood import coefficients, unlikely

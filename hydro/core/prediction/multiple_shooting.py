@@ -20,7 +20,7 @@ from hydro.core.columns import Array, Rows
 from hydro.core.compiled import jit, kernel
 from hydro.core.effects import sensor
 from hydro.core.effects.program import same_memories
-from hydro.core.identification.candidate import Candidate, memories, rotor_states, true_velocity
+from hydro.core.prediction.candidate import Candidate, memories, rotor_states, true_velocity
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume

@@ -19,14 +19,14 @@ import numpy as np
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
-from hydro.core.identification.candidate import (
+from hydro.core.prediction.candidate import (
     Candidate,
     accelerations_at,
     candidate,
     rotor_states_around,
     true_velocity,
 )
-from hydro.core.identification.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal
 from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.recording.filling import unshown
 from hydro.core.recording.shots import evenly

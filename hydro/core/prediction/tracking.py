@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hydro.core.columns import Array, Mask, Rows
-from hydro.core.identification.candidate import Candidate, candidate, memories, rotor_states
-from hydro.core.identification.multiple_shooting import (
+from hydro.core.prediction.candidate import Candidate, candidate, memories, rotor_states
+from hydro.core.prediction.multiple_shooting import (
     LONGEST_STEP,
     Answers,
     InitialStates,

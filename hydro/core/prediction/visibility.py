@@ -11,9 +11,9 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import POSE, POSE_UNITS, VELOCITY, VELOCITY_UNITS, Array
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.tracking import shot_seconds, tracked
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.tracking import shot_seconds, tracked
 from hydro.core.recording.arrays import Recording, recording
 from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle

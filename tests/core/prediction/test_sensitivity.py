@@ -9,12 +9,12 @@ from recordings import damped, moved, noisy
 
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import added_mass_matrix
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.levenberg_marquardt import moved as nudged
-from hydro.core.identification.normal_equations import eliminate
-from hydro.core.identification.parameters import free
 from hydro.core.identification.suspects import suspects
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import eliminate
+from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
 from hydro.core.vehicle.rigid_body import mass_matrix

@@ -17,15 +17,15 @@ from hydro.core.columns import Array, Rows
 from hydro.core.compiled import kernel
 from hydro.core.effects import sensor
 from hydro.core.effects.program import STATE_COUNT, THRUSTER_TABLE, changed_effects
-from hydro.core.identification import multiple_shooting
-from hydro.core.identification.multiple_shooting import (
+from hydro.core.prediction import multiple_shooting
+from hydro.core.prediction.multiple_shooting import (
     ENDLESS,
     SHOTS_TOGETHER,
     Answers,
     Prepared,
     places_of,
 )
-from hydro.core.identification.normal_equations import Normal, eliminate, taken
+from hydro.core.prediction.normal_equations import Normal, eliminate, taken
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes

@@ -18,10 +18,10 @@ from hydro.core.columns import Array
 from hydro.core.effects.damping import LINEAR_DAMPING
 from hydro.core.effects.waves import COSINE, SINE
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import Candidate, candidate
-from hydro.core.identification.normal_equations import Normal
-from hydro.core.identification.parameters import Free
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import Candidate, candidate
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import Shots, kept_evenly
 from hydro.core.threads import available
 from hydro.core.vehicle.description import Vehicle

@@ -11,9 +11,9 @@ from recordings import damped, moved, noisy
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.identification.fit import fit
-from hydro.core.identification.tracking import shot_seconds, tracked
-from hydro.core.identification.visibility import not_shown
-from hydro.core.identification.weak_form import Windows
+from hydro.core.prediction.tracking import shot_seconds, tracked
+from hydro.core.prediction.visibility import not_shown
+from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import recording
 
 DEPTH_AND_ATTITUDE = ("z", "phi", "theta", "psi")

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
 from hydro.core.identification.fit import fit
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
 from hydro.core.recording.arrays import noise, recording
 from hydro.core.recording.filling import filled
 from hydro.core.recording.sensor_faults import without_faults

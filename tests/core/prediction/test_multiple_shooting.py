@@ -13,9 +13,9 @@ from recordings import damped, moved, noisy
 from scipy.spatial.transform import Rotation
 
 from hydro.core.errors import DataError
-from hydro.core.identification import multiple_shooting, sensitivity
-from hydro.core.identification.candidate import candidate
-from hydro.core.identification.normal_equations import (
+from hydro.core.prediction import multiple_shooting, sensitivity
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.normal_equations import (
     Normal,
     block_length,
     bounded_step,

@@ -1,0 +1,1 @@
+"""What a vehicle file predicts of a recording, shot by shot, and how that changes with its entries."""
