@@ -18,6 +18,7 @@ from hydro.core.errors import UsageError
 from hydro.io import vehicle as files
 from hydro.rl.environment.conditions import Condition, waters
 from hydro.rl.environment.fleet import Fleet
+from hydro.rl.gpu import fleet
 from hydro.rl.gpu.env import GpuEnv
 from hydro.rl.gpu.fleet import GpuFleet
 from hydro.rl.world.config import Episode, Noise, Randomisation, Settings
@@ -112,6 +113,7 @@ def refused(vehicle) -> list[str]:
 
 
 def main() -> None:
+    fleet.POOL = 60  # of 16,384 scenes, whose drawing would take all the time
     vehicle = files.read(Path(sys.argv[1]))[0]
     row = beside(vehicle, "pillar_row", 8)
     print(json.dumps({"row": row, "env": wrapped(vehicle), "refused": refused(vehicle)}))
