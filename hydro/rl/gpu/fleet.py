@@ -87,8 +87,9 @@ class GpuFleet:
         water = waters(condition or Condition(), vehicle, settings.period)
         self.plant = GpuPlant(vehicle, water, count=count, period=settings.period, timestep=timestep)
         from hydro.rl.gpu import kernels  # which imports numba-cuda
+        from hydro.sim.gpu.kernels import launch
 
-        self._kernels = kernels
+        self._kernels, self._launch = kernels, launch
         self.settings, self.count, self.seed = settings, count, seed
         self.task = task_of(task)
         self.level = self.task.most if level is None else level
@@ -161,7 +162,7 @@ class GpuFleet:
         """Begin the next episode of some vehicles (N,), by default of all; what all see (N, 36)."""
         kernels = self._kernels
         self._mask.copy_(self._all if mask is None else mask)
-        kernels.launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
+        self._launch(kernels.place, self.count, self._pool, self._starts, self._scenes, self._episodes)
         self.plant.reset(self._starts.mask, self._starts.pose, self._nobody)
         self._look()
         return self.observations
@@ -177,11 +178,11 @@ class GpuFleet:
         """
         kernels = self._kernels
         self._demands.copy_(actions)
-        kernels.launch(kernels.command, self.count, self._crew, self._told)
+        self._launch(kernels.command, self.count, self._crew, self._told)
         self.plant.step(self._commands)
         self._mask.copy_(self._all)
         self._look()
-        kernels.launch(
+        self._launch(
             kernels.judge, self.count, self._rules, self._motion, self._scenes, self._episodes, self._told,
             self._outcome,
         )  # fmt: skip
@@ -194,7 +195,7 @@ class GpuFleet:
     def _look(self) -> None:
         """Renew what the vehicles of the mask see."""
         self._noise.normal_(generator=self._generator)
-        self._kernels.launch(
+        self._launch(
             self._kernels.look,
             self.count,
             self._senses,

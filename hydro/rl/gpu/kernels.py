@@ -17,7 +17,6 @@ from hydro.core.compiled import copy_kernel
 from hydro.rl.environment.action import ACTIONS, mixed
 from hydro.rl.environment.blocks import Episodes, Motion, Outcome, Rules, Scenes, Senses
 from hydro.rl.environment.step import distance, score, sense
-from hydro.sim.gpu.kernels import grid
 
 
 class Pool(NamedTuple):
@@ -125,8 +124,3 @@ def judge(
     k = cuda.grid(1)
     if k < demands.actions.shape[0]:
         score(k, rules, motion, scenes, episodes, demands.actions[k], outcome)
-
-
-def launch(kernel: Any, count: int, *blocks: Any) -> None:
-    """Run a kernel for so many vehicles."""
-    kernel[grid(count)](*blocks)

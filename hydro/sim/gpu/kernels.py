@@ -109,9 +109,9 @@ class Orders(NamedTuple):
     commands: Array
 
 
-def grid(count: int) -> tuple[int, int]:
-    """Blocks for so many vehicles, and the threads of each."""
-    return -(-count // BLOCK), min(BLOCK, count)
+def launch(kernel: Any, count: int, *blocks: Any) -> None:
+    """Run a kernel for so many vehicles."""
+    kernel[-(-count // BLOCK), min(BLOCK, count)](*blocks)
 
 
 @functools.cache

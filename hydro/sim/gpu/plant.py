@@ -186,9 +186,10 @@ class GpuPlant:
 
     def _launch(self, kernel: Any, given: Any) -> None:
         """Run one of the kernels for all vehicles."""
-        from hydro.sim.gpu.kernels import grid
+        from hydro.sim.gpu.kernels import launch
 
-        kernel[grid(self.count)](self._crafts, self._control, self._fleet, self._readings, self._pace, given)
+        blocks = self._crafts, self._control, self._fleet, self._readings, self._pace, given
+        launch(kernel, self.count, *blocks)
 
     def readings(self) -> Readings:
         """A copy of what is read off the vehicles, on the host."""
