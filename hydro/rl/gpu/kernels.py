@@ -6,7 +6,7 @@ arrays, see `sim.gpu.kernels`.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
