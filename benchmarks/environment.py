@@ -58,7 +58,7 @@ def fleets(settings: Settings, count: int, threads: int) -> dict[str, Fleet]:
     """A fleet under each condition, in a row of eight pillars."""
     vehicle = files.read(bundled("vehicles") / "auv151.toml")[0]
     found = {}
-    for condition in conditions.CONDITIONS:
+    for condition in (conditions.NO_WATER, *conditions.MODELS, conditions.EFFECTS):
         kind = conditions.MODELS.get(condition)
         if kind is not None and kind not in WIDTHS:
             continue
