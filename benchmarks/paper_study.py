@@ -49,7 +49,7 @@ def flights(tests: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
                     "flown by": f"policies of {condition}",
                     "in the teacher": _policies(own.filter(plant="teacher")),
                     "in their student": _policies(student),
-                    f"{WITH_MAP}, in their student": "; ".join(
+                    "pilot by hand, in their student": "; ".join(
                         cell(row | {"all": []}) for row in by_hand.to_dicts()
                     ),
                 }

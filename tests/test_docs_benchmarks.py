@@ -85,3 +85,10 @@ def test_the_readme_quotes_the_result_tables() -> None:
     assert f"({best:g} % at best)" in README
     without = cell("rl_pillars", slalom, flown_by="pilot", in_the="teacher").split("%")[0]
     assert f"by hand arrives in {without} % without a plan" in README
+    medians = [
+        float(row["in the teacher"].split("%")[0])
+        for row in GENERATOR["results"]("rl_study")
+        if row["task"].startswith("forest") and row["flown by"].startswith("policies")
+    ]
+    assert len(medians) == 6
+    assert f"in {min(medians):g} to {max(medians):g} % of a forest" in README

@@ -63,6 +63,7 @@ def draw_curves(table: pl.DataFrame) -> Figure:
             ):
                 _draw_curve(panel, one, name, f"{condition!s} ({one['seeds'].max()!s})", colour)
             panel.set(title=title, xlabel="control steps of all vehicles")
+            panel.locator_params(axis="x", nbins=5)  # six-digit numbers side by side
             panel.xaxis.set_major_formatter("{x:,.0f}")
         axes[1].set_ylim(-0.02, 1.02)
         axes[1].legend(title="condition (seeds)", frameon=False)
