@@ -64,7 +64,9 @@ def by_flyer(found: list[Row]) -> list[Row]:
     for row in found:
         who = f"policy trained on {row['trained']}" if row["trained"] else str(row["flown_by"])
         place = f"{row['plant']}, {row['setting'].replace('_', ' ')}"
-        places.setdefault(who, {}).setdefault(place, []).append(row)
+        rows = places.setdefault(who, {}).setdefault(place, [])
+        if row["trained"] or not rows:  # a pilot flies the same tasks the same way again
+            rows.append(row)
     return [
         {"flown by": who} | {place: ", ".join(arrivals(of_seeds(rows))) for place, rows in each.items()}
         for who, each in places.items()
