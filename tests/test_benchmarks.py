@@ -91,3 +91,32 @@ def test_of_several_trainings_the_median_one_is_told_with_the_range_of_all():
     assert words == ["70% (80.0 to 90.0) [50 to 90], 22.0 s", "100% (80.0 to 90.0), 20.0 s"]
     pair = found.filter(pl.col("flown_by") == "policy").head(2)
     assert by_setting(pair, {})[0]["nominal"].startswith("50% (80.0 to 90.0) [50 to 90]"), "of two the worse"
+
+
+def test_a_study_is_told_by_task_and_condition_beside_the_pilots_of_each_world():
+    from benchmarks.paper_study import flights
+
+    def flown(by, condition, plant, success, seed=0):
+        told = {"task": "forest", "level": 12, "flown_by": by, "condition": condition, "plant": plant}
+        told |= {"success_low": 0.8, "success_high": 0.9, "tracking_error": 0.3, "energy": 6.0, "seed": seed}
+        return told | {"success": success, "collision": 0.0, "time_to_goal": 20.0}
+
+    rows = [flown("helmsman with map", "R_0", "teacher", 1.0), flown("helmsman", "R_0", "teacher", 0.5)]
+    for condition, pilot in (("R_0", 0.9), ("R_MLP", 0.8)):
+        rows.append(flown("helmsman", condition, "student", 0.25))
+        rows.append(flown("helmsman with map", condition, "student", pilot))
+        rows += [flown("policy", condition, "student", share, k) for k, share in enumerate((1.0, 0.6, 0.7))]
+        rows += [flown("policy", condition, "teacher", share, k) for k, share in enumerate((0.4, 0.6, 0.7))]
+    found = flights(pl.DataFrame(rows), {"forest": "pillars"})
+    assert [row["flown by"] for row in found] == [
+        "helmsman with map",
+        "helmsman",
+        "policies of R_0",
+        "policies of R_MLP",
+    ]
+    assert {row["task"] for row in found} == {"forest, 12 pillars"}
+    assert found[0]["in the teacher"].startswith("100% (80.0 to 90.0), 20.0 s")
+    of_mlp = found[-1]
+    assert of_mlp["in the teacher"].startswith("60% (80.0 to 90.0) [40 to 70]")
+    assert of_mlp["in their student"].startswith("70% (80.0 to 90.0) [60 to 100]")
+    assert of_mlp["pilot by hand, in their student"].startswith("80%"), "that with a map, in their own world"
