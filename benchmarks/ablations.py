@@ -12,16 +12,15 @@ Every training is an ordinary command in a folder of its own; the same line goes
 from __future__ import annotations
 
 import argparse
-import statistics
 from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
 
-from benchmarks.commands import made, parser, place, seconds
+from benchmarks.commands import made, parser, place, ranged, seconds
 from benchmarks.kept_tables import Row, keep, origin
+from benchmarks.policies import passed_exams
 from hydro.io import table
-from hydro.rl.training.config import Curriculum
 
 VEHICLE = Path("datasets/vehicles/auv151.toml")
 STEPS = 200_000
@@ -54,20 +53,18 @@ def run(chosen: argparse.Namespace) -> None:
 def training(folder: Path) -> tuple[int | None, float]:
     """Steps until one has passed, None where it has not, and its processor time [s]."""
     found = table.read(folder / "evaluations.parquet", "evaluations").frame
-    passed = found.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)["steps"]
+    passed = passed_exams(found)["steps"]
     return (int(passed.to_list()[0]) if len(passed) else None), seconds(folder)
 
 
 def row(name: str, found: Sequence[tuple[int | None, float]]) -> Row:
     """Of the trainings of one variant the medians, with least and greatest."""
-    steps = sorted(STEPS if one is None else one for one, _ in found)
-    spent = sorted(seconds / 60.0 for _, seconds in found)
     passed = sum(one is not None for one, _ in found)
     return {
         "learnt with": name,
         "passed": f"{passed} of {len(found)}",
-        "steps until then": f"{statistics.median(steps):,.0f} ({steps[0]:,} to {steps[-1]:,})",
-        "processor time": f"{statistics.median(spent):.1f} min ({spent[0]:.1f} to {spent[-1]:.1f})",
+        "steps until then": ranged([STEPS if one is None else one for one, _ in found], ",.0f"),
+        "processor time": ranged([seconds / 60.0 for _, seconds in found], ".1f", " min"),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -47,6 +48,12 @@ def beside(out: Path) -> Path:
 def place(folder: Path, name: str, seed: int | str) -> Path:
     """Where a training of a variant is kept."""
     return folder / f"{name.replace(' ', '-').replace(',', '')}-{seed}"
+
+
+def ranged(numbers: Sequence[float], form: str, unit: str = "") -> str:
+    """Median, with its unit, least and greatest of some numbers, in a form such as `.1f`."""
+    middle, least, greatest = statistics.median(numbers), min(numbers), max(numbers)
+    return f"{middle:{form}}{unit} ({least:{form}} to {greatest:{form}})"
 
 
 def parser(

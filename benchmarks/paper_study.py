@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
 from collections.abc import Iterable
 from pathlib import Path
 
 import polars as pl
 
+from benchmarks.commands import ranged
 from benchmarks.kept_tables import Row, keep, origin
-from benchmarks.policies import POLICY, cell, named, of_seeds
+from benchmarks.policies import POLICY, cell, named, of_seeds, passed_exams
 from hydro.io import table
 
 COMMAND = (
@@ -36,72 +36,62 @@ def flights(tests: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
         task, teacher = named(each.row(0, named=True), counted), each.filter(plant="teacher")
         pilots = teacher.filter(pl.col("flown_by") != POLICY).unique("flown_by", maintain_order=True)
         rows += [
-            {"task": task, "flown by": row["flown_by"], "in the teacher": cell(row | {"all": []})}
+            {"task": task, "flown by": row["flown_by"], "in the teacher": cell(of_seeds([row]))}
             for row in pilots.to_dicts()
         ]
         for condition in each["condition"].unique(maintain_order=True):
             own = each.filter(condition=condition)
             student = own.filter(plant="student")
-            by_hand = student.filter(flown_by=WITH_MAP if WITH_MAP in student["flown_by"] else "helmsman")
+            by_hand = WITH_MAP if WITH_MAP in student["flown_by"] else "helmsman"
             rows.append(
                 {
                     "task": task,
                     "flown by": f"policies of {condition}",
-                    "in the teacher": _policies(own.filter(plant="teacher")),
-                    "in their student": _policies(student),
-                    "pilot by hand, in their student": "; ".join(
-                        cell(row | {"all": []}) for row in by_hand.to_dicts()
-                    ),
+                    "in the teacher": _words(own.filter(plant="teacher"), POLICY),
+                    "in their student": _words(student, POLICY),
+                    "pilot by hand, in their student": _words(student, by_hand),
                 }
             )
     return rows
 
 
-def _policies(found: pl.DataFrame) -> str:
-    """Flights of all trainings in words."""
-    rows = found.filter(flown_by=POLICY).to_dicts()
+def _words(found: pl.DataFrame, by: str) -> str:
+    """Flights of a pilot, or of the policies of all trainings, in words."""
+    rows = found.filter(flown_by=by).to_dicts()
     return cell(of_seeds(rows)) if rows else ""
 
 
 def trainings(folder: Path, conditions: Iterable[str]) -> list[Row]:
     """A row for each condition: steps until all tasks were passed by one policy, and minutes of training."""
     from hydro.rl.tasks.registry import STAGES
-    from hydro.rl.training.config import Curriculum
 
-    spent = {
-        line.rsplit(" ", 1)[1]: float(step["seconds"])
+    minutes = {
+        Path(line.rsplit(" ", 1)[1]).name: float(step["seconds"]) / 60.0
         for line, step in json.loads((folder / "steps.json").read_text()).items()
         if line.startswith("rl train")
     }
-    minutes = {Path(place).name: seconds / 60.0 for place, seconds in spent.items()}
     rows: list[Row] = []
     for condition in conditions:
         runs = sorted(folder.glob(f"{condition}-seed*"))
         passed, last, diverged = [], [], 0
         for run in runs:
             found = table.read(run / "evaluations.parquet", "evaluations").frame
-            exams = found.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)
-            whole = exams.group_by("steps").agg(pl.col("task").n_unique()).filter(task=len(STAGES))
+            whole = (
+                passed_exams(found).group_by("steps").agg(pl.col("task").n_unique()).filter(task=len(STAGES))
+            )
             passed += [int(whole["steps"].min())] if len(whole) else []
             last.append(int(found["steps"].max()))
             diverged += int(table.read(run / "curves.parquet", "curves").frame["diverged"].sum() > 0)
-        of_each = sorted(minutes[run.name] for run in runs)
-        middle, shortest, longest = statistics.median(of_each), of_each[0], of_each[-1]
         rows.append(
             {
                 "condition": condition,
                 "passed all three": f"{len(passed)} of {len(runs)}",
-                "steps until then": _range(passed) if passed else f"not by {max(last):,}",
-                "minutes of training": f"{middle:.1f} ({shortest:.1f} to {longest:.1f})",
+                "steps until then": ranged(passed, ",.0f") if passed else f"not by {max(last):,}",
+                "minutes of training": ranged([minutes[run.name] for run in runs], ".1f"),
                 "trainings with numerical divergence": f"{diverged} of {len(runs)}",
             }
         )
     return rows
-
-
-def _range(numbers: list[int]) -> str:
-    """Median, least and greatest."""
-    return f"{statistics.median(numbers):,.0f} ({min(numbers):,} to {max(numbers):,})"
 
 
 def main() -> None:

@@ -95,14 +95,19 @@ def by_setting(found: pl.DataFrame, counted: dict[str, str]) -> list[Row]:
     return list(rows.values())
 
 
+def passed_exams(evaluations: pl.DataFrame) -> pl.DataFrame:
+    """The examinations of a training that it has passed."""
+    from hydro.rl.training.config import Curriculum
+
+    return evaluations.filter(pl.col("purpose") == "exam", pl.col("success") >= Curriculum.share)
+
+
 def training(run: Path) -> Row:
     """Steps until a training had passed each task for the first time, and all with its last policy."""
     from hydro.rl.tasks.registry import STAGES
-    from hydro.rl.training.config import Curriculum
 
     found = table.read(run / "evaluations.parquet", "evaluations").frame
-    exams = found.filter(pl.col("purpose") == "exam")
-    passed = exams.filter(pl.col("success") >= Curriculum.share)
+    passed = passed_exams(found)
     first: dict[str, int] = {row["task"]: row["steps"] for row in reversed(passed.to_dicts())}
     at_last = passed.filter(steps=pl.col("steps").max())["task"].n_unique()
     end = f"{found['steps'].max():,}"

@@ -19,7 +19,7 @@ from hydro.io import vehicle as files
 from hydro.sim.bridge.water import dry, residual
 from hydro.sim.gpu.plant import GpuPlant
 from hydro.sim.plant import StudentPlant
-from hydro.sim.residual.conditioning import OFF, preset
+from hydro.sim.residual.conditioning import preset
 from hydro.sim.residual.control import Control
 from hydro.sim.student import Physics
 
@@ -45,9 +45,7 @@ def waters(known) -> dict[str, object]:
     """What vehicles feel, by name."""
 
     def control(kind: str, conditioning: str = "off") -> Control:
-        return Control(
-            learnt(kind), PERIOD, conditioning=preset(conditioning, known) if conditioning != "off" else OFF
-        )
+        return Control(learnt(kind), PERIOD, conditioning=preset(conditioning, known))
 
     return {
         "no water": dry,
@@ -67,8 +65,7 @@ def flown(plant, commands) -> np.ndarray:
     plant.reset(np.ones(COUNT, dtype=bool), pose, rng.uniform(-0.4, 0.4, (COUNT, 6)))
     for told in commands:
         plant.step(told)
-    read = plant.readings() if isinstance(plant, GpuPlant) else plant._readings
-    return np.hstack([read.pose, read.velocity])
+    return np.hstack([plant.pose, plant.velocity])  # in the simulator both are arrays of the host
 
 
 def main() -> None:

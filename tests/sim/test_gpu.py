@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import importlib.util
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from cuda_simulator import found_by
 
 import hydro
 from hydro.core.errors import UsageError
 from hydro.io import vehicle as files
 from hydro.io.files import bundled
 
-ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).parent
 CRAFT = bundled("vehicles") / "auv151.toml"
 needs_numba_cuda = pytest.mark.skipif(
     importlib.util.find_spec("numba_cuda") is None, reason="the extra gpu is not installed"
@@ -29,27 +26,14 @@ def craft():
     return files.read(CRAFT)[0]
 
 
-def found_by(script: str) -> dict:
-    """What a script found in the simulator, which is chosen as a process begins."""
-    done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "sim" / script, CRAFT],
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
 @pytest.fixture(scope="module")
 def simulated():
-    return found_by("simulated_gpu.py")
+    return found_by(HERE / "simulated_gpu.py", CRAFT)
 
 
 @pytest.fixture(scope="module")
 def networked():
-    return found_by("simulated_network.py")
+    return found_by(HERE / "simulated_network.py", CRAFT)
 
 
 @needs_numba_cuda

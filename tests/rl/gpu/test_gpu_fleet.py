@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from cuda_simulator import found_by
 
 from hydro.io.files import bundled
 
-ROOT = Path(__file__).resolve().parents[3]
+HERE = Path(__file__).parent
 CRAFT = bundled("vehicles") / "auv151.toml"
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("numba_cuda") is None, reason="the extra gpu is not installed"
@@ -23,16 +20,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def simulated():
-    """What `simulated_fleet` found; the simulator is chosen as a process begins."""
-    done = subprocess.run(
-        [sys.executable, ROOT / "tests" / "rl" / "gpu" / "simulated_fleet.py", CRAFT],
-        env={**os.environ, "NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
-        text=True,
-        capture_output=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    return found_by(HERE / "simulated_fleet.py", CRAFT)
 
 
 def test_what_is_sensed_and_earned_is_that_of_the_processors_fleet_to_the_bit(simulated):
