@@ -205,7 +205,9 @@ def covariance(normal: Normal, prior: Array) -> Array:
     information = normal.matrix.sum(axis=0)
     total = information + np.diag(prior)
     inverse = _inverse(total)
-    plain: Array = inverse @ (max(1.0, normal.chi2) * information + np.diag(prior)) @ inverse
+    # By its root: near a singular matrix the product with the inverse on both sides is not symmetric.
+    half = inverse @ _root(max(1.0, normal.chi2) * information + np.diag(prior))
+    plain: Array = half @ half.T
     np.fill_diagonal(plain, np.maximum(np.diag(plain), np.diag(inverse)))  # rounding may leave less
     size = block_length(normal.score)
     edges = np.arange(0, len(normal.gram), size)
@@ -227,10 +229,23 @@ def covariance(normal: Normal, prior: Array) -> Array:
 
 def _inverse(information: Array) -> Array:
     """Inverses of information matrices (..., P, P), positive definite though rounding has made those not."""
-    diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
-    units = 1.0 / np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
-    values, ways = np.linalg.eigh(information * units)
-    least = values.shape[-1] * np.finfo(float).eps * values[..., -1:]
-    over = ways / np.maximum(values, least)[..., None, :]
-    inverse: Array = over @ np.swapaxes(ways, -2, -1) * units
+    sizes, values, ways = _decomposed(information)
+    over = ways / values[..., None, :]
+    inverse: Array = over @ np.swapaxes(ways, -2, -1) / (sizes[..., :, None] * sizes[..., None, :])
     return inverse
+
+
+def _root(information: Array) -> Array:
+    """L of an information matrix L L^T, (P, P)."""
+    sizes, values, ways = _decomposed(information)
+    root: Array = sizes[:, None] * ways * np.sqrt(values)
+    return root
+
+
+def _decomposed(information: Array) -> tuple[Array, Array, Array]:
+    """Roots of the diagonal (..., P), and eigenvalues, all positive, and -vectors of what is left without."""
+    diagonal = np.maximum(np.diagonal(information, axis1=-2, axis2=-1), np.finfo(float).tiny)
+    sizes = np.sqrt(diagonal)
+    values, ways = np.linalg.eigh(information / (sizes[..., :, None] * sizes[..., None, :]))
+    least = values.shape[-1] * np.finfo(float).eps * values[..., -1:]
+    return sizes, np.maximum(values, least), ways

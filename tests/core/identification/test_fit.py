@@ -201,9 +201,13 @@ def test_noise_free_data_leave_standard_errors_though_two_entries_are_all_but_on
     whole = np.concatenate([x, 1e3 * rng.standard_normal((40, 12, 1))], axis=-1)
     gram = np.einsum("sni,snj->sij", whole, whole)
     normal = Normal(gram, 12, gram[:, -1, -1:], np.zeros((40, 0, 4)))
-    errors = np.sqrt(np.diag(covariance(normal, np.full(3, 0.01))))
+    spread = covariance(normal, np.full(3, 0.01))
+    errors = np.sqrt(np.diag(spread))
     assert (errors > 0.0).all()
     assert np.isfinite(errors).all()
+    correlation = spread / np.outer(errors, errors)
+    np.testing.assert_allclose(correlation, correlation.T, rtol=1e-12, atol=1e-12)
+    assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
 def test_the_same_data_give_the_same_fit():
