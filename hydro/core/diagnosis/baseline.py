@@ -111,11 +111,12 @@ class Baseline:
     def thinned(self) -> Baseline:
         """The same over ENOUGH of its shots where the file's own effects leave far more than the noise.
 
-        What no noise blurs every shot tells; itself where it leaves less, or has no more shots.
+        What no noise blurs every shot tells; itself where it leaves less, or has fewer than twice as many: a
+        search over some of the shots that comes near the noise is made once more over all.
         """
-        kept = kept_evenly(len(self.refitted.costs), ENOUGH)
-        if kept.all() or not self.refitted.normal.chi2 > LOUD:
+        if len(self.refitted.costs) < 2 * ENOUGH or not self.refitted.normal.chi2 > LOUD:
             return self
+        kept = kept_evenly(len(self.refitted.costs), ENOUGH)
         given, refitted = self.given.over(kept), self.refitted.over(kept)
         return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
 

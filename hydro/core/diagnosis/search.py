@@ -38,7 +38,7 @@ from hydro.core.identification.levenberg_marquardt import (
     Problem,
     linear_step,
 )
-from hydro.core.identification.suspects import Suspect, is_curved, shapes, suspects
+from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
@@ -173,14 +173,10 @@ class Search:
         Where one does as well, to within SURE standard errors of what else the best has, it takes its place.
         """
         best = leader(fits)
-        reduced = CATALOGUE[best].identification.plainer if best is not None else None
-        if best is None or reduced is None:
+        if best is None:
             return fits
-        vehicle = fits[best].vehicle.without(best)
-        plain = dict[str, Model]()
-        for table in reduced(fits[best].vehicle.effects(best)[0], self.baseline.vehicle):
-            if vehicle.effects(table["name"]):
-                continue
+        vehicle, plain = fits[best].vehicle.without(best), dict[str, Model]()
+        for table in plainer(fits[best].vehicle, best, self.baseline.vehicle):
             with suppress(Diverges):
                 plain[table["name"]] = self._fit(vehicle, [*chosen, table], fits[best].problem, ITERATIONS)
         least = min((model.normal.cost for model in plain.values()), default=np.inf)
@@ -279,11 +275,17 @@ class Search:
         except Diverges:  # and too far even so: it begins as the vehicle has it
             return self._fit(model.vehicle, [*chosen, name], model.problem, QUICK)
 
-    def grow(self, progress: Progress, start: Outcome | None = None, other: Outcome | None = None) -> Outcome:
+    def grow(
+        self,
+        progress: Progress,
+        start: Outcome | None = None,
+        other: Outcome | None = None,
+        far: float = np.inf,
+    ) -> Outcome:
         """Let the best effect join until nothing more is significant and material.
 
         It goes on from an earlier outcome `start` where there is one, and ends where it only goes the way of
-        an `other` search.
+        an `other` search, or where the first effect leaves more than `far` times the noise.
         """
         model, found = (start.model, list(start.found)) if start else (self.baseline.refitted, list[Found]())
         while True:
@@ -305,15 +307,23 @@ class Search:
                 break
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
-            doubtful = sum(not self.baseline.sure(one.effect) for one in found)
-            least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
-            if model.normal.chi2 > RIGHT and self.baseline.explained(model) < least:
+            if self.explains_little(model, found) or self.is_far(model, found, far):
                 break
             if other is not None and same_way(found, other.found):
                 break
         if screening.model is not model:
             screening = self.screen(model, [one.effect for one in found])
         return Outcome(model, tuple(found), screening)
+
+    def explains_little(self, model: Model, found: Sequence[Found]) -> bool:
+        """Whether a model with what was found leaves so much that no other effect is looked for."""
+        doubtful = sum(not self.baseline.sure(one.effect) for one in found)
+        least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
+        return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
+
+    def is_far(self, model: Model, found: Sequence[Found], far: float) -> bool:
+        """Whether the first effect that was found leaves more than `far` times the noise."""
+        return len(found) == 1 and model.normal.chi2 > far
 
     def telling(self, screening: Screening, model: Model) -> bool:
         """Whether any effect promises to matter: of a curved one the shapes of a grid tell but a part."""

@@ -74,6 +74,22 @@ def choice(vehicle: Vehicle, effect: str) -> str:
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
+def plainer(vehicle: Vehicle, effect: str, file: Vehicle) -> list[dict[str, Any]]:
+    """Tables of plainer effects that one of a vehicle may nearly be, and that the vehicle has not.
+
+    Args:
+        vehicle: With the effect.
+        effect: Its name.
+        file: What it was looked for beside.
+    """
+    reduced = CATALOGUE[effect].identification.plainer
+    if reduced is None:
+        return []
+    return [
+        table for table in reduced(vehicle.effects(effect)[0], file) if not vehicle.effects(table["name"])
+    ]
+
+
 def shapes(vehicle: Vehicle, effect: str, *, reach: Array | None = None) -> list[Suspect]:
     """A finer grid of one effect than `suspects` has; empty of those that need none."""
     return _shaped(vehicle, effect, CATALOGUE[effect].identification.fine, reach)

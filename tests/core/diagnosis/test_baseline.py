@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hydro.core.diagnosis.baseline import (
     ENOUGH,
+    LOUD,
     MATERIAL,
     MUCH_OF_IT,
     PLAIN,
@@ -19,6 +20,7 @@ from hydro.core.diagnosis.baseline import (
     Baseline,
     Outcome,
 )
+from hydro.core.diagnosis.diagnose import searched
 from hydro.core.diagnosis.model import Model
 from hydro.core.diagnosis.search import Search
 from hydro.core.progress import silent
@@ -57,7 +59,7 @@ def test_a_small_share_of_the_first_error_matters_where_it_is_plain_and_much_of_
     assert not baseline.material(0.9 * plain, before)
 
 
-@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, ENOUGH), (2e3, 100, 100), (50.0, 300, 300)])
+@pytest.mark.parametrize(("chi2", "shots", "left"), [(2e3, 300, ENOUGH), (2e3, 148, 148), (50.0, 300, 300)])
 def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: int, left: int):
     """Both models and the problem keep the same of them; a recording near the noise keeps all."""
     costs = np.arange(shots, dtype=float)
@@ -77,6 +79,37 @@ def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: in
     if thinned is not baseline:
         for one in (thinned.given, thinned.refitted):
             np.testing.assert_array_equal(one.costs, cast(Any, thinned.problem).costs)
+
+
+FIRST, RESUMED, FILED = "first", "resumed", "filed"
+
+
+@pytest.mark.parametrize(
+    ("left", "filed", "order", "answer"),
+    [
+        (1.0, 1.0, [FIRST], FIRST),  # it fits
+        (50.0, 1.0, [FIRST, FILED], FILED),  # it does not, and the other does
+        (2 * LOUD, 1.0, [FIRST, FILED], FILED),
+        (2 * LOUD, 50.0, [FIRST, FILED, RESUMED], RESUMED),  # it had waited
+        (50.0, 50.0, [FIRST, FILED], FIRST),  # it had not
+    ],
+)
+def test_the_files_values_are_tried_before_a_second_effect_joins_far_from_the_noise(
+    monkeypatch, left: float, filed: float, order: list[str], answer: str
+):
+    asked: list[str] = []
+
+    def grow(search: Search, progress: object, start: Any = None, other: Any = None, far: float = np.inf):
+        asked.append(FILED if search.from_file else RESUMED if start else FIRST)
+        assert far == (LOUD if asked[-1] == FIRST else np.inf)
+        model = leaving(1.0 - MUCH_OF_IT)
+        model.normal.chi2 = filed if asked[-1] == FILED else left
+        return SimpleNamespace(model=model, found=("payload",), said=asked[-1])
+
+    monkeypatch.setattr(Search, "grow", grow)
+    monkeypatch.setattr(Search, "explains_little", lambda *_: False)
+    search, outcome = searched(begun_from(1.0), silent)
+    assert (asked, cast(Any, outcome).said, search.from_file) == (order, answer, answer == FILED)
 
 
 @pytest.mark.parametrize(("effect", "fitted"), [("thruster_deadband", True), ("ocean_current", False)])
