@@ -207,14 +207,20 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
     """What a search finds, and the search: one from the file's values where it fits and the first does not.
 
     Fitted without what is missing the file's own effects may run away to where no step leads back from.
+    Where the first effect that joins them leaves LOUD times the noise, the file's values are tried before
+    any other joins.
     """
     first = Search(baseline)
     again = replace(first, from_file=True)
-    found = first.grow(part(progress, 0.0, 0.85))
+    found = first.grow(part(progress, 0.0, 0.65), far=LOUD)
     if found.model.normal.chi2 <= RIGHT:
         return first, found
     other = again.grow(part(progress, 0.65, 0.8), other=found)
-    return (again, other) if other.model.normal.chi2 <= RIGHT else (first, found)
+    if other.model.normal.chi2 <= RIGHT:
+        return again, other
+    if first.is_far(found.model, found.found, LOUD) and not first.explains_little(found.model, found.found):
+        found = first.grow(part(progress, 0.8, 0.85), found)
+    return first, found
 
 
 def refine(baseline: Baseline, outcome: Outcome) -> Outcome:

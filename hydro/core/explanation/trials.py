@@ -35,6 +35,7 @@ from hydro.core.explanation.screening import promising
 from hydro.core.explanation.with_hull import with_hull
 from hydro.core.identification.levenberg_marquardt import ITERATIONS
 from hydro.core.identification.outcome import Fit
+from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.prediction.tracking import tracked
@@ -252,21 +253,28 @@ def quick_fits(
     problem: OutputError,
     progress: Progress,
 ) -> Iterator[Quick]:
-    """Quick fits of what may be added; of what diverges none."""
+    """Quick fits of what may be added, and of the plainer effects that it may be; of what diverges none."""
 
-    def tried(found: Mapping[str, Table]) -> Quick | None:
+    def fitted(found: Mapping[str, Table]) -> list[Quick]:
         wanted = _wanted(last, found)
         try:
             vehicle = recordings.tried(last.vehicle, wanted, problem)
             fanciful = bool(implausible(vehicle, list(found)))
-            return Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))
+            return [Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))]
         except DataError:
-            return None
+            return []
+
+    def tried(found: Mapping[str, Table]) -> list[Quick]:
+        quick, (effect, *others) = fitted(found), found
+        rest = {name: found[name] for name in others}
+        plain = [
+            {table["name"]: table} for one in quick for table in plainer(one.vehicle, effect, last.vehicle)
+        ]
+        return [*quick, *(one for table in plain for one in fitted(table | rest))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
         progress(f"{next(iter(found))} was tried with all that is there", 0.5 * number / len(every))
-        if quick is not None:
-            yield quick
+        yield from quick
 
 
 def _trial(
