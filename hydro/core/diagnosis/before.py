@@ -271,7 +271,7 @@ def _finding(
     else:
         words = f"{advice.adding(name, parameters, compared.log.record.dt)}; {words}"
     sure = _confidence(change, wins[name], removed, beside, left, compared.chi2(model))
-    sure = no_surer(sure, fit.vehicle, name)
+    sure = no_surer(sure, fit.vehicle, name, errors if left <= RIGHT else None)
     found = Finding(
         "retune" if known else "missing",
         name,

@@ -51,6 +51,9 @@ SURE = 0.9
 """Confidence from which a name is stated."""
 FANCIFUL = 0.5
 """Confidence at most in a name whose values physics does not leave to it: it stands for something else."""
+WELL_BEYOND = 2.0
+"""How far from the middle of what physics leaves to them such values are where a model fits, in half widths
+of that range: where a range ends is known to about as much as that."""
 FIT = 3.0
 """Mean squared residual in units of the noise up to which a fit is one."""
 WITH_VALUES = ("missing", "suspect", "retune", "cannot_tell_apart")
@@ -236,9 +239,10 @@ def no_surer(
         confidence: Of the name.
         vehicle: With the values.
         effect: The name.
-        errors: Standard errors of the values, see `implausible`.
+        errors: Where a model fits, standard errors of the values: then these have to lie WELL_BEYOND.
     """
-    return min(confidence, FANCIFUL) if implausible(vehicle, [effect], errors) else confidence
+    beyond = implausible(vehicle, [effect], errors, 1.0 if errors is None else WELL_BEYOND)
+    return min(confidence, FANCIFUL) if beyond else confidence
 
 
 def with_implausible(finding: Finding, vehicle: Vehicle) -> Finding:

@@ -235,7 +235,10 @@ def held_as_known(vehicle: Vehicle, names: Sequence[str]) -> list[Table]:
 
 
 def implausible(
-    vehicle: Vehicle, names: Sequence[str] | None = None, errors: Mapping[str, Any] | None = None
+    vehicle: Vehicle,
+    names: Sequence[str] | None = None,
+    errors: Mapping[str, Any] | None = None,
+    least: float = 1.0,
 ) -> list[str]:
     """Values of a vehicle's effects that lie beyond their plausible ranges, a sentence for each parameter.
 
@@ -244,27 +247,32 @@ def implausible(
         names: Effects that are looked at; by default all.
         errors: Standard errors by parameter: what lies within DOUBT of them counts as plausible, and what
             has none that is finite.
+        least: Distance from the middle of its range, in half widths of it, beyond which a value is told.
     """
     found = []
     for table in vehicle.effect:
         if names is None or table["name"] in names:
             given = [one for one in CATALOGUE[table["name"]].parameters if one.name in table]
             doubt = {one.name: DOUBT * np.asarray((errors or {}).get(one.name, 0.0), float) for one in given}
-            found += [words for one in given if (words := _beyond(table, one, vehicle, doubt[one.name]))]
+            found += [
+                words for one in given if (words := _beyond(table, one, vehicle, doubt[one.name], least))
+            ]
     return found
 
 
-def _beyond(table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle, doubt: Array) -> str:
+def _beyond(
+    table: Mapping[str, Any], parameter: Parameter, vehicle: Vehicle, doubt: Array, least: float
+) -> str:
     """That an entry of a parameter lies beyond what is plausible by more than a doubt, or nothing."""
     if parameter.plausible is None:
         return ""
-    values, farthest, words = np.asarray(table[parameter.name], float), 1.0, ""
+    values, farthest, words = np.asarray(table[parameter.name], float), least, ""
     doubts = np.broadcast_to(np.nan_to_num(doubt, nan=np.inf), values.shape)
     for index in np.ndindex(*values.shape):
         low, high = parameter.plausible.at(index, vehicle)
         value, middle, half = float(values[index]), 0.5 * (low + high), 0.5 * (high - low)
         away = (abs(value - middle) - float(doubts[index])) / half if half else math.inf
-        if away > max(farthest, 1.0 + ROUNDING):
+        if away > max(farthest, least + ROUNDING):
             farthest = away
             place = "".join(f"[{i}]" for i in index)
             unit = f" {parameter.unit_at(index)}".replace(" 1", "")
