@@ -21,6 +21,7 @@ from hydro.core.diagnosis.model import (
     Screening,
     Wanted,
     as_it_is,
+    fit_model,
     fitted_or_kept,
     from_elsewhere,
     names_of,
@@ -35,9 +36,9 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError, in_waves
 from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
-from hydro.core.preprocessing.sensor_tests import KinematicTest
+from hydro.core.preprocessing.sensor_tests import KinematicTest, vetoed
 from hydro.core.preprocessing.sensor_tests import shown as misread
-from hydro.core.recording.shots import SHOT_SECONDS, Shots, kept_evenly
+from hydro.core.recording.shots import SHOT_SECONDS, Shots
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -116,9 +117,23 @@ class Baseline:
         """
         if len(self.refitted.costs) < 2 * ENOUGH or not self.refitted.normal.chi2 > LOUD:
             return self
-        kept = kept_evenly(len(self.refitted.costs), ENOUGH)
-        given, refitted = self.given.over(kept), self.refitted.over(kept)
+        given, refitted = self.given.some(ENOUGH), self.refitted.some(ENOUGH)
         return replace(self, problem=self.problem.some(ENOUGH), given=given, refitted=refitted)
+
+    def as_filed(self, vehicle: Vehicle) -> Vehicle:
+        """A vehicle with the file's own effects at the values that the file gives them."""
+        own = [table for table in self.filed.effect if table["name"] in self.effects]
+        others = [table for table in vehicle.effect if table["name"] not in self.effects]
+        return msgspec.structs.replace(vehicle, effect=(*own, *others))
+
+    def refuted(self, effect: str, vehicle: Vehicle) -> bool:
+        """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
+        test = self.sensors.get(effect)
+        return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
+
+    def at_file(self) -> Model:
+        """The file's own effects free, at the values that it gives them."""
+        return fit_model(self.filed, self.effects, self.problem, self.log.track, 0)
 
     def explained(self, model: Model) -> float:
         """Part of the error beyond the noise that a model explains of what the file's own effects leave."""

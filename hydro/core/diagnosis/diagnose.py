@@ -42,7 +42,7 @@ from hydro.core.diagnosis.confidence import (
     unconfirmed,
 )
 from hydro.core.diagnosis.findings import Diagnosis, Finding, no_surer, with_implausible
-from hydro.core.diagnosis.identifiability import aliases, left_open, undetermined
+from hydro.core.diagnosis.identifiability import left_open, unseen
 from hydro.core.diagnosis.imperfect import named_by_transfer
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess
 from hydro.core.diagnosis.model import (
@@ -56,13 +56,11 @@ from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
-from hydro.core.experiment.manoeuvres import best, plain, showing
+from hydro.core.experiment.manoeuvres import best
 from hydro.core.identification.levenberg_marquardt import ITERATIONS, PRIOR
-from hydro.core.identification.outcome import UNDETERMINED, Fit
+from hydro.core.identification.outcome import Fit
 from hydro.core.identification.prior import ABSURD, Change, greatest_change, in_file, shrunk_to_prior
-from hydro.core.identification.suspects import choice, is_curved
 from hydro.core.prediction.normal_equations import block_length, covariance
-from hydro.core.prediction.parameters import free
 from hydro.core.progress import Progress, part, silent
 from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.sea.sea_state import shown
@@ -124,12 +122,15 @@ def diagnose_log(
     hull: Hull | None = None,
     further: bool = False,
     file: Vehicle | None = None,
+    in_vain: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
 
     With `further` the vehicle has changes since the hull's recording already: more is asked of the next.
     What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
+    With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
+    times the noise is left, what transfers is asked at once.
     """
     progress = progress or silent
     progress("shots", 0.0)
@@ -139,6 +140,10 @@ def diagnose_log(
     progress("the file's own effects", 0.05)
     calm = replace(refit(vehicle, log, problem, start), file=file)
     baseline = allowing_for_waves(calm)
+    if in_vain and baseline.refitted.normal.chi2 > LOUD:
+        there = baseline.thinned()
+        last = Search(there).screen(there.refitted, ())
+        return with_waves(named_by_transfer(there, Outcome(there.refitted, (), last), progress), baseline)
     found = _searched_for(baseline, progress)
     if _waves_explained(baseline, found):
         return _searched_for(calm, progress)
@@ -262,7 +267,7 @@ def verdicts(baseline: Baseline, outcome: Outcome) -> list[Finding]:
         findings[0] = replace(findings[0], advice=f"{findings[0].advice}; {words}")
     findings = under_feedback(baseline, outcome, findings)
     members = {name for finding in findings for name in finding.members}
-    return findings + [finding for finding in _unseen(baseline, outcome) if finding.effect not in members]
+    return findings + [finding for finding in unseen(baseline, outcome) if finding.effect not in members]
 
 
 def _named(found: Found, baseline: Baseline, outcome: Outcome) -> Finding:
@@ -375,32 +380,3 @@ def _retuned(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
                 standard_errors=errors,
                 advice=advice.retuning(name, farthest),
             )
-
-
-def _unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
-    """Effects, or entries of them, that no recording or not this one could have shown."""
-    log, model, last = baseline.log, outcome.model, outcome.last
-    hidden: dict[str, tuple[str, ...]] = {}
-    known = [*baseline.effects, *outcome.effects]
-    same = aliases(model, known, log.track)
-    for name, others in same.items():
-        yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
-    for name, (_, columns) in last.ranked.items():
-        if name in same:
-            continue
-        spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
-        if (np.diag(spread) > UNDETERMINED**2).all():
-            hidden[name] = ()
-        elif not is_curved(name):
-            entries = free(model.vehicle, [choice(model.vehicle, name)]).entries
-            hidden |= undetermined(entries, spread)
-    if not hidden:
-        return
-    vehicles = {name: plain(model.vehicle, name) for name in hidden}
-    try:
-        flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
-    except DataError:  # likewise
-        flights = {}
-    for name, entries_open in hidden.items():
-        words = advice.exciting(name, entries_open, flights.get(name))
-        yield Finding("not_excited", name, (name,), excited=False, advice=words)

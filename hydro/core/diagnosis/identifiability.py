@@ -12,7 +12,7 @@ the question that the next flight is to answer.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -22,13 +22,16 @@ from hydro.core.diagnosis.baseline import Baseline, Found, Outcome
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import Model
 from hydro.core.effects import CATALOGUE, inertia_matrix
+from hydro.core.errors import DataError
+from hydro.core.experiment import advice
 from hydro.core.experiment.discrimination import Rival
 from hydro.core.experiment.flight import Question
+from hydro.core.experiment.manoeuvres import plain, showing
 from hydro.core.identification.levenberg_marquardt import moved
 from hydro.core.identification.outcome import UNDETERMINED
-from hydro.core.identification.suspects import suspects
+from hydro.core.identification.suspects import choice, is_curved, suspects
 from hydro.core.prediction.candidate import accelerations, candidate
-from hydro.core.prediction.parameters import Entry
+from hydro.core.prediction.parameters import Entry, free
 from hydro.core.recording.arrays import Recording
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.vehicle.description import Vehicle
@@ -204,3 +207,32 @@ def _rivals(found: Found, members: Sequence[str], outcome: Outcome) -> tuple[Riv
 
 def _rival(name: str, model: Model) -> Rival:
     return Rival.of(name, model.unknown, model.values, model.normal)
+
+
+def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
+    """Effects, or entries of them, that no recording or not this one could have shown."""
+    log, model, last = baseline.log, outcome.model, outcome.last
+    hidden: dict[str, tuple[str, ...]] = {}
+    known = [*baseline.effects, *outcome.effects]
+    same = aliases(model, known, log.track)
+    for name, others in same.items():
+        yield Finding("not_separable", name, (name, *others), advice=advice.being_alias(name, others))
+    for name, (_, columns) in last.ranked.items():
+        if name in same:
+            continue
+        spread = last.evidence.covariance(last.own, columns, model.normal.chi2)
+        if (np.diag(spread) > UNDETERMINED**2).all():
+            hidden[name] = ()
+        elif not is_curved(name):
+            entries = free(model.vehicle, [choice(model.vehicle, name)]).entries
+            hidden |= undetermined(entries, spread)
+    if not hidden:
+        return
+    vehicles = {name: plain(model.vehicle, name) for name in hidden}
+    try:
+        flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
+    except DataError:  # likewise
+        flights = {}
+    for name, entries_open in hidden.items():
+        words = advice.exciting(name, entries_open, flights.get(name))
+        yield Finding("not_excited", name, (name,), excited=False, advice=words)

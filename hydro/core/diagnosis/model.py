@@ -32,6 +32,7 @@ from hydro.core.identification.suspects import Suspect
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import Free, free
+from hydro.core.recording.shots import kept_evenly
 from hydro.core.vehicle.description import Vehicle
 
 Wanted = Sequence[str | Mapping[str, Any]]
@@ -85,6 +86,10 @@ class Model:
         """The model over those of its shots that a mask (S,) keeps."""
         shots = cast(OutputError, self.problem).shots
         return replace(self, problem=OutputError(shots.of(kept)), normal=self.normal.some(kept))
+
+    def some(self, most: int) -> Model:
+        """The model over at most so many of its shots, spread evenly."""
+        return self.over(kept_evenly(len(self.costs), most))
 
     @property
     def costs(self) -> Array:

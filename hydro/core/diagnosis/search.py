@@ -40,9 +40,7 @@ from hydro.core.identification.levenberg_marquardt import (
 )
 from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress, part
-from hydro.core.recording.shots import kept_evenly
 from hydro.core.vehicle.description import Vehicle
 
 CONTENDERS = 5
@@ -103,7 +101,7 @@ class Search:
     def fewer(self, model: Model) -> Model:
         """The model over a few of its shots where they tell enough: it leaves far more than the noise."""
         enough = model.normal.chi2 > RIGHT and len(model.costs) >= 2 * FEW
-        return over_few(model) if enough else model
+        return model.some(FEW) if enough else model
 
     def contend(
         self,
@@ -151,7 +149,7 @@ class Search:
     ) -> dict[str, Model]:
         """Quick fits of some suspects, with the closest of them fitted to the end; see `contend`."""
         few = screening.model is not model
-        rivals = {name: over_few(fit) if few else fit for name, fit in known.items()}
+        rivals = {name: fit.some(FEW) if few else fit for name, fit in known.items()}
         fits = self.quick_fits(chosen, screening, gains, rivals, progress)
         order = sorted(fits, key=lambda name: fits[name].normal.chi2)
         last, least = dict(known) if few else fits, np.inf
@@ -208,7 +206,7 @@ class Search:
                 fit = self.joined(chosen, finer, name)
             except Diverges:  # wherever it begins: no contender
                 continue
-            if not self.refuted(name, fit.vehicle):
+            if not self.baseline.refuted(name, fit.vehicle):
                 fits[name] = fit
         return fits
 
@@ -239,25 +237,13 @@ class Search:
                 best = again
                 break
         if self.from_file and (best is quick or best.normal.chi2 > RIGHT):
-            filed = self.as_filed(quick.vehicle)
+            filed = self.baseline.as_filed(quick.vehicle)
             with suppress(Diverges):
                 again = self._fit(filed, chosen, at_sight(filed), ITERATIONS)
                 best = again if again.normal.chi2 < best.normal.chi2 else best
         if few and best is quick:
             raise Diverges("a fit to a few of the shots does not hold for all of them")
         return best
-
-    def as_filed(self, vehicle: Vehicle) -> Vehicle:
-        """A vehicle with the file's own effects at the values that the file gives them."""
-        base = self.baseline
-        own = [table for table in base.filed.effect if table["name"] in base.effects]
-        others = [table for table in vehicle.effect if table["name"] not in base.effects]
-        return msgspec.structs.replace(vehicle, effect=(*own, *others))
-
-    def refuted(self, effect: str, vehicle: Vehicle) -> bool:
-        """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
-        test = self.baseline.sensors.get(effect)
-        return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
     def joined(self, chosen: Sequence[str], screening: Screening, name: str) -> Model:
         """The model with a suspect, fitted from where the linearised problem says that both should be."""
@@ -292,7 +278,7 @@ class Search:
             chosen = [one.effect for one in found]
             told = part(progress, 0.2 + 0.12 * len(found), 0.32 + 0.12 * len(found))
             told(f"{len(found)} found, looking for more", 0.0)
-            begun = self.at_file() if self.from_file and not found else model
+            begun = self.baseline.at_file() if self.from_file and not found else model
             screening = self.screen(self.fewer(begun), chosen)
             if screening.model is not begun and not screening.significant:
                 screening = self.screen(begun, chosen)
@@ -331,11 +317,6 @@ class Search:
             self.baseline.belongs(name, gain * (NEAR / NEAR_CURVED if is_curved(name) else 1.0), model)
             for name, gain in screening.gains.items()
         )
-
-    def at_file(self) -> Model:
-        """The file's own effects free, at the values that it gives them."""
-        base = self.baseline
-        return fit_model(base.filed, base.effects, base.problem, base.log.track, 0)
 
     def from_afar(self, filed: Model) -> dict[str, Model]:
         """The file with those effects to which no derivative about their absence leads from far away."""
@@ -420,8 +401,3 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
     return mine > (1.0 - SAME) * theirs
-
-
-def over_few(model: Model) -> Model:
-    """The model over FEW of its shots, spread evenly."""
-    return model.over(kept_evenly(len(model.costs), FEW))

@@ -19,7 +19,7 @@ from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
-from hydro.core.explanation.options import is_open, of_change, options
+from hydro.core.explanation.options import FAR, is_open, of_change, options
 from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial
 from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress, part, silent
@@ -142,7 +142,10 @@ def _next(
         error = recordings.left_out(tried.vehicle, names_of(tried.tables))
         ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
-    diagnosis = diagnose_log(plain, log, hull=hull, further=number > 0, file=file, progress=rest)
+    in_vain = bool(steps) and FAR in steps[-1].diagnosis["verdict"]
+    diagnosis = diagnose_log(
+        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, progress=rest
+    )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))
     return Step(

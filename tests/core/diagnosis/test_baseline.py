@@ -64,13 +64,10 @@ def test_far_from_the_noise_a_part_of_the_shots_is_enough(chi2: float, shots: in
     """Both models and the problem keep the same of them; a recording near the noise keeps all."""
     costs = np.arange(shots, dtype=float)
 
-    def over(kept: np.ndarray) -> Any:
-        return SimpleNamespace(costs=costs[kept])
-
     def some(most: int) -> Any:
-        return over(kept_evenly(shots, most))
+        return SimpleNamespace(costs=costs[kept_evenly(shots, most)])
 
-    model = cast(Any, SimpleNamespace(costs=costs, normal=SimpleNamespace(chi2=chi2), over=over))
+    model = cast(Any, SimpleNamespace(costs=costs, normal=SimpleNamespace(chi2=chi2), some=some))
     problem = cast(Any, SimpleNamespace(some=some))
     baseline = Baseline(cast(Any, None), (), cast(Any, None), problem, model, model, {})
     thinned = baseline.thinned()

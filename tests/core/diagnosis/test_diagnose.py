@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis import diagnose as module
 from hydro.core.diagnosis.baseline import (
     MATERIAL,
     VISIBLE,
@@ -25,10 +26,11 @@ from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.diagnose import (
     _retuned,
     diagnose,
+    diagnose_log,
     refine,
     searched,
 )
-from hydro.core.diagnosis.findings import tables
+from hydro.core.diagnosis.findings import Diagnosis, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import FEW, Search, leader, same_way
@@ -225,7 +227,7 @@ def test_a_strong_current_is_reached_from_the_file_though_no_derivative_leads_to
     search = Search(Baseline(file, own, log, problem, model, model, {}), from_file=True)
     near = fit_model(file, [*own, "ocean_current"], problem, log.track, ITERATIONS)
     assert near.normal.chi2 > RIGHT
-    found = search.from_afar(search.at_file())["ocean_current"]
+    found = search.from_afar(search.baseline.at_file())["ocean_current"]
     assert found.normal.chi2 == pytest.approx(1.0, abs=0.05)
     values = found.vehicle.effects("ocean_current")[0]
     assert [values[name] for name in ("v_N", "v_E")] == pytest.approx([-0.6, 0.6], abs=0.02)
@@ -446,7 +448,20 @@ def test_a_fit_that_ran_away_is_begun_again_from_the_file(known):
     assert plain.converged(quick, baseline.refitted, ["ocean_current"]).normal.chi2 > RIGHT
     found = again.converged(quick, baseline.refitted, ["ocean_current"])
     assert found.normal.chi2 == pytest.approx(1.0, abs=0.05)
-    assert again.at_file().vehicle == file
+    assert again.baseline.at_file().vehicle == file
+
+
+def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(known, monkeypatch):
+    """Near it a search is made all the same: less is missing than was."""
+    log = preprocess(known, flown(hiding(known, CURRENT), seed=3, rows=1700))
+    said = Diagnosis((), known, (9.0, 9.0, 9.0))
+    monkeypatch.setattr(module, "_searched_for", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
+    monkeypatch.setattr(module, "LOUD", 1.0)
+    assert diagnose_log(known, log, in_vain=True) == said
+    monkeypatch.setattr(module, "LOUD", 1e6)
+    with pytest.raises(pytest.fail.Exception, match="searched"):
+        diagnose_log(known, log, in_vain=True)
 
 
 def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypatch):

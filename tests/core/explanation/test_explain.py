@@ -144,6 +144,7 @@ def finding(verdict: str, name: str = "", **values: float) -> Finding:
 def staged(monkeypatch, known):
     """A study whose diagnoses and held-out errors are given; what every fit was asked for is noted."""
     asked: list[list] = []
+    in_vain_of_steps: list[bool] = []
 
     def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
@@ -163,13 +164,15 @@ def staged(monkeypatch, known):
         monkeypatch.setattr(trials, "_fit_together", together)
         monkeypatch.setattr(trials, "compare", compare)
 
-        def diagnose(vehicle, log, progress, hull, further, file):
+        def diagnose(vehicle, log, progress, hull, further, file, in_vain):
+            in_vain_of_steps.append(in_vain)
             return Diagnosis(tuple(left.pop(0)), vehicle, (1.0, 1.0, 1.0))
 
         monkeypatch.setattr(module, "diagnose_log", diagnose)
         quiet = flown(known, 5, 6.0)
         return list(explain(known, quiet, holdout=quiet, **how)), asked
 
+    run.in_vain = in_vain_of_steps
     return run
 
 
@@ -195,6 +198,13 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
     assert [step.number for step in steps] == [0, 1, 2]
     assert "worse than step 1" in ending(steps)
     assert best(steps) is steps[1]
+
+
+def test_a_search_that_came_nowhere_near_the_noise_is_not_made_again(staged):
+    missing = [finding("missing", name, w=1.0) for name in ("payload", "net_buoyancy")]
+    steps, _ = staged([[missing[0], finding("far_from_noise")], missing[1:], []], [3.0, 2.0, 1.0])
+    assert len(steps) == 3
+    assert staged.in_vain == [False, True, False]
 
 
 def test_steps_have_an_end(staged, monkeypatch):
