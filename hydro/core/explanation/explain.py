@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 import polars as pl
 
-from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.baseline import LOUD, stable_shots
 from hydro.core.diagnosis.diagnose import diagnose_log
 from hydro.core.diagnosis.findings import Diagnosis, extended, suspects
 from hydro.core.diagnosis.log_faults import Preprocessed
 from hydro.core.diagnosis.model import names_of
 from hydro.core.errors import DataError
 from hydro.core.explanation.ladder import DATASETS, HORIZON, Step, best, left_out_rung, rungs
-from hydro.core.explanation.options import FAR, is_open, of_change, options
+from hydro.core.explanation.options import is_open, of_change, options
 from hydro.core.explanation.trials import Recordings, Trial, bare, best_trial
 from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress, part, silent
@@ -142,7 +142,7 @@ def _next(
         error = recordings.left_out(tried.vehicle, names_of(tried.tables))
         ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
-    in_vain = bool(steps) and FAR in steps[-1].diagnosis["verdict"]
+    in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
     diagnosis = diagnose_log(
         plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, progress=rest
     )

@@ -12,7 +12,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.baseline import Outcome, refit, stable_shots, weighed_fit
+from hydro.core.diagnosis.baseline import LOUD, Outcome, refit, stable_shots, weighed_fit
 from hydro.core.diagnosis.confidence import left_out_costs
 from hydro.core.diagnosis.diagnose import refine
 from hydro.core.diagnosis.findings import FIT, Diagnosis, Finding, extended
@@ -146,7 +146,10 @@ def staged(monkeypatch, known):
     asked: list[list] = []
     in_vain_of_steps: list[bool] = []
 
-    def run(diagnoses: list[list[Finding]], held_out: list[float], **how) -> list[Step]:
+    def run(
+        diagnoses: list[list[Finding]], held_out: list[float], chi2: Sequence[float] = (), **how
+    ) -> list[Step]:
+        noises = list(chi2) or [1.0] * len(diagnoses)
         left, errors = list(diagnoses), [error for error in held_out for _ in range(2)]
 
         def together(vehicle, recordings, wanted, file, tried=None):
@@ -166,7 +169,7 @@ def staged(monkeypatch, known):
 
         def diagnose(vehicle, log, progress, hull, further, file, in_vain):
             in_vain_of_steps.append(in_vain)
-            return Diagnosis(tuple(left.pop(0)), vehicle, (1.0, 1.0, 1.0))
+            return Diagnosis(tuple(left.pop(0)), vehicle, (9e9, 9e9, noises.pop(0)))
 
         monkeypatch.setattr(module, "diagnose_log", diagnose)
         quiet = flown(known, 5, 6.0)
@@ -201,8 +204,8 @@ def test_a_step_that_raises_the_held_out_error_is_the_last(staged):
 
 
 def test_a_search_that_came_nowhere_near_the_noise_is_not_made_again(staged):
-    missing = [finding("missing", name, w=1.0) for name in ("payload", "net_buoyancy")]
-    steps, _ = staged([[missing[0], finding("far_from_noise")], missing[1:], []], [3.0, 2.0, 1.0])
+    missing = [[finding("missing", name, w=1.0)] for name in ("payload", "net_buoyancy")]
+    steps, _ = staged([*missing, []], [3.0, 2.0, 1.0], chi2=[2 * LOUD, 0.5 * LOUD, 1.0])
     assert len(steps) == 3
     assert staged.in_vain == [False, True, False]
 
