@@ -69,7 +69,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
             COMPARED[key] = true(vehicle, raw, yardstick=yardstick)
         return COMPARED[key]
 
-    def diagnose(vehicle, log, progress, hull, further, file):
+    def diagnose(vehicle, log, progress, hull, further, file, in_vain):
         calls.append("diagnose")
         there = vehicle.effects("ocean_current")
         one = Finding(

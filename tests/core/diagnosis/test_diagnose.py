@@ -296,7 +296,7 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda test: True)
-    monkeypatch.setattr(Search, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
+    monkeypatch.setattr(Baseline, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
     search = searching(known, recorded(hiding(known, *hidden), rows=1500), {"sensor_bias": None})
     first = search.baseline.refitted
     screening = search.screen(first, [])
