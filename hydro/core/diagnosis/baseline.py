@@ -36,7 +36,7 @@ from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.output_error import OutputError, in_waves
 from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
-from hydro.core.preprocessing.sensor_tests import KinematicTest, vetoed
+from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread
 from hydro.core.recording.shots import SHOT_SECONDS, Shots
 from hydro.core.sea.sea_state import SeaState, shown
@@ -125,11 +125,6 @@ class Baseline:
         own = [table for table in self.filed.effect if table["name"] in self.effects]
         others = [table for table in vehicle.effect if table["name"] not in self.effects]
         return msgspec.structs.replace(vehicle, effect=(*own, *others))
-
-    def refuted(self, effect: str, vehicle: Vehicle) -> bool:
-        """Whether kinematics contradicts what the dynamics would have the velocity log misread."""
-        test = self.sensors.get(effect)
-        return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
     def at_file(self) -> Model:
         """The file's own effects free, at the values that it gives them."""

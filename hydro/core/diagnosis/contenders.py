@@ -18,6 +18,7 @@ import numpy as np
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.confidence import Fitted, folds, left_out_costs
 from hydro.core.diagnosis.log_faults import Preprocessed
+from hydro.core.diagnosis.misread import refuted
 from hydro.core.diagnosis.model import Diverges, Model, as_it_is, fit_model, gone_on, held_at
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.catalogue import wholly_known
@@ -27,7 +28,6 @@ from hydro.core.identification.suspects import Suspect, is_curved, of_entries, s
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.output_error import OutputError
-from hydro.core.preprocessing.sensor_tests import vetoed
 from hydro.core.progress import Progress
 from hydro.core.residual.asked_anew import AskedAnew
 from hydro.core.residual.hull import Hull
@@ -290,10 +290,9 @@ def _join(
         fit = fitted(compared, last, table, iterations, _least(fits))
     except (Diverges, np.linalg.LinAlgError):
         return
-    test = compared.log.sensors.get(fit.effect)
     if fit.effect in fits and fits[fit.effect].left <= fit.left:
         return
-    if test is None or not any(vetoed(test, one) for one in fit.model.vehicle.effects(fit.effect)):
+    if not refuted(compared.log.sensors, fit.effect, fit.model.vehicle):
         fits[fit.effect] = fit
 
 

@@ -140,13 +140,9 @@ def diagnose_log(
     progress("the file's own effects", 0.05)
     calm = replace(refit(vehicle, log, problem, start), file=file)
     baseline = allowing_for_waves(calm)
-    if in_vain and baseline.refitted.normal.chi2 > LOUD:
-        there = baseline.thinned()
-        last = Search(there).screen(there.refitted, ())
-        return with_waves(named_by_transfer(there, Outcome(there.refitted, (), last), progress), baseline)
-    found = _searched_for(baseline, progress)
+    found = _searched_for(baseline, progress, in_vain)
     if _waves_explained(baseline, found):
-        return _searched_for(calm, progress)
+        return _searched_for(calm, progress, in_vain)
     return with_waves(found, baseline)
 
 
@@ -160,10 +156,13 @@ def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:
     return shown(found.vehicle, baseline.log.record) is None
 
 
-def _searched_for(baseline: Baseline, progress: Progress) -> Diagnosis:
-    """What is missing beside a baseline."""
-    vehicle, log = baseline.vehicle, baseline.log
-    search, outcome = searched(baseline.thinned(), progress)
+def _searched_for(baseline: Baseline, progress: Progress, in_vain: bool) -> Diagnosis:
+    """What is missing beside a baseline; see `diagnose_log` for where no search is made."""
+    vehicle, log, some = baseline.vehicle, baseline.log, baseline.thinned()
+    if in_vain and baseline.refitted.normal.chi2 > LOUD:
+        last = Search(some).screen(some.refitted, ())
+        return named_by_transfer(some, Outcome(some.refitted, (), last), progress)
+    search, outcome = searched(some, progress)
     if search.baseline is not baseline and outcome.model.normal.chi2 <= LOUD:
         search, outcome = searched(baseline, progress)
     baseline = search.baseline
@@ -223,7 +222,7 @@ def searched(baseline: Baseline, progress: Progress) -> tuple[Search, Outcome]:
     other = again.grow(part(progress, 0.65, 0.8), other=found)
     if other.model.normal.chi2 <= RIGHT:
         return again, other
-    if first.is_far(found.model, found.found, LOUD) and not first.explains_little(found.model, found.found):
+    if first.waits(found.model, found.found, LOUD):
         found = first.grow(part(progress, 0.8, 0.85), found)
     return first, found
 

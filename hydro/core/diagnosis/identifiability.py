@@ -231,7 +231,7 @@ def unseen(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
     vehicles = {name: plain(model.vehicle, name) for name in hidden}
     try:
         flights = showing(model.vehicle, vehicles, log.noise, start=log.middle)
-    except DataError:  # likewise
+    except DataError:  # no manoeuvre stays finite with such values: the general advice stands
         flights = {}
     for name, entries_open in hidden.items():
         words = advice.exciting(name, entries_open, flights.get(name))

@@ -12,7 +12,7 @@ from hydro.core.columns import Array
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.effects import CATALOGUE
 from hydro.core.experiment import advice
-from hydro.core.preprocessing.sensor_tests import VETO, KinematicTest, shown
+from hydro.core.preprocessing.sensor_tests import VETO, KinematicTest, shown, vetoed
 from hydro.core.vehicle.description import Vehicle
 
 
@@ -39,6 +39,18 @@ def misread(test: KinematicTest, share: float, dt: float, vehicle: Vehicle) -> F
         advice=f"{advice.adding(test.effect, values, dt)}; kinematics alone shows it, whatever forces act",
         support=sure,
     )
+
+
+def refuted(tests: Mapping[str, KinematicTest], effect: str, vehicle: Vehicle) -> bool:
+    """Whether kinematics contradicts what the dynamics would have the velocity log misread.
+
+    Args:
+        tests: Kinematic tests of the recording, by effect.
+        effect: The error.
+        vehicle: With its values.
+    """
+    test = tests.get(effect)
+    return test is not None and any(vetoed(test, table) for table in vehicle.effects(effect))
 
 
 def newly_misread(

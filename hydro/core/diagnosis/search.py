@@ -21,6 +21,7 @@ import numpy as np
 from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
+from hydro.core.diagnosis.misread import refuted
 from hydro.core.diagnosis.model import (
     Diverges,
     Model,
@@ -206,7 +207,7 @@ class Search:
                 fit = self.joined(chosen, finer, name)
             except Diverges:  # wherever it begins: no contender
                 continue
-            if not self.baseline.refuted(name, fit.vehicle):
+            if not refuted(self.baseline.sensors, name, fit.vehicle):
                 fits[name] = fit
         return fits
 
@@ -293,7 +294,7 @@ class Search:
                 break
             found.append(Found(best, screening.p_value, fits))
             model = fits[best]
-            if self.explains_little(model, found) or self.is_far(model, found, far):
+            if self.explains_little(model, found) or self.waits(model, found, far):
                 break
             if other is not None and same_way(found, other.found):
                 break
@@ -307,9 +308,9 @@ class Search:
         least = min(ALMOST_ALL, doubtful) if self.from_file else EACH * doubtful
         return model.normal.chi2 > RIGHT and self.baseline.explained(model) < least
 
-    def is_far(self, model: Model, found: Sequence[Found], far: float) -> bool:
-        """Whether the first effect that was found leaves more than `far` times the noise."""
-        return len(found) == 1 and model.normal.chi2 > far
+    def waits(self, model: Model, found: Sequence[Found], far: float) -> bool:
+        """Whether another search comes before a second effect: the first leaves `far` times the noise."""
+        return len(found) == 1 and model.normal.chi2 > far and not self.explains_little(model, found)
 
     def telling(self, screening: Screening, model: Model) -> bool:
         """Whether any effect promises to matter: of a curved one the shapes of a grid tell but a part."""

@@ -266,13 +266,13 @@ def _beyond(
     """That an entry of a parameter lies beyond what is plausible by more than a doubt, or nothing."""
     if parameter.plausible is None:
         return ""
-    values, farthest, words = np.asarray(table[parameter.name], float), least, ""
+    values, farthest, words = np.asarray(table[parameter.name], float), least + ROUNDING, ""
     doubts = np.broadcast_to(np.nan_to_num(doubt, nan=np.inf), values.shape)
     for index in np.ndindex(*values.shape):
         low, high = parameter.plausible.at(index, vehicle)
         value, middle, half = float(values[index]), 0.5 * (low + high), 0.5 * (high - low)
         away = (abs(value - middle) - float(doubts[index])) / half if half else math.inf
-        if away > max(farthest, least + ROUNDING):
+        if away > farthest:
             farthest = away
             place = "".join(f"[{i}]" for i in index)
             unit = f" {parameter.unit_at(index)}".replace(" 1", "")

@@ -265,12 +265,10 @@ def quick_fits(
             return []
 
     def tried(found: Mapping[str, Table]) -> list[Quick]:
-        quick, (effect, *others) = fitted(found), found
-        rest = {name: found[name] for name in others}
-        plain = [
-            {table["name"]: table} for one in quick for table in plainer(one.vehicle, effect, last.vehicle)
-        ]
-        return [*quick, *(one for table in plain for one in fitted(table | rest))]
+        effect, quick = next(iter(found)), fitted(found)
+        rest = {name: table for name, table in found.items() if name != effect}
+        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle)]
+        return [*quick, *(one for table in plain for one in fitted({table["name"]: table, **rest}))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
         progress(f"{next(iter(found))} was tried with all that is there", 0.5 * number / len(every))

@@ -296,7 +296,9 @@ def test_what_kinematics_refutes_makes_room_for_forces(known, monkeypatch):
     """A bias that the log shows, and that the dynamics without what else is missing would have otherwise."""
     hidden = {"name": "net_buoyancy", "dB": 8.0}, {"name": "sensor_bias", "b": [0.05, 0.0, 0.0]}
     monkeypatch.setattr("hydro.core.diagnosis.baseline.shown", lambda test: True)
-    monkeypatch.setattr(Baseline, "refuted", lambda self, effect, vehicle: effect == "sensor_bias")
+    monkeypatch.setattr(
+        "hydro.core.diagnosis.search.refuted", lambda tests, effect, vehicle: effect == "sensor_bias"
+    )
     search = searching(known, recorded(hiding(known, *hidden), rows=1500), {"sensor_bias": None})
     first = search.baseline.refitted
     screening = search.screen(first, [])
@@ -455,7 +457,7 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
     """Near it a search is made all the same: less is missing than was."""
     log = preprocess(known, flown(hiding(known, CURRENT), seed=3, rows=1700))
     said = Diagnosis((), known, (9.0, 9.0, 9.0))
-    monkeypatch.setattr(module, "_searched_for", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr(module, "searched", lambda *_: pytest.fail("searched"))
     monkeypatch.setattr(module, "named_by_transfer", lambda baseline, outcome, _: said)
     monkeypatch.setattr(module, "LOUD", 1.0)
     assert diagnose_log(known, log, in_vain=True) == said
