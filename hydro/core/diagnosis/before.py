@@ -8,7 +8,7 @@ before that it was not fitted to: below that floor there is nothing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.diagnosis.baseline import stable_shots
+from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
 from hydro.core.diagnosis.confidence import stated
 from hydro.core.diagnosis.contenders import (
     RIGHT,
@@ -173,14 +174,27 @@ class Change:
         return {names[i]: float(part[i]) for i in order}
 
 
+@dataclass(frozen=True)
+class Changes:
+    """Result of the search for changes.
+
+    Attributes:
+        found: The changes, the greatest first.
+        refused: The best candidate of the last step, where it was too small to be named; None otherwise.
+    """
+
+    found: tuple[Change, ...]
+    refused: Change | None = None
+
+
 def find(
     compared: Compared,
     first: Model,
     progress: Progress,
     further: bool = False,
     without: Sequence[str] = (),
-) -> list[Change]:
-    """The changes, the greatest first.
+) -> Changes:
+    """Find the changes, the greatest first.
 
     Args:
         compared: The recording after.
@@ -189,17 +203,18 @@ def find(
         further: Whether the vehicle has changes already, so that more is asked of the next one.
         without: Effects that are not to be tried.
     """
-    last, changes = first, list[Change]()
+    last, changes, refused = first, list[Change](), None
     while len(changes) < MOST_CHANGES and not ((further or changes) and compared.chi2(last) <= 1.0):
         here = part(progress, 0.3 + 0.2 * len(changes), 0.5 + 0.2 * len(changes))
         here(f"{len(changes)} changes found, looking for more", 0.0)
         rivals = contend(compared, last, [*without, *(one.best.effect for one in changes)], here)
         change = Change.of(compared, last, rivals)
         if change is None or not change.seen(further=further or bool(changes)):
+            refused = change
             break
         changes = reconsidered(compared, first, [*changes, change])
         last = changes[-1].best.model
-    return changes
+    return Changes(tuple(changes), refused)
 
 
 def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> list[Change]:
@@ -220,16 +235,19 @@ def reconsidered(compared: Compared, first: Model, changes: list[Change]) -> lis
     return [replace(before, best=alone, rivals={**before.rivals, name: alone})]
 
 
-def told(compared: Compared, first: Model, changes: Sequence[Change], further: bool = False) -> Diagnosis:
-    """The findings; chi2 are in units of what the model of the hull leaves."""
-    given = compared.chi2(first)
+def told(compared: Compared, first: Model, those: Changes, further: bool = False) -> Diagnosis:
+    """Return the findings; chi2 are in units of what the model of the hull leaves."""
+    given, changes = compared.chi2(first), those.found
+    tried = tuple(_candidates(compared, first, those))
     if not changes:
         words = (
             f"nothing {'more ' * further}has changed beyond what the model of the hull leaves: mean squared "
             f"residual {given:.3g} of that"
         )
         nothing = Finding("nothing_missing", advice=words)
-        return Diagnosis((*compared.log.faults, nothing), first.vehicle, (given, given, given))
+        return Diagnosis(
+            (*compared.log.faults, nothing), first.vehicle, (given, given, given), candidates=tried
+        )
     left = [given, *(compared.chi2(change.best.model) for change in changes)]
     removed = -np.diff(left)
     findings = [
@@ -237,7 +255,45 @@ def told(compared: Compared, first: Model, changes: Sequence[Change], further: b
         for change, each in zip(changes, removed, strict=True)
     ]
     return Diagnosis(
-        (*compared.log.faults, *findings), changes[-1].best.model.vehicle, (given, given, left[-1])
+        (*compared.log.faults, *findings),
+        changes[-1].best.model.vehicle,
+        (given, given, left[-1]),
+        candidates=tried,
+    )
+
+
+def _candidates(compared: Compared, first: Model, those: Changes) -> Iterator[Candidate]:
+    """Yield every candidate change, and the model without any at each step."""
+    last = first
+    for step, change in enumerate([*those.found, *([those.refused] if those.refused else [])]):
+        taken = step < len(those.found)
+        yield _candidate(compared, step, "", not taken, change, Contender("", last, change.whole), first)
+        for name, rival in change.rivals.items():
+            chosen = taken and name == change.best.effect
+            yield _candidate(compared, step, name, chosen, change, rival, first)
+        last = change.best.model
+
+
+def _candidate(
+    compared: Compared, step: int, name: str, chosen: bool, change: Change, rival: Contender, first: Model
+) -> Candidate:
+    """Return one candidate change, or the model without any for an empty name."""
+    vehicle = rival.model.vehicle
+    return Candidate(
+        "change",
+        step,
+        name,
+        chosen,
+        len(rival.model.values),
+        len(rival.costs),
+        in_blocks(rival.costs),
+        compared.chi2(rival.model),
+        change.floor,
+        left_out=float(1.0 - rival.left / change.whole.sum()),
+        own=bool(name) and bool(first.vehicle.effects(name)),
+        absorbs=CATALOGUE[name].identification.absorbs if name else 0.0,
+        plausible=not name or is_plausible(vehicle, name),
+        values=values_of(vehicle, name) if name else {},
     )
 
 

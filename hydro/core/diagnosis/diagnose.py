@@ -51,7 +51,7 @@ from hydro.core.diagnosis.model import (
     Model,
     gone_on,
 )
-from hydro.core.diagnosis.search import Search
+from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
 from hydro.core.errors import DataError
@@ -181,7 +181,8 @@ def _searched_for(baseline: Baseline, progress: Progress, in_vain: bool) -> Diag
     estimates = outcome.fit.estimates() if outcome.fit else None
     question = left_open(baseline, outcome, findings)
     progress("done", 1.0)
-    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question)
+    tried = tuple(candidates(baseline.refitted, outcome.found, vehicle))
+    return Diagnosis((*log.faults, *findings), fitted, (given, refitted, found), estimates, question, tried)
 
 
 def with_waves(diagnosis: Diagnosis, baseline: Baseline) -> Diagnosis:

@@ -14,6 +14,7 @@ import polars as pl
 import polars.selectors as cs
 
 from hydro.core import toml_text
+from hydro.core.diagnosis.candidates import Candidate
 from hydro.core.effects.catalogue import implausible
 from hydro.core.errors import DataError
 from hydro.core.experiment.flight import Question
@@ -108,6 +109,7 @@ class Diagnosis:
             anew, and with what was found; 1 where nothing but noise is left.
         estimates: All values that were fitted together, with their covariance; None where none were.
         question: What is left open, for `experiment.flight.advise`.
+        candidates: Scores of every candidate effect that was fitted, step by step.
     """
 
     findings: tuple[Finding, ...]
@@ -115,6 +117,7 @@ class Diagnosis:
     chi2: tuple[float, float, float]
     estimates: Estimates | None = None
     question: Question | None = None
+    candidates: tuple[Candidate, ...] = ()
 
     def frame(self) -> pl.DataFrame:
         """The diagnosis table, one row per finding; effect tables as inline TOML."""

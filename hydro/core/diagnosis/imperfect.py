@@ -7,6 +7,7 @@ hull's own error until a recording from before the change parts the two.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -14,6 +15,7 @@ from typing import cast
 import numpy as np
 
 from hydro.core.diagnosis.baseline import Baseline, Outcome
+from hydro.core.diagnosis.candidates import Candidate, is_plausible, values_of
 from hydro.core.diagnosis.confidence import (
     by_evidence_confidence,
     by_transfer_confidence,
@@ -76,12 +78,14 @@ class Named:
         model: The vehicle with it and the file's own effects, fitted within what is known of them.
         fit: Values and standard errors; None where nothing was fitted.
         refitted: The file's own effects alone, likewise; the file as it is where they are held.
+        rivals: Every effect of the survey, the best first.
     """
 
     findings: tuple[Finding, ...]
     model: Model
     fit: Fit | None
     refitted: Model
+    rivals: tuple[Rival, ...] = ()
 
 
 def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) -> Diagnosis:
@@ -104,7 +108,32 @@ def named_by_transfer(baseline: Baseline, outcome: Outcome, progress: Progress) 
     fitted = named.fit.vehicle if named.fit else named.model.vehicle
     told = [with_implausible(finding, baseline.vehicle) for finding in findings]
     estimates = named.fit.estimates() if named.fit else None
-    return Diagnosis((*baseline.log.faults, *told), fitted, (given, refitted, found), estimates)
+    tried = tuple(_candidates(named))
+    return Diagnosis(
+        (*baseline.log.faults, *told), fitted, (given, refitted, found), estimates, candidates=tried
+    )
+
+
+def _candidates(named: Named) -> Iterator[Candidate]:
+    """Yield every effect of the survey as a candidate, the best first."""
+    chosen = named.findings[0].effect if named.findings else ""
+    for rival in named.rivals:
+        vehicle = rival.model.unknown.at(rival.values)
+        yield Candidate(
+            "transfer",
+            0,
+            rival.effect,
+            rival.effect == chosen,
+            rival.entries,
+            chi2=rival.model.normal.chi2,
+            left_out=rival.score,
+            evidence=rival.evidence if rival.allowed is not None else math.nan,
+            lead=rival.lead if rival.allowed is not None else math.nan,
+            own=rival.own,
+            absorbs=rival.absorbs,
+            plausible=is_plausible(vehicle, rival.effect),
+            values=values_of(vehicle, rival.effect),
+        )
 
 
 def _misread(baseline: Baseline, outcome: Outcome) -> Iterator[Finding]:
@@ -131,7 +160,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
     except Diverges:  # the file's own predictions: there is nothing to begin from
         return Named((), baseline.refitted, None, baseline.refitted)
     alone = _in_noise(refitted, fine)
-    fanciful, least, passed = Named((), alone, None, alone), NAMED, list[str]()
+    fanciful, least, passed = Named((), alone, None, alone, surveyed.rivals), NAMED, list[str]()
     for rival in surveyed.rivals:
         if surveyed.worth(rival) < least:
             break
@@ -151,7 +180,7 @@ def by_transfer(baseline: Baseline, progress: Progress | None = None) -> Named:
         others = [one for one in surveyed.rivals if one is not rival and one.effect not in passed]
         finding = _finding(rival, surveyed, others, model, without, fit, baseline.log.record.dt)
         rest = _also(rival, surveyed, others, finding, baseline.log.record.dt)
-        named = Named((finding, *rest), model, fit, alone)
+        named = Named((finding, *rest), model, fit, alone, surveyed.rivals)
         if not implausible(fit.vehicle, [rival.effect]):
             return named
         passed.append(rival.effect)

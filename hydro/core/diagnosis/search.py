@@ -10,7 +10,7 @@ must still be needed beside the others, and be the best in its place.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import cast
@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from hydro.core.diagnosis.baseline import VISIBLE, Baseline, Found, Outcome
+from hydro.core.diagnosis.candidates import Candidate, in_blocks, is_plausible, values_of
 from hydro.core.diagnosis.confidence import RIGHT
 from hydro.core.diagnosis.findings import FIT
 from hydro.core.diagnosis.misread import refuted
@@ -40,6 +41,7 @@ from hydro.core.identification.levenberg_marquardt import (
     linear_step,
 )
 from hydro.core.identification.suspects import Suspect, is_curved, plainer, shapes, suspects
+from hydro.core.prediction.normal_equations import block_length
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.progress import Progress, part
 from hydro.core.vehicle.description import Vehicle
@@ -402,3 +404,40 @@ def same_way(found: Sequence[Found], others: Sequence[Found]) -> bool:
         return False
     mine, theirs = (one.rivals[one.effect].normal.cost for one in (found[-1], others[len(found) - 1]))
     return mine > (1.0 - SAME) * theirs
+
+
+def candidates(first: Model, found: Sequence[Found], file: Vehicle) -> Iterator[Candidate]:
+    """Yield every candidate of a search, and the model without any at each step.
+
+    Args:
+        first: The file's own effects, fitted.
+        found: The effects that joined, in their order.
+        file: The vehicle file.
+    """
+    without, size = first, 2
+    for step, one in enumerate(found):
+        best = one.rivals[one.effect]
+        size = max(block_length(best.normal.score), 2)
+        yield _candidate(step, "", False, without, size, file)
+        for name, model in one.rivals.items():
+            yield _candidate(step, name, model is best, model, size, file)
+        without = best
+    yield _candidate(len(found), "", True, without, size, file)
+
+
+def _candidate(step: int, name: str, chosen: bool, model: Model, size: int, file: Vehicle) -> Candidate:
+    """Return one candidate of a search, or the model without any for an empty name."""
+    return Candidate(
+        "likelihood",
+        step,
+        name,
+        chosen,
+        len(model.values),
+        len(model.costs),
+        in_blocks(model.costs, size),
+        model.normal.chi2,
+        model.normal.residuals,
+        own=bool(name) and bool(file.effects(name)),
+        plausible=not name or is_plausible(model.vehicle, name),
+        values=values_of(model.vehicle, name) if name else {},
+    )

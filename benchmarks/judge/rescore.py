@@ -1,0 +1,269 @@
+"""Repeat the decisions of kept diagnoses with other constants: no study is flown and nothing is fitted.
+
+The decision functions are those of the engines themselves (`core.diagnosis`), called on kept candidates.
+Some decisions cannot be repeated: steps after one that would now take another candidate, and effects that
+were never fitted.  Those steps are left out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from types import ModuleType, SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import polars as pl
+
+from benchmarks.judge.rows import KEY
+from benchmarks.judge.scores import Score, score
+from hydro.core.diagnosis import before, confidence, contenders, findings, imperfect, transfer
+from hydro.core.diagnosis.before import Change
+from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.model import Model
+from hydro.core.evaluation.block_resampling import weights
+
+Row = dict[str, Any]
+CONSTANTS = (
+    "confidence.NEAR",
+    "confidence.CLEAN",
+    "confidence.TIED",
+    "confidence.ODDS",
+    "confidence.ODDS_BY_SCORE",
+    "confidence.ODDS_BY_LEAD",
+    "confidence.BY_LEAD",
+    "confidence.HALF",
+    "confidence.AHEAD",
+    "contenders.PREFERRED",
+    "contenders.FOLLOWS",
+    "contenders.RIGHT",
+    "contenders.FAR",
+    "before.NAMED",
+    "before.LEAST",
+    "before.FURTHER",
+    "before.PLAIN",
+    "before.GREAT",
+    "before.LEAD",
+    "before.FAR_OFF",
+    "before.RIGHT",
+    "before.WILD",
+    "imperfect.NAMED",
+    "imperfect.OWN",
+    "imperfect.NEARLY",
+    "imperfect.OUTDONE",
+    "imperfect.TELLING",
+    "transfer.GAPS",
+    "findings.FANCIFUL",
+)
+"""Constants that decisions on kept candidates use."""
+MODULES: Mapping[str, ModuleType] = {
+    "confidence": confidence,
+    "contenders": contenders,
+    "before": before,
+    "imperfect": imperfect,
+    "transfer": transfer,
+    "findings": findings,
+}
+
+
+def parsed(settings: Sequence[str]) -> dict[str, float]:
+    """Return `MODULE.CONSTANT=VALUE` settings as numbers.
+
+    Raises:
+        SystemExit: A constant is unknown, or a value is no number.
+    """
+    found = dict[str, float]()
+    for one in settings:
+        name, _, value = one.partition("=")
+        if name not in CONSTANTS:
+            raise SystemExit(
+                f"--rescore {name}: not a constant of a kept decision; those are {', '.join(CONSTANTS)}"
+            )
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise SystemExit(f"--rescore {one}: {value!r} is no number") from None
+    return found
+
+
+def rescored(table: pl.DataFrame, settings: Mapping[str, float]) -> list[Score]:
+    """Return the scores of kept studies, decided with some constants changed."""
+    with changed(settings):
+        return [score(decided(part.to_dicts())) for _, part in table.group_by(KEY, maintain_order=True)]
+
+
+@contextlib.contextmanager
+def changed(settings: Mapping[str, float]) -> Iterator[None]:
+    """Set constants of the engines' modules, and set them back afterwards."""
+    kept = []
+    try:
+        for name, value in settings.items():
+            module, constant = name.split(".")
+            for each in MODULES.values():  # also where another module has imported it by its name
+                if getattr(each, constant, None) == getattr(MODULES[module], constant) and constant in vars(
+                    each
+                ):
+                    kept.append((each, constant, getattr(each, constant)))
+            for each, known, _ in kept:
+                if known == constant:
+                    setattr(each, constant, value)
+        yield
+    finally:
+        for each, constant, value in kept:
+            setattr(each, constant, value)
+
+
+def agreement(stated: Sequence[Score], again: Sequence[Score]) -> str:
+    """Return how many studies name first by kept candidates what the diagnosis itself named first."""
+    fine = [(a, b) for a, b in zip(stated, again, strict=True) if not a.failed]
+    same = sum(_first(a) == _first(b) for a, b in fine)
+    both = [(a.named[0], b.named[0]) for a, b in fine if a.named and b.named and _first(a) == _first(b)]
+    drift = [abs(one.confidence - other.confidence) for one, other in both] or [0.0]
+    return (
+        f"By kept candidates and unchanged constants {same} of {len(fine)} studies have the same first name; "
+        f"confidences differ by {max(drift):.2f} at most, {np.median(drift):.3f} in the median.\n"
+    )
+
+
+def _first(one: Score) -> frozenset[str] | None:
+    """Return the first name of a study."""
+    return one.named[0].members if one.named else None
+
+
+def decided(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of a study with the findings that its candidates give under the present constants."""
+    tried = [row for row in rows if row["role"] == "candidate"]
+    engine = tried[0]["engine"] if tried else None
+    if engine == "likelihood":
+        names = dict(_by_likelihood(tried))
+    elif engine == "change":
+        names = dict(_by_change(tried))
+    elif engine == "transfer":
+        names = dict(_by_transfer(tried, {row["effect"] for row in rows if row["role"] == "finding"}))
+    else:
+        return list(rows)
+    return [*_renamed(rows, names), *tried] or list(rows)
+
+
+def _renamed(rows: Sequence[Row], names: Mapping[str, float]) -> Iterator[Row]:
+    """Yield the findings with new confidences; names that are new stand where the old ones stood."""
+    told = [row for row in rows if row["role"] == "finding"]
+    old = {row["effect"]: row for row in told}
+    searched = {row["effect"] for row in rows if row["role"] == "candidate"}
+    for effect, sure in names.items():
+        plain = {"verdict": "missing", "members": [effect], "off": None, "affected": None}
+        row = old.get(effect) or dict(told[0] if told else rows[0]) | plain | {
+            "role": "finding",
+            "effect": effect,
+        }
+        verdict = row["verdict"]
+        if verdict in ("missing", "suspect"):
+            verdict = "missing" if sure >= findings.SURE else "suspect"
+        yield row | {"verdict": verdict, "confidence": sure}
+    for row in told:
+        if row["effect"] not in names and (row["effect"] not in searched or row["confidence"] is None):
+            yield row
+
+
+def _steps(tried: Sequence[Row]) -> Iterator[tuple[Row, list[Row]]]:
+    """Yield each step's model without any candidate, and its candidates."""
+    for step in sorted({row["step"] for row in tried}):
+        here = [row for row in tried if row["step"] == step]
+        yield next(row for row in here if not row["effect"]), [row for row in here if row["effect"]]
+
+
+def _penalised(row: Row) -> np.ndarray:
+    """Return the penalised cost of each kept block, as `Model.penalised` has it of each shot."""
+    shots, blocks = row["shots"], np.array(row["costs"], float)
+    model = SimpleNamespace(
+        costs=np.zeros(shots), values=np.zeros(row["entries"]), normal=SimpleNamespace(chi2=row["chi2"])
+    )
+    fine = cast(Any, Model.penalised).fget(model).sum()
+    return np.asarray(blocks + fine / len(blocks))
+
+
+def _by_likelihood(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
+    """Yield names and confidences of a search by likelihood."""
+    steps = list(_steps(tried))
+    left = next(row["chi2"] for row, _ in steps[::-1])
+    for _, rivals in steps:
+        if not rivals:
+            return
+        costs = np.stack([_penalised(row) for row in rivals], axis=1)
+        best = rivals[int(costs.sum(axis=0).argmin())]
+        drawn = weights(len(costs), confidence.RESAMPLES, 0) @ costs
+        wins = np.bincount(drawn.argmin(axis=1), minlength=len(rivals)) / confidence.RESAMPLES
+        frequency = float(wins[rivals.index(best)])
+        sure = confidence.by_likelihood_confidence(frequency, left)
+        yield best["effect"], sure if best["plausible"] else min(sure, findings.FANCIFUL)
+        if not best["chosen"]:
+            return
+
+
+def _by_change(tried: Sequence[Row]) -> Iterator[tuple[str, float]]:
+    """Yield names and confidences of a search for changes beside a hull model."""
+    found: list[Change] = []
+    steps = list(_steps(tried))
+    given = steps[0][0]["chi2"] if steps else math.nan
+    left, taken = [given], []
+    for without, rows in steps:
+        rivals = {row["effect"]: _contender(row) for row in rows}
+        if not rivals:
+            break
+        change = Change(
+            next(iter(rivals.values())), rivals, np.array(without["costs"], float), without["residuals"]
+        )
+        best = min(rivals.values(), key=change.fined)
+        change = Change(best, rivals, change.whole, change.floor)
+        if not change.seen(further=bool(found)):
+            break
+        row = next(each for each in rows if each["effect"] == best.effect)
+        found.append(change)
+        taken.append(row)
+        left.append(row["chi2"])
+        if not row["chosen"]:
+            break
+    removed = -np.diff(left)
+    for change, row, each in zip(found, taken, removed, strict=True):
+        frequency = change.wins()[change.best.effect]
+        beside = each / max(removed.max(), before.LEAST)
+        sure = before._confidence(change, frequency, float(each), float(beside), left[-1], row["chi2"])
+        yield change.best.effect, sure if row["plausible"] else min(sure, findings.FANCIFUL)
+
+
+def _contender(row: Row) -> Contender:
+    """Return a kept candidate as the engine's own record, with as many values and its costs by block."""
+    model = cast(Any, SimpleNamespace(values=np.zeros(row["entries"])))
+    return Contender(row["effect"], model, np.array(row["costs"], float))
+
+
+def _by_transfer(tried: Sequence[Row], named: set[str]) -> Iterator[tuple[str, float]]:
+    """Yield the name and confidence of a survey by transfer or evidence.
+
+    Candidates that the diagnosis passed over for their values or their size are passed over again.
+    """
+    chosen = next((row for row in tried if row["chosen"]), None)
+    if chosen is None:
+        return
+    leaders = tried[: tried.index(chosen)]
+    passed = {row["effect"] for row in leaders}
+    by_evidence = any(row["evidence"] is not None for row in tried)
+    rest = [row for row in tried if row["effect"] not in passed and row is not chosen]
+    if (chosen["left_out"] or 0.0) < imperfect.NAMED:
+        return
+    if by_evidence:
+        gap = {row["effect"]: transfer.GAPS for row in tried if _hull_law(row)}
+        lead = chosen["evidence"] - gap.get(chosen["effect"], 0.0)
+        sure = confidence.by_evidence_confidence(lead, [row["evidence"] or 0.0 for row in rest])
+    else:
+        sure = confidence.by_transfer_confidence(chosen["left_out"], [row["left_out"] or 0.0 for row in rest])
+    sure *= imperfect.OWN if chosen["own"] else 1.0
+    if leaders:
+        sure = min(sure, imperfect.OUTDONE)
+    yield chosen["effect"], sure if chosen["plausible"] else min(sure, findings.FANCIFUL)
+
+
+def _hull_law(row: Row) -> bool:
+    """Return whether an effect is a law of the hull itself."""
+    return row["evidence"] is not None and row["lead"] is not None and row["evidence"] != row["lead"]

@@ -1,0 +1,193 @@
+"""Score of one study: whether what is stated is true, whose values are right, and whether adding it helps.
+
+The first finding that names an effect counts as the answer.  Findings name by `missing`, `suspect`, `retune`
+or, as a tie, `cannot_tell_apart`.  A name in `alias`, or a `retune` of a value that the file has wrong by
+design, is neither right nor wrong.  The independent simulator also hides faults of the log; there a fault is
+named by `log_fault`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+SURE = 0.9
+"""Confidence from which a name is a statement."""
+NAMING = ("missing", "suspect", "retune", "cannot_tell_apart")
+FAULT = "log_fault"
+WITHIN = 2.0
+"""Standard errors within which a value counts as right: 95 % of values are, where errors are honest."""
+HALVED = 0.5
+"""Part of the error above the floor that an addition must remove to count as one that helps."""
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Named:
+    """One finding that names something.
+
+    Attributes:
+        members: Effects that it may be.
+        confidence: As stated; 0 where none was.
+        right: Whether it names what is hidden; None where it counts as neither.
+        tie: Whether it names several effects.
+    """
+
+    members: frozenset[str]
+    confidence: float
+    right: bool | None
+    tie: bool
+
+    @property
+    def stated(self) -> bool:
+        """Whether it is a statement: one effect, at a confidence of SURE or more."""
+        return not self.tie and self.confidence >= SURE
+
+
+@dataclass(frozen=True)
+class Score:
+    """One study, scored.
+
+    Attributes:
+        row: The columns of the study.
+        named: What is named, in the order of the diagnosis.
+        off: Differences of right names' values from the truth in standard errors, of affected entries,
+        unaffected: and of entries that the hidden effect does not change.
+    """
+
+    row: Row
+    named: tuple[Named, ...]
+    off: tuple[float, ...] = ()
+    unaffected: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What tells studies apart."""
+        return self.row["list"], self.row["seed"], self.row["seconds"]
+
+    @property
+    def failed(self) -> bool:
+        """Whether the study failed."""
+        return bool(self.row["failure"])
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything is hidden."""
+        return bool(self.row["called"])
+
+    @property
+    def first(self) -> bool:
+        """Whether the first name is right and no tie."""
+        answer = self.answer
+        return answer is not None and answer.right is True and not answer.tie
+
+    @property
+    def stated(self) -> bool:
+        """Whether the first name is right and a statement."""
+        return self.first and self.named[0].stated
+
+    @property
+    def exact(self) -> bool:
+        """Whether exactly what is hidden is named."""
+        told = [one for one in self.named if one.right is not None]
+        names = {name for one in told for name in one.members}
+        return not any(one.tie for one in told) and names == set(self.row["called"])
+
+    @property
+    def wrong(self) -> bool:
+        """Whether any statement is wrong."""
+        return any(one.stated and one.right is False for one in self.named)
+
+    @property
+    def statements(self) -> int:
+        """Number of statements that are right or wrong."""
+        return sum(one.stated and one.right is not None for one in self.named)
+
+    @property
+    def alarm(self) -> bool:
+        """Whether anything is stated where nothing is hidden."""
+        return not self.changed and self.wrong
+
+    @property
+    def answer(self) -> Named | None:
+        """The first name; None where nothing is named."""
+        return self.named[0] if self.named else None
+
+    @property
+    def brier(self) -> float | None:
+        """Squared difference of the first name's confidence from its truth; None without one."""
+        answer = self.answer
+        if answer is None or answer.right is None:
+            return None
+        return float((answer.confidence - answer.right) ** 2)
+
+    @property
+    def helped(self) -> bool | None:
+        """Whether adding the first finding halves the error above the floor, where the true effects would.
+
+        None where they would not, or where it is not known.
+        """
+        before, floor, truth, after = (self.row[k] for k in ("before", "floor", "with_truth", "after_top"))
+        if None in (before, floor, truth) or not before > floor:
+            return None
+        if truth - floor > HALVED * (before - floor):
+            return None
+        return after is not None and bool(after - floor <= HALVED * (before - floor))
+
+    @property
+    def ratio(self) -> float | None:
+        """Held-out error after adding what is stated over the error of the file; None where unknown."""
+        before, after = self.row["before"], self.row["after"]
+        return None if before is None or after is None else float(after / before)
+
+
+def score(rows: Sequence[Row]) -> Score:
+    """Return the score of the rows of one study."""
+    row = rows[0]
+    if row["failure"]:
+        return Score(row, ())
+    told = [one for one in rows if one["role"] == "finding"]
+    named = tuple(found for found in (_named(one, row) for one in told) if found is not None)
+    right = [one for one in told if one["effect"] in row["called"] and one["off"]]
+    pairs = [pair for one in right for pair in zip(one["off"], one["affected"], strict=True)]
+    return Score(
+        row,
+        named,
+        tuple(float(off) for off, affected in pairs if affected),
+        tuple(float(off) for off, affected in pairs if not affected),
+    )
+
+
+def _named(one: Row, row: Row) -> Named | None:
+    """Return what a finding names; None where it names nothing, or what counts as neither right nor wrong."""
+    truth = set(row["called"])
+    verdict, members = one["verdict"], {part.split(":")[0] for part in (one["members"] or [])}
+    if verdict == FAULT:
+        if not row["list"].startswith("apart"):
+            return None
+        members = {FAULT}
+    elif verdict not in NAMING:
+        return None
+    else:
+        members |= {one["effect"].split(":")[0]}
+    tie = verdict == "cannot_tell_apart" or len(members) > 1
+    right: bool | None = bool(members & truth)
+    if not right and (members & set(row["alias"] or ()) or (verdict == "retune" and _excused(members, row))):
+        return None
+    confidence = one["confidence"]
+    if confidence is None:
+        confidence = 1.0 if verdict == FAULT else 0.0
+    return Named(frozenset(members), float(confidence), right, tie)
+
+
+def _excused(members: set[str], row: Row) -> bool:
+    """Return whether all that a `retune` names is wrong in the file by design."""
+    return bool(members) and members <= set(row["misjudged"] or ())
+
+
+def finite(values: Sequence[float | None]) -> np.ndarray:
+    """Return the numbers among some values, as an array."""
+    return np.array([value for value in values if value is not None], float)

@@ -1,0 +1,216 @@
+"""Lists of studies: what each hides, how it is recorded, and what a right answer is.
+
+A study is drawn from its list and seed alone.  The suites that draw and fly the vehicles are
+`hidden_effects`, `imperfect_base`, `imperfect_logs`, `subsets` and `apart`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from benchmarks.hidden_effects import cases, vehicles
+from benchmarks.hidden_effects.study import flyable, shares, telling
+from benchmarks.imperfect_base import base, changes
+from benchmarks.imperfect_base.study import changed, standing_out
+from benchmarks.imperfect_logs import study as logs
+from benchmarks.subsets import ASYNCHRONOUS, SUBSETS, sampled
+from hydro.core.evaluation.replay_error import Ahead
+from hydro.core.vehicle.description import Vehicle
+from hydro.io import vehicle as files
+
+LEAST = 0.05
+"""Least share of the file's squared 5 s error that each hidden effect of a clean study makes."""
+
+APART_SEEDS = 1000
+"""Seeds of a list of the independent simulator that share one seed of `benchmarks.apart`."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """One recording to diagnose, and the truth about it.
+
+    Attributes:
+        given: Vehicle file that is diagnosed.
+        measured: Raw table of the recording.
+        called: Effects that a right answer names.
+        truth: The vehicle that flew, in effects of the catalogue; None where they cannot express it.
+        before: Raw table of the earlier recording of the unchanged vehicle; None without one.
+        errors: Prediction errors on held-out data; None where there are none.
+        alias: Effects that stand for the right name; they count as neither right nor wrong.
+        misjudged: Effects of the file whose values are wrong by design; naming one is neither.
+        facts: Further columns of the study's rows: preset, title, condition, noise and share.
+    """
+
+    given: Vehicle
+    measured: pl.DataFrame
+    called: tuple[str, ...]
+    truth: Vehicle | None = None
+    before: pl.DataFrame | None = None
+    errors: Ahead | None = None
+    alias: tuple[str, ...] = ()
+    misjudged: tuple[str, ...] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Studies:
+    """A list of studies.
+
+    Attributes:
+        about: What they show, in a few words.
+        count: How many the frozen table has.
+        seconds: Length of a recording by default [s].
+        prepare: Draws and flies the study of a seed, given the seconds and a folder for what studies share.
+    """
+
+    about: str
+    count: int
+    seconds: float
+    prepare: Callable[[int, float, Path], Study]
+
+
+def _clean(kind: str) -> Callable[[int, float, Path], Study]:
+    """Return the preparation of a study whose effects the catalogue has exactly."""
+
+    def prepare(seed: int, seconds: float, folder: Path) -> Study:
+        case, flown = flyable(cases.draw(kind, seed), seconds, folder)
+        case, flown = telling(case, flown, seconds, folder, LEAST)
+        errors = Ahead(flown.held_out, flown.exact)
+        share = shares(case, flown, errors, errors.of(flown.given))[0]
+        return Study(
+            flown.given,
+            flown.measured,
+            case.called,
+            truth=None if case.foreign else vehicles.joined(flown.exact, case.hidden),
+            errors=errors,
+            misjudged=tuple(vehicles.damping_of(flown.given)),
+            facts=_facts(case, share),
+        )
+
+    return prepare
+
+
+def _panel(kind: str, with_before: bool) -> Callable[[int, float, Path], Study]:
+    """Return the preparation of a study of a hull of panels, with or without the earlier recording."""
+
+    def prepare(seed: int, seconds: float, folder: Path) -> Study:
+        case = changes.draw(kind, seed)
+        known = base.of(case.preset, case.seed, base.UNCHANGED, folder / "bases")
+        case = standing_out(case, known, seconds)[0]
+        case, flown, errors = changed(case, known, seconds)
+        share = shares(case, flown, errors, errors.of(known.vehicle))[0]
+        return Study(
+            flown.given,
+            flown.measured,
+            case.called,
+            truth=vehicles.joined(known.vehicle, case.hidden),
+            before=pl.read_parquet(known.unchanged) if with_before else None,
+            errors=errors,
+            facts=_facts(case, share),
+        )
+
+    return prepare
+
+
+def _log(seed: int, seconds: float, folder: Path) -> Study:
+    """Prepare a study of a log as sensors and controllers leave it; seeds cycle through the conditions."""
+    condition = logs.CONDITIONS[seed % len(logs.CONDITIONS)]
+    case, flown = logs.logged(cases.draw("one", seed, "independent"), condition, seconds, folder)
+    also = logs.ALSO.get(condition)
+    errors = Ahead(flown.held_out, flown.exact)
+    share = shares(case, flown, errors, errors.of(flown.given))[0]
+    return Study(
+        flown.given,
+        flown.measured,
+        tuple(sorted({*case.called, *([also] if also else [])})),
+        errors=errors,
+        misjudged=tuple(vehicles.damping_of(flown.given)),
+        facts=_facts(case, share) | {"condition": condition},
+    )
+
+
+def _sparse(seed: int, seconds: float, folder: Path) -> Study:
+    """Prepare a study of sensors that sample at 5, 10 and 50 Hz beside one another."""
+    case, flown = logs.clean(cases.draw("one", seed, "independent"), seconds, folder)
+    errors = Ahead(flown.held_out, flown.exact)
+    share = shares(case, flown, errors, errors.of(flown.given))[0]
+    return Study(
+        flown.given,
+        sampled(flown.measured, SUBSETS[ASYNCHRONOUS]),
+        case.called,
+        truth=vehicles.joined(flown.exact, case.hidden),
+        errors=errors,
+        misjudged=tuple(vehicles.damping_of(flown.given)),
+        facts=_facts(case, share) | {"condition": ASYNCHRONOUS},
+    )
+
+
+def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
+    """Return the preparation of a case of the independent simulator.
+
+    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.
+    """
+
+    def prepare(seed: int, seconds: float, folder: Path) -> Study:
+        from benchmarks.apart.cases import CASES
+        from benchmarks.apart.judgement import NAMES
+        from benchmarks.apart.make import make, record
+
+        number, place = divmod(seed, APART_SEEDS)
+        case = CASES[place % len(CASES)]
+        there = folder / f"apart-{number}"
+        make(number, there, [case.name])
+        told, names = record(there / case.name), NAMES[case.kind]
+        assert told is not None
+        return Study(
+            files.read(there / case.name / "vehicle.toml")[0],
+            pl.read_parquet(there / case.name / "after.parquet"),
+            names.right,
+            before=pl.read_parquet(there / case.name / "before.parquet") if with_before else None,
+            alias=names.alias,
+            facts={"preset": told["vehicle"], "title": case.name, "share": told["share5"]},
+        )
+
+    return prepare
+
+
+def _facts(case: cases.Case, share: float) -> dict[str, Any]:
+    """Return the columns that every drawn case has."""
+    return {
+        "preset": case.preset,
+        "title": case.title,
+        "noise": case.noise,
+        "share": share,
+        "hidden": json.dumps({"hidden": case.hidden, "foreign": case.foreign}),
+    }
+
+
+LISTS: Mapping[str, Studies] = {
+    "clean-one": Studies("one effect of the catalogue hidden", 50, 300.0, _clean("one")),
+    "clean-two": Studies("two effects hidden", 35, 300.0, _clean("two")),
+    "clean-three": Studies("three effects hidden", 20, 300.0, _clean("three")),
+    "clean-none": Studies("nothing hidden, damping up to 25 % wrong", 40, 300.0, _clean("none")),
+    "panel-before": Studies(
+        "hull of panels, one change, earlier recording", 48, 300.0, _panel("changed", True)
+    ),
+    "panel-plain": Studies(
+        "hull of panels, one change, no earlier recording", 30, 300.0, _panel("changed", False)
+    ),
+    "unchanged-before": Studies(
+        "hull of panels, no change, earlier recording", 24, 300.0, _panel("nothing", True)
+    ),
+    "unchanged-plain": Studies(
+        "hull of panels, no change, no earlier recording", 10, 300.0, _panel("nothing", False)
+    ),
+    "logs": Studies("one effect hidden, log with faults or under feedback", 26, 160.0, _log),
+    "sparse": Studies("one effect hidden, sensors at 5, 10 and 50 Hz", 9, 180.0, _sparse),
+    "apart-before": Studies("independent simulator, one change, earlier recording", 21, 0.0, _apart(True)),
+    "apart-plain": Studies("independent simulator, one change, no earlier recording", 0, 0.0, _apart(False)),
+}
+"""Every list by its name.  Recordings of the independent simulator have lengths of their own."""

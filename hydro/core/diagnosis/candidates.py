@@ -1,0 +1,86 @@
+"""Scores of every candidate effect that a diagnosis fitted, kept so that its decisions can be checked.
+
+A diagnosis decides in steps: at each step it fits several candidates and takes the best.  A `Candidate` holds
+the numbers that such a decision uses, so that the decision can be repeated with other settings and no new fit
+(`benchmarks.judge`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.effects.catalogue import implausible
+from hydro.core.evaluation.block_resampling import block_sums
+from hydro.core.vehicle.description import Vehicle
+
+Engine = Literal["likelihood", "change", "transfer"]
+BLOCKS = 24
+"""Blocks of consecutive shots at most whose costs are kept.  It bounds the size of a kept table; more blocks
+change a resampled frequency by less than its scatter."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one step of the search.
+
+    Attributes:
+        engine: Search that fitted it: `likelihood` for files that reach the noise, `change` with an earlier
+            recording, `transfer` for files that do not reach the noise.
+        step: Number of the step, from 0.
+        effect: Name; empty for the model without any candidate.
+        chosen: Whether the diagnosis took it.
+        entries: Number of fitted values, those of the file's own free effects included.
+        shots: Number of shots behind the costs.
+        costs: Squared residual in each block of consecutive shots, at most BLOCKS; empty where the engine
+            does not rank by it.
+        chi2: Mean squared residual in units of the noise, or of the floor of the hull model for `change`.
+        residuals: Number of residuals, or the floor of the hull model in the unit of `costs` for `change`.
+        left_out: Share of the held-out error that the effect removes; NaN where the engine has none.
+        evidence: Log evidence beyond that of the file; NaN where the engine has none.
+        lead: Log evidence that counts for the lead over the next candidate; NaN likewise.
+        own: Whether the file has the effect already.
+        absorbs: Share that such an effect absorbs of a hull that no formula describes.
+        plausible: Whether its values lie within their plausible range.
+        values: Fitted values of the effect's table.
+    """
+
+    engine: Engine
+    step: int
+    effect: str
+    chosen: bool
+    entries: int
+    shots: int = 0
+    costs: Array = field(default_factory=lambda: np.zeros(0))
+    chi2: float = math.nan
+    residuals: float = math.nan
+    left_out: float = math.nan
+    evidence: float = math.nan
+    lead: float = math.nan
+    own: bool = False
+    absorbs: float = 0.0
+    plausible: bool = True
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def in_blocks(costs: Array, size: int = 1) -> Array:
+    """Sum the costs of shots (S,) over at most BLOCKS blocks whose length is a multiple of `size`, (B,)."""
+    least = -(-len(costs) // BLOCKS)
+    whole = max(-(-least // size), 1) * size
+    return block_sums(costs[:, None], whole)[:, 0]
+
+
+def values_of(vehicle: Vehicle, effect: str) -> dict[str, Any]:
+    """Return the values in an effect's table, without its name."""
+    tables = vehicle.effects(effect)
+    return {key: value for key, value in tables[0].items() if key != "name"} if tables else {}
+
+
+def is_plausible(vehicle: Vehicle, effect: str) -> bool:
+    """Return whether an effect's values lie within their plausible range."""
+    return not implausible(vehicle, [effect])
