@@ -195,8 +195,9 @@ def _errors(study: Study, found: Diagnosis) -> Row:
     if study.errors is None:
         return {}
     ahead, given = study.errors, study.given
-    stated = [one for one in found.findings if one.verdict in ("missing", "retune") and one.parameters]
-    first = next((one for one in found.findings if one.verdict in WITH_VALUES and one.parameters), None)
+    told = [one for one in found.findings if one.parameters and one.effect not in study.of_log]
+    stated = [one for one in told if one.verdict in ("missing", "retune")]
+    first = next((one for one in told if one.verdict in WITH_VALUES), None)
     wanted = [(name, study.truth) for name in study.called]
     true = [
         {"name": name, **{k: v for k, v in truth.effects(name)[0].items() if k != "name"}}

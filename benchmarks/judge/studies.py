@@ -44,6 +44,7 @@ class Study:
         errors: Prediction errors on held-out data; None where there are none.
         alias: Effects that stand for the right name; they count as neither right nor wrong.
         misjudged: Effects of the file whose values are wrong by design; naming one is neither.
+        of_log: Effects of the diagnosed log alone, such as a late sensor; the held-out data lack them.
         facts: Further columns of the study's rows: preset, title, condition, noise and share.
     """
 
@@ -55,6 +56,7 @@ class Study:
     errors: Ahead | None = None
     alias: tuple[str, ...] = ()
     misjudged: tuple[str, ...] = ()
+    of_log: tuple[str, ...] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -131,6 +133,7 @@ def _log(seed: int, seconds: float, folder: Path) -> Study:
         tuple(sorted({*case.called, *([also] if also else [])})),
         errors=errors,
         misjudged=tuple(vehicles.damping_of(flown.given)),
+        of_log=tuple(name for name in [also] if name in logs.OF_LOG and name not in case.called),
         facts=_facts(case, share) | {"condition": condition},
     )
 
