@@ -166,7 +166,7 @@ def test_the_readme_quotes_policies() -> None:
         if row["in the"] == "teacher" and "%" in row[planned] and "pilot" not in row["flown by"]
     )
     assert (
-        f"the hand-written pilot arrives in {arrivals('pilot', planned)}, the best SAC policy in {best:g} %."
+        f"With a planned way: hand-written pilot {arrivals('pilot', planned)}, best SAC policy {best:g} %."
     ) in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
