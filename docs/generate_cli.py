@@ -11,41 +11,45 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from typer.models import ArgumentInfo
 
-from hydro.cli import FAMILIES, GROUPS
+from hydro.cli import FAMILIES, SECTIONS
 
 PAGE = Path(__file__).with_name("cli.md")
 INTRODUCTION = """# The command line
 
-Written by `make docs` from the commands' own help: do not edit it by hand.
+`make docs` writes this page from the help texts of the commands: do not edit it by hand.
 
-Every command reads and writes Parquet artefacts. A missing input or `-` is stdin; a missing `-o` or `-` is
-stdout. So commands compose in a pipe, and the result has the same bytes as through files:
+Commands read and write vehicle files (TOML) and tables (Parquet). A missing input or `-` is stdin; a missing
+`-o` or `-` is stdout. A pipe gives the same bytes as files:
 
     hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
 
-Binary never goes to a terminal; tables for people and progress never go into a pipe. An error is one line on
-stderr: what, where, what to do; `--debug`, anywhere, adds the traceback.
+Binary data never go to a terminal. Readable tables and progress never go into a pipe. An error is one line on
+stderr, which says what happened, where, and what to do. `--debug` adds the traceback.
 
 | exit code | meaning |
 |---|---|
 | 0 | done |
-| 1 | the data or a file is at fault |
-| 2 | the command was called wrongly |
+| 1 | error in the data or in a file |
+| 2 | wrong usage of the command |
 | 3 | a bug in hydro |
 | 130 | interrupted |
 """
 
 
 def page() -> str:
-    """The whole page: the introduction, then one section per command."""
-    groups = (*GROUPS, *FAMILIES)
-    commands = {command: example for group in groups for command, example in group.COMMANDS.items()}
-    contents = "\n".join(
-        f"- [`{_title(command)}`](#{_title(command).replace(' ', '-')}): {_text(command)[0]}"
-        for command in commands
-    )
-    sections = [_section(command, example) for command, example in commands.items()]
-    return "\n".join([INTRODUCTION, contents, "", *sections])
+    """Return the whole page: the introduction, the commands by section, then each command."""
+    contents, described = [], []
+    for title, modules in SECTIONS.items():
+        commands = {command: example for module in modules for command, example in module.COMMANDS.items()}
+        contents += [f"**{title}**\n", *map(_entry, commands), ""]
+        described += [_section(command, example) for command, example in commands.items()]
+    return "\n".join([INTRODUCTION, *contents, *described])
+
+
+def _entry(command: Callable[..., Any]) -> str:
+    """Return the line of one command in the list of contents."""
+    title = _title(command)
+    return f"- [`{title}`](#{title.replace(' ', '-')}): {_text(command)[0]}"
 
 
 def _section(command: Callable[..., Any], example: str) -> str:

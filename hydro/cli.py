@@ -9,9 +9,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping
-from typing import Annotated
+from types import ModuleType
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from hydro.commands import (
     collect,
@@ -39,47 +41,69 @@ from hydro.commands import (
     vehicle,
 )
 
-HELP = """Find the missing physics of an underwater vehicle, and simulate it in MuJoCo.
+HELP = """Find the physics that an underwater vehicle model lacks, and simulate it.
 
-Every command reads and writes Parquet artefacts. A missing input or - is stdin, a missing -o or - is stdout,
-and so commands compose in a pipe:
+Examples:
 
 \b
-  hydro labels raw.parquet | hydro split | hydro train --model physfeat -o model.parquet
+  hydro demo
+  hydro import dive.bag --write-map map.toml
+  hydro explain vehicle.toml dive.bag --map map.toml -o study
+
+The first runs every stage on bundled data. The second drafts a map, which says what the
+columns of your log mean. The third adds the effects that your vehicle file lacks.
+`hydro vehicle new` writes a vehicle file.
+
+Commands read and write vehicle files (TOML) and tables (Parquet). Without an input
+or with -, they read stdin; without -o or with -, they write stdout.
 """
 
-GROUPS = (
-    demo,
-    files,
-    collect,
-    imports,
-    partition,
-    data,
-    models,
-    export,
-    serve,
-    replay,
-    physics,
-    fit,
-    compare,
-    diff,
-    diagnose,
-    explain,
-    report,
-    study,
-)
-"""Modules of commands; each has `COMMANDS`: its functions, and an example of each that runs."""
+SECTIONS: dict[str, tuple[ModuleType, ...]] = {
+    "Start": (demo,),
+    "Compare and diagnose": (explain, diagnose, compare, fit, report),
+    "Data": (imports, files, partition, collect),
+    "Vehicle files and simulation": (vehicle, physics, diff, export, serve),
+    "Residual networks": (data, models, replay, study),
+    "Policies (imitation and reinforcement learning)": (rl,),
+}
+"""Modules of commands under the titles of `hydro --help`. Each has `COMMANDS`: its functions, and an example
+of each that runs. A module with `NAME` and `HELP` is a group of commands under one name."""
 
-FAMILIES = (vehicle, rl)
-"""Modules of commands under one name: `NAME` and `HELP` beside `COMMANDS`."""
+GROUPS = tuple(one for modules in SECTIONS.values() for one in modules if not hasattr(one, "NAME"))
+"""Modules whose commands stand directly under `hydro`."""
+
+FAMILIES = tuple(one for modules in SECTIONS.values() for one in modules if hasattr(one, "NAME"))
+"""Modules whose commands stand under one name, such as `hydro rl`."""
+
+
+class Sectioned(TyperGroup):
+    """Group of commands whose help lists them by section, with the summaries in one column."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the name and the summary of every command under the title of its section.
+
+        Args:
+            ctx: Context of the parser.
+            formatter: Formatter of the help text; receives the sections.
+        """
+        width = max(map(len, self.commands))
+        rows: dict[str, list[tuple[str, str]]] = {title: [] for title in SECTIONS}
+        for name, command in self.commands.items():
+            section: str = getattr(command, "rich_help_panel", "")
+            rows[section].append((name.ljust(width), command.get_short_help_str()))
+        for title, listed in rows.items():
+            with formatter.section(title):
+                formatter.write_dl(listed)
+
 
 app = typer.Typer(
     name="hydro",
+    cls=Sectioned,
     help=HELP,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["--help", "-h"], "max_content_width": 100},
-    epilog="Start with: hydro demo",
+    epilog="`hydro COMMAND --help` shows the options of a command and an example.",
 )
 
 
@@ -97,26 +121,30 @@ def root(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show the traceback of an error; may stand anywhere.")
+        bool, typer.Option("--debug", help="Show the traceback of an error; works after a command, too.")
     ] = False,
 ) -> None:
     """Hold the options that stand before any command."""
 
 
-def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str]) -> None:
-    """Make commands of functions; a trailing underscore, as in `eval_`, is not part of the name."""
+def _register(home: typer.Typer, commands: Mapping[Callable[..., None], str], section: str) -> None:
+    """Add functions as commands; a trailing underscore, as in `eval_`, is not part of the name."""
     for command, example in commands.items():
         summary = (command.__doc__ or "").partition("\n")[0]
         name = command.__name__.removesuffix("_")
-        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}")(places.checked(command))
+        home.command(name, short_help=summary, epilog=f"\b\nExample:\n  {example}", rich_help_panel=section)(
+            places.checked(command)
+        )
 
 
-for group in GROUPS:
-    _register(app, group.COMMANDS)
-for family in FAMILIES:
-    branch = typer.Typer(rich_markup_mode=None, help=family.HELP, no_args_is_help=True)
-    _register(branch, family.COMMANDS)
-    app.add_typer(branch, name=family.NAME, short_help=family.HELP)
+for title, modules in SECTIONS.items():
+    for module in modules:
+        if module in GROUPS:
+            _register(app, module.COMMANDS, title)
+        else:
+            branch = typer.Typer(rich_markup_mode=None, help=module.HELP, no_args_is_help=True)
+            _register(branch, module.COMMANDS, title)
+            app.add_typer(branch, name=module.NAME, short_help=module.HELP, rich_help_panel=title)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -80,12 +80,36 @@ def test_help_has_a_paragraph_and_an_example(name: str, capsys: pytest.CaptureFi
     assert COMMANDS[name] in text
 
 
-def test_help_lists_every_command_with_a_whole_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_command_once_in_its_section(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     assert cli.main([]) == 0
-    listed = capsys.readouterr().out
-    for name in COMMANDS:
-        assert re.search(rf"^  {name} ", listed, re.MULTILINE)
-    assert "..." not in listed.split("Commands:")[1]
+    text = capsys.readouterr().out
+    assert max(map(len, text.splitlines())) <= 80
+    listed = text.split("--help ")[1]
+    for title, modules in cli.SECTIONS.items():
+        section = listed.split(f"\n{title}:\n")[1].split("\n\n")[0]
+        names = [line.split()[0] for line in section.splitlines()]  # one line each, the summary whole
+        functions = [name.removesuffix("_") for one in modules if one in cli.GROUPS for name in names_of(one)]
+        assert sorted(names) == sorted(functions + [one.NAME for one in modules if one in cli.FAMILIES])
+        assert all(line.endswith(".") for line in section.splitlines())
+
+
+def names_of(module: Any) -> list[str]:
+    """Names of the functions of a module of commands."""
+    return [command.__name__ for command in module.COMMANDS]
+
+
+def test_help_shows_three_examples_that_parse(capsys: pytest.CaptureFixture[str]) -> None:
+    examples = re.findall(r"^  (hydro .*)$", cli.HELP, re.MULTILINE)
+    assert len(examples) == 3
+    for example in examples:
+        _, command, *rest = shlex.split(example)
+        assert cli.main([command, "--help"]) == 0
+        text = capsys.readouterr().out
+        for option in (word for word in rest if word.startswith("-")):
+            assert re.search(rf"(?<![\w-]){option}\b", text), f"hydro {command} has no {option}"
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

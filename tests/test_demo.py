@@ -56,14 +56,21 @@ def test_demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         assert rows["rmse"][-1] < 1.1 * rows["noise_floor"][-1]
     assert Path(f"{folder.name}/study/vehicle-2.toml").exists(), "the README names it"
     held_out, readme = told.split("held-out data", 1)[1], (ROOT / "README.md").read_text()
-    rows = re.findall(r"^(\d \w+.*?|noise alone) +((?:[\d.]+ *)+)$", readme, re.MULTILINE)
-    assert len(rows) == 4
+    names = r"\d \w+.*?|noise alone|zero velocity|constant velocity|least squares"
+    rows = re.findall(rf"^({names}) +((?:[\d.]+ *)+)$", readme, re.MULTILINE)
+    assert len(rows) == 7
     for name, numbers in rows:
         found = re.search(rf"^{name} +((?:[\d.]+ *)+)$", held_out, re.MULTILINE)
         assert found, f"explain prints no row {name} of the README"
         assert [*map(float, found[1].split())] == pytest.approx([*map(float, numbers.split())], rel=0.05), (
             name
         )
+    values = re.findall(r"^ +(\w+: (?:no\. \d: )?)(-?[\d.]+) ± ", readme, re.MULTILINE)
+    assert len(values) == 3
+    for name, value in values:
+        found = re.search(rf"^ +{re.escape(name)}(-?[\d.]+) ± ", held_out, re.MULTILINE)
+        assert found, f"explain prints no value {name} of the README"
+        assert float(found[1]) == pytest.approx(float(value), rel=0.02), name
     errors = table.read(f"{folder.name}/errors.parquet", "metrics").frame.filter(metric="rmse")
     for axis in "uvwpqr":
         error = dict(errors.filter(axis=axis).select("variant", "value").rows())

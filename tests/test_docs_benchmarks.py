@@ -56,39 +56,118 @@ def test_figures_say_where_they_come_from(path: Path) -> None:
             assert re.fullmatch(r"[0-9a-f]{7,40}|", commit), commit
 
 
-def test_the_readme_quotes_the_result_tables() -> None:
-    one = cell("hidden_effects", "shown", hidden="one effect")
-    two = cell("hidden_effects", "shown", hidden="two effects of at least")
+def shown(beginning: str) -> list[str]:
+    """Return the cells of the one row of README's results that begins so, links without their targets."""
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", (ROOT / "README.md").read_text())
+    (row,) = [line for line in text.splitlines() if line.startswith(f"| {beginning}")]
+    return [part.strip() for part in row.strip("|").split("|")]
+
+
+def counts(text: str) -> tuple[int, int]:
+    """Return both numbers of the last "N of M" in a cell."""
+    hit, trials = re.findall(r"(\d+) of (\d+)", text)[-1]
+    return int(hit), int(trials)
+
+
+def total(column: str, *names: str) -> str:
+    """Return "N of M", summed over the rows of imperfect_base with these names."""
+    rows = {row["by"]: row for row in GENERATOR["results"]("imperfect_base")}
+    pairs = [counts(rows[name][column]) for name in names]
+    return f"{sum(hit for hit, _ in pairs)} of {sum(trials for _, trials in pairs)}"
+
+
+def test_the_readme_quotes_hidden_effects() -> None:
+    exactly = [
+        cell("hidden_effects", "shown", hidden=f"{number} effect").split(",")[0]
+        for number in ("one", "two", "three")
+    ]
     alarms, studies = re.findall(r"\d+", cell("hidden_effects", "shown", hidden="nothing"))[:2]
-    assert alarms == "0"
-    three = cell("hidden_effects", "shown", hidden="three effects")
-    assert f"right in {one.split(',')[0]} studies, two at once exactly in {two.split(',')[0]}" in README
-    assert f"three in {three.split(',')[0]}" in README
-    assert f"false alarm in {studies}" in README
-    slalom, planned = "8 pillars, no plan", "8 pillars, planned way"
-    teacher = {
-        name: cell("rl_pillars", slalom, flown_by=name, in_the="teacher").split("%")[0] + " %"
-        for name in ("R_0", "R_effects, as given", "R_effects, identified", "R_PhysFeat")
-    }
-    assert re.search(
-        rf"without water forces {teacher['R_0']} arrive, .* numbers {teacher['R_effects, as given']}, "
-        rf".* data {teacher['R_effects, identified']}, .* data {teacher['R_PhysFeat']} ",
-        README,
+    _, _, result, reference = shown("own simulator and a second one")
+    assert result == f"{', '.join(exactly)}; {alarms} false alarms in {studies}"
+    oracle = cell("hidden_effects", "shown", hidden="held-out error").split("median ratio ")[1]
+    assert f"error {oracle} times that of the true model (median)" in reference
+
+
+def test_the_readme_quotes_imperfect_hulls() -> None:
+    plain = ("`hydro diagnose`", "`hydro diagnose`, other seeds")
+    alarms, unchanged = total("alarm, nothing hidden", plain[0]).split(" of ")
+    _, _, result, baseline = shown("simulated hulls outside the catalogue")
+    assert result == f"{total('named first', *plain)}; {alarms} alarms in {unchanged}"
+    named = total("named first", "regression with BIC")
+    alarms, unchanged = total("alarm, nothing hidden", "regression with BIC").split(" of ")
+    assert baseline == f"regression with BIC: {named}; {alarms} alarms in {unchanged}"
+    before = tuple(f"`hydro diagnose --before`, 720 s, {which}" for which in ("latest code", "other seeds"))
+    wrong = total("stated wrongly", *before).split(" of ")[0]
+    nothing = tuple(f"the same, nothing changed, {which}" for which in ("latest code", "other seeds"))
+    alarms, unchanged = total("alarm, nothing hidden", *nothing).split(" of ")
+    result = shown("the same, with 12 minutes")[2]
+    assert result == (
+        f"{total('named first', *before)}, {wrong} wrong at confidence 0.9 or more; "
+        f"{alarms} alarms in {unchanged}"
     )
-    pilot = cell("rl_pillars", planned, flown_by="pilot", in_the="teacher")
+
+
+def test_the_readme_quotes_the_simulator_apart() -> None:
+    answers = {row["answer"]: counts(row["cases"]) for row in GENERATOR["results"]("apart")}
+    right, cases = answers["right"]
+    wrong, _ = answers["wrong, stated at 0.9 or more"]
+    commonest, _ = answers["the commonest change named of each (baseline)"]
+    _, test, result, baseline = shown("independent simulator")
+    assert test == f"name one of {cases} changes"
+    assert result == f"{right} right, {wrong} wrong at confidence 0.9 or more"
+    assert baseline == f"always the commonest change: {commonest}"
+
+
+def test_the_readme_quotes_stonefish() -> None:
+    error = {row["added"]: row["held out, m/s"] for row in GENERATOR["results"]("stonefish")}
+    squares = cell("stonefish", "held out, m/s", added="nothing (baselines: least squares")
+    _, _, result, baseline = shown("outside simulator Stonefish")
+    assert result.startswith(
+        f"{error['the file as given']} m/s, with three added effects {error['offset_drag']};"
+    )
+    assert list(error).index("offset_drag") - list(error).index("the file as given") == 3
+    assert baseline == f"least squares: {squares} m/s"
+    ours = cell("networks_replay", "u", replay="MJ4 (PhysicsFeature-MLP), from the bundled sample")
+    mujoco = cell("networks_replay", "u", replay="MJ0+ellipsoid")
+    assert shown("Stonefish, network")[2:] == [f"{ours} m/s", f"MuJoCo's fluid model: {mujoco} m/s"]
+
+
+def test_the_readme_quotes_sensors_and_imports() -> None:
+    few = cell("subsets", "of these within 3 s.e.", samples_of="attitude and depth")
+    complete = cell("subsets", "of these within 3 s.e.", samples_of="complete")
+    assert few.split(" of ")[1] == cell("subsets", "numbers determined", samples_of="attitude").split()[2]
+    assert shown("own simulator, 150 s")[2:] == [f"{few} values", f"complete log: {complete}"]
+    vehicles = ("bluerov2_heavy", "remus100", "auv151")
+    answers = {
+        row["mistake"]: [row[name] for name in vehicles] for row in GENERATOR["results"]("planted_mistakes")
+    }
+    silent = answers.pop("none")
+    named = [answer for row in answers.values() for answer in row]
+    assert shown("own simulator, one mistake")[2:] == [
+        f"{named.count('named')} of {len(named)}",
+        f"correct logs: 0 warnings in {silent.count('0 warnings')}",
+    ]
+
+
+def test_the_readme_quotes_policies() -> None:
+    alone, planned = "8 pillars, no plan", "8 pillars, planned way"
+
+    def arrivals(who: str, way: str) -> str:
+        return f"{float(cell('rl_pillars', way, flown_by=who, in_the='teacher').split('%')[0]):g} %"
+
+    assert (
+        f"no water forces {arrivals('R_0', alone)}, vehicle file {arrivals('R_effects, as given', alone)}, "
+        f"file after `hydro explain` {arrivals('R_effects, identified', alone)}, "
+        f"network {arrivals('R_PhysFeat', alone)}, hand-written pilot {arrivals('pilot', alone)}."
+    ) in README
     best = max(
         float(row[planned].split("%")[0])
         for row in GENERATOR["results"]("rl_pillars")
         if row["in the"] == "teacher" and "%" in row[planned] and "pilot" not in row["flown by"]
     )
-    assert f"that pilot arrives in {pilot.split('%')[0]} % of the tasks in the teacher" in README
-    assert f"({best:g} % at best)" in README
-    without = cell("rl_pillars", slalom, flown_by="pilot", in_the="teacher").split("%")[0]
-    assert f"by hand arrives in {without} % without a plan" in README
-    medians = [
-        float(row["in the teacher"].split("%")[0])
-        for row in GENERATOR["results"]("rl_study")
-        if row["task"].startswith("forest") and row["flown by"].startswith("policies")
-    ]
-    assert len(medians) == 6
-    assert f"in {min(medians):g} to {max(medians):g} % of a forest" in README
+    assert (
+        f"With a planned way: hand-written pilot {arrivals('pilot', planned)}, best SAC policy {best:g} %."
+    ) in README
+    study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
+    trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
+    assert f"The {trainings} published trainings of all stages" in README

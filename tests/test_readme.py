@@ -1,4 +1,7 @@
-"""What the README tells a newcomer to type exists and runs: commands, options, targets, files, functions."""
+"""What README.md and docs/api.md tell a newcomer to type exists and runs.
+
+Checked are commands, options, targets, files and functions.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ from hydro import cli
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "datasets").glob("*.md")])
 README = (ROOT / "README.md").read_text()
+PYTHON = README + (ROOT / "docs" / "api.md").read_text()
+"""Pages whose Python examples run one after the other."""
 
 
 def code(text: str) -> str:
@@ -63,8 +68,8 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_functions_exist() -> None:
-    named = set(re.findall(r"\bhydro\.(\w+)\(", README))
-    assert named >= {"read", "labels", "split", "train", "replay"}
+    named = set(re.findall(r"\bhydro\.(\w+)\(", PYTHON))
+    assert named >= {"read", "diagnose", "add", "compare", "labels", "split", "train", "replay"}
     assert named <= set(hydro.__all__)
 
 
@@ -83,11 +88,11 @@ def shorter(snippets: str) -> str:
     return snippets
 
 
-def snippets(text: str) -> tuple[str, str]:
-    """All shell and all Python of the README, each pasted one after the other."""
-    outside = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
-    shell = "".join(f"{line}\n" for line in re.findall(r"^ {4}(\S.*)$", outside, re.MULTILINE))
-    python = "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+def snippets() -> tuple[str, str]:
+    """Return all shell of the README and all Python of both pages, each pasted one after the other."""
+    outside = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
+    shell = "".join(f"{line}\n" for line in re.findall(r"^ {4}(\s*\S.*)$", outside, re.MULTILINE))
+    python = "\n".join(re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL))
     return shell, python
 
 
@@ -103,7 +108,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     (binaries / "hydro").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hydro.cli "$@"\n')
     (binaries / "hydro").chmod(0o755)
     (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')
-    shell, python = snippets(README)
+    shell, python = snippets()
     both = shorter(f"{shell}\0{python}")
     shell, python = both.split("\0")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
@@ -114,10 +119,11 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stderr.decode()[-3000:]
         printed.append((done.stdout + done.stderr).decode(errors="replace"))
-    assert {"study", "report.html", "vehicle.toml", "labels.parquet", "replay.parquet", "flight.png"} <= {
+    assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }
-    assert "X_res" in printed[1]
+    assert "noise_floor" in printed[1], "the example of the README prints errors"
+    assert "MJ4" in printed[1], "the example of docs/api.md replays its network"
 
 
 def test_the_first_command_comes_within_a_screen() -> None:

@@ -90,7 +90,7 @@ def collect(
     threads: Threads = None,
     output: Output = STREAM,
 ) -> None:
-    """Record a vehicle in a reference simulator: the data that a residual model learns from.
+    """Record training data of a vehicle in a reference simulator.
 
     Mass, buoyancy, thrusters and environment are those of the vehicle file. The hydrodynamic forces are not:
     they are computed from panels on the hull and the added mass of its ellipsoid, and the file's own added

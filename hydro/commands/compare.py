@@ -40,7 +40,7 @@ def compare(
     as_json: Json = False,
     output: Output = STREAM,
 ) -> None:
-    """Compare a vehicle file with a recording: how large are its errors, and where do they lie?
+    """Measure how well a vehicle file predicts a recording.
 
     Two kinds of error, each beside what sensor noise alone would cause: the force that the model leaves
     unexplained, and the motion predicted 1, 5 and 20 s ahead from restarts all along the recording, and over

@@ -87,7 +87,7 @@ def labels(
     threads: Threads = 1,
     output: SessionsOutput = STREAM,
 ) -> None:
-    """Compute the force on the vehicle that its known physics does not explain.
+    """Compute the force that the known physics does not explain.
 
     Smooths velocities, estimates accelerations, computes thrusts from the commands, and adds to the raw
     columns the residual wrench tau_res = tau_prop - M nu_dot - g. It opposes motion: the vehicle feels
@@ -173,7 +173,7 @@ def split(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Divide labels into training and test blocks by the hash of their content.
+    """Split labels into training and test blocks by a content hash.
 
     The same data give the same split on any machine and in any order, and new sessions never move an old
     block. Rows within the smoother's reach of a block of the other side are marked guard and used by neither.
@@ -210,7 +210,7 @@ def features(
     ] = "physfeat",
     output: Output = STREAM,
 ) -> None:
-    """Compute the inputs of a residual network, beside its targets.
+    """Compute the inputs and targets of a residual network.
 
     For a look at what a network sees, or for training one elsewhere: `hydro train` computes them itself.
     """

@@ -28,7 +28,7 @@ def demo(
         int, typer.Option(min=1, help="Passes over the training data, for each network.")
     ] = EPOCHS,
 ) -> None:
-    """Run every stage on bundled recordings: some minutes on two cores.
+    """Run every stage on bundled data in a few minutes.
 
     First missing physics: a vehicle file is compared with recordings of a vehicle that has more effects than
     the file. Where does it fail, what does it lack, how far does the error fall once that is added, also on

@@ -107,7 +107,7 @@ def diagnose(
         float, typer.Option(metavar="N", help="Length of --fly, all sessions together.")
     ] = 120.0,
 ) -> None:
-    """Find which physical effects are missing in a vehicle file, and how sure that is.
+    """Find the physical effects that a vehicle file lacks.
 
     The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
     leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
@@ -281,7 +281,7 @@ def add(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Add what a diagnosis found to a vehicle file.
+    """Add the findings of a diagnosis to a vehicle file.
 
     A missing effect becomes an [[effect]] table at the end of the file, and one that the file has gets its
     new values. Everything else in the file stays, comments too. Beside the values stand their standard errors

@@ -28,7 +28,7 @@ def diff(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Say how VEHICLE2 differs from VEHICLE, and what each difference makes of predictions.
+    """Compare two vehicle files and what they predict.
 
     Part by part: what it was, what it is, and the error 5 s ahead of VEHICLE2 with that part as it was (root
     mean square of the velocity, axes weighed by inertia, as in hydro compare). The first row is VEHICLE2

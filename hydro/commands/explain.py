@@ -65,7 +65,7 @@ def explain(
     msg: Definitions = None,
     as_json: Json = False,
 ) -> None:
-    """Add what a vehicle file lacks, step by step, until nothing more is found.
+    """Find missing effects, add them one by one and show the errors.
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording

@@ -48,7 +48,7 @@ def export(
     ] = True,
     output: Output = STREAM,
 ) -> None:
-    """Write a vehicle file, a trained model or a policy for programs without hydro.
+    """Export a vehicle file, a network or a policy to other programs.
 
     \b
     target  takes    writes

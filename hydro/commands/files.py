@@ -36,7 +36,7 @@ WHOLE = ("metrics", "ladder", "evaluations")
 
 
 def check(files: Files) -> None:
-    """Check that artefacts, vehicle files and maps of logs are valid.
+    """Check that tables, vehicle files and log maps are valid.
 
     Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,
     types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise
@@ -106,7 +106,7 @@ def _rare(artefact: Artefact) -> str:
 
 
 def show(file: File = STREAM) -> None:
-    """Show where an artefact comes from and what is in it.
+    """Print the contents and the origin of a file.
 
     On a terminal: kind, stage and parameters, lineage, and every column with unit and range; small tables
     such as metrics whole, findings in words. Into a pipe the same as JSON.

@@ -62,7 +62,7 @@ def fit(
     msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
-    """Estimate parameters of effects from a recording and write the vehicle file with them.
+    """Fit chosen effects to a recording and write the vehicle file.
 
     An effect that the file has is re-estimated from its values; another is added. Everything else in the
     file stays, comments too. Beside the values are written their standard errors and the hash of the data

@@ -78,11 +78,12 @@ def import_(
     ] = False,
     output: Output = STREAM,
 ) -> None:
-    """Convert a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
+    """Convert a log to a raw table: one clock, NED and FRD, SI units.
 
-    Each channel is interpolated from its own samples, commands are held, and no row is made within a gap.
-    A sensor slower than the rows has a value in those nearest to its samples alone: fits count each sample
-    once, and labels are made of what they determine. replay needs values in every row: give --fill.
+    Commands are scaled to -1 to 1. Each channel is interpolated from its own samples, commands are held, and
+    no row is made within a gap. A sensor slower than the rows has a value in those nearest to its samples
+    alone: fits count each sample once, and labels are made of what they determine. replay needs values in
+    every row: give --fill.
 
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other

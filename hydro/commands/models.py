@@ -72,7 +72,7 @@ def train(
     device: Device = "cpu",
     output: Output = STREAM,
 ) -> None:
-    """Train a residual network on the training part of labels, after the paper's protocol.
+    """Train a residual network on the training part of labels.
 
     Inputs and outputs are standardised on the rows fitted; Adam with a learning rate that falls to zero as a
     half cosine, gradient clipping, early stopping on a tenth of the training blocks; one thread. Labels
@@ -189,7 +189,7 @@ def evaluate(
     as_json: Json = False,
     output: Output = STREAM,
 ) -> None:
-    """Measure how well models predict the residual wrench.
+    """Measure how well residual networks predict the force.
 
     Root mean square and mean absolute errors and R2 per axis, with 95 % intervals from a bootstrap over
     blocks, and the paper's single figures over all rows and six axes in their own units (its Table II). On a

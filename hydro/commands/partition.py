@@ -29,11 +29,12 @@ Folder = Annotated[
 
 
 def partition(output: Folder, table: Table = STREAM) -> None:
-    """Write each session of a table to a file of its own, DIR/session=NAME/part.parquet.
+    """Split a table into one file for each session.
 
-    A folder of sessions is given to other commands as a table is, and sessions may be added to it one dive
-    after another. hydro labels reads one session of it at a time, polars and DuckDB only the columns and
-    sessions that a query asks for. A session that DIR has already is refused unless it is the same.
+    Each session becomes DIR/session=NAME/part.parquet. A folder of sessions is given to other commands as a
+    table is, and sessions may be added to it one dive after another. hydro labels reads one session of it at
+    a time, polars and DuckDB only the columns and sessions that a query asks for. A session that DIR has
+    already is refused unless it is the same.
 
         hydro partition dive-1.parquet -o dives
         hydro partition dive-2.parquet -o dives

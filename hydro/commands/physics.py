@@ -51,12 +51,13 @@ def simulate(
     msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
-    """Simulate a vehicle under commands, with every effect of its file, and record what it would log.
+    """Simulate a vehicle under given thruster commands.
 
-    Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each session at rest at the origin; a
-    raw table starts each session, and restarts after each gap, from the state of its own row. The recording
-    is free of noise and carries the vehicle file, so that no later stage needs --vehicle. Waves have no place
-    in a prediction: with --sea they are drawn, as one of the seas that the file stands for.
+    Every effect of the file acts. Integrated by Runge-Kutta steps at 500 Hz. A commands table starts each
+    session at rest at the origin; a raw table starts each session, and restarts after each gap, from the
+    state of its own row. The recording is free of noise and carries the vehicle file, so that no later stage
+    needs --vehicle. Waves have no place in a prediction: with --sea they are drawn, as one of the seas that
+    the file stands for.
 
     With --bands, parameters are drawn from the covariance beside the vehicle file, which hydro fit, add and
     explain write (vehicle.toml: vehicle.covariance.parquet), and every draw is simulated: the table then has

@@ -88,14 +88,14 @@ def replay(
     msg: Definitions = None,
     output: Output = STREAM,
 ) -> None:
-    """Replay a recording's commands in MuJoCo, open loop, and measure the error of each variant.
+    """Replay recorded commands in MuJoCo and measure the errors.
 
-    MJ0 has no water forces, MJ0+M_A added mass alone, MJ0+ellipsoid MuJoCo's own fluid model; every model
-    adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat MJ4). A model whose
-    labels had all effects subtracted is replayed with them, as effects+MJ4, beside the effects alone. On a
-    terminal without -o the errors are printed; with -o, or into a pipe, the time series of all variants and
-    of the measured motion are written. --piece 10 also measures replay90 by its nine segments. A log that
-    --map reads gets values in every row, as from hydro import --fill.
+    The replay is open loop. MJ0 has no water forces, MJ0+M_A added mass alone, MJ0+ellipsoid MuJoCo's own
+    fluid model; every model adds its own variant, under the paper's name where it has one (mlp MJ1, physfeat
+    MJ4). A model whose labels had all effects subtracted is replayed with them, as effects+MJ4, beside the
+    effects alone. On a terminal without -o the errors are printed; with -o, or into a pipe, the time series
+    of all variants and of the measured motion are written. --piece 10 also measures replay90 by its nine
+    segments. A log that --map reads gets values in every row, as from hydro import --fill.
 
     A network's wrench is held from one control step to the next. The network is evaluated at the state
     predicted for the middle of this time; with --lead 0, as in the paper, at the state at its beginning.

@@ -30,7 +30,7 @@ def report(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Show a study on one page, for a browser or a phone.
+    """Write a study as one HTML page.
 
     What was recorded, how good the model is, where it fails, what force is left over at which velocity, what
     is missing and how sure that is, what happened when it was added, commands and measured against simulated

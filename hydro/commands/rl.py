@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 NAME = "rl"
 PILOTS, PILOT_SEED = 20, 600_000  # vehicles that a pilot by hand flies before a training
-HELP = "Train policies that steer the vehicle in MuJoCo, and see whether they hold in the teacher."
+HELP = "Train policies that steer a vehicle, and test them in simulators."
 
 TrainingFolder = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the training."), FOLDER
@@ -78,7 +78,7 @@ def train(
     randomise: Randomise = None,
     choices: Choices = None,
 ) -> None:
-    """Train a policy in the student by soft actor-critic, through the stages of a curriculum.
+    """Train a policy by SAC; --recipe demos starts with imitation.
 
     Stage 1 is point to point in open water, stage 2 a slalom that must be weaved, of none to four baffles,
     stage 3 a forest of pillars with a planned way to follow. Once 90 % of 150 episodes of training succeed
@@ -318,10 +318,11 @@ def curves(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of trainings.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="A .png."), FILE],
 ) -> None:
-    """Draw how trainings went: mean and one standard deviation over seeds, condition by condition.
+    """Draw the learning curves of trainings, averaged over seeds.
 
-    Reward and success of the evaluations without exploration, over the control steps of all vehicles
-    together; a training that has passed its curriculum keeps its last value.
+    Mean and one standard deviation, condition by condition, of reward and success in the evaluations without
+    exploration, over the control steps of all vehicles together. A training that has passed its curriculum
+    keeps its last value.
     """
     from hydro.report.training import curves_table, draw_curves, save, together
     from hydro.rl.training.runs import Folder

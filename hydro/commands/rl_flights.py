@@ -156,7 +156,7 @@ def eval_(
     ] = None,
     output: Output = STREAM,
 ) -> None:
-    """Fly a trained policy without exploration, in the simulator it was trained in, the teacher or Stonefish.
+    """Fly a policy in a simulator and count the successes.
 
     The same seed gives the same tasks to every policy and in all simulators. Success with its 95 % interval
     (Wilson), collisions, time to goal of those that arrived, energy, distance from what is to be followed,
@@ -261,7 +261,7 @@ def watch(
     stage: Stage = None,
     level: Level = None,
 ) -> None:
-    """See a trained policy fly one task: its path with pillars and plan, or a film of it.
+    """Draw or film one flight of a policy.
 
     With a vehicle file in the place of RUN a pilot by hand flies, who has a map.
 

@@ -51,7 +51,7 @@ def study(
     address: Address = None,
     threads: Threads = 1,
 ) -> None:
-    """Train every condition with several seeds, fly every policy in both simulators, and compare.
+    """Train all conditions with several seeds and compare the policies.
 
     Conditions: R_0 without water forces, R_MLP, R_PhysFeat and R_structured with residual networks,
     R_effects with the vehicle file's effects, R_identified with those of a file that was identified from the

@@ -42,7 +42,7 @@ def serve(
         ),
     ] = None,
 ) -> None:
-    """Let a vehicle answer another program, with every effect of its file.
+    """Simulate a vehicle live for another program, such as ArduSub.
 
     With --ardusub it speaks the JSON interface of ArduPilot's SITL over UDP: each frame of servo outputs
     moves the vehicle by 1/frame_rate, 0.05 s at most, and is answered with timestamp, imu, position, velocity

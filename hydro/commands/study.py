@@ -88,7 +88,7 @@ def study(
     threads: Threads = 1,
     quick: Quick = False,
 ) -> None:
-    """Train, evaluate and replay all residual models, several seeds each, and compare how they rank.
+    """Train all residual networks with several seeds and compare them.
 
     From raw data: labels, split, training, errors of the predicted wrench by axis and regime of motion,
     open-loop replay by segment without and with conditioning, and Kendall's tau between both errors: does the

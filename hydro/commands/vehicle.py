@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Thruster, Vector3
 
 NAME = "vehicle"
-HELP = "Make a vehicle file from mass, dimensions and thrusters."
+HELP = "Write a vehicle file from mass, dimensions and thrusters."
 NEUTRAL = "neutral"
 UNEVEN = 0.2
 """Of the weight: buoyancy that differs more is told."""
@@ -132,7 +132,7 @@ def new(
         FILE,
     ] = None,
 ) -> None:
-    """Write a vehicle file from mass, dimensions and thrusters, with what geometry says of the rest.
+    """Write a vehicle file from mass, dimensions and thrusters.
 
     Inertia, added mass and damping are estimated from the hull's box, or its mesh, and its shape: Lamb's
     ellipsoids, boxes and plates of DNV-RP-C205, streamlined bodies of Hoerner. What the water does has
