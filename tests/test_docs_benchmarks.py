@@ -91,7 +91,7 @@ def test_the_readme_quotes_hidden_effects() -> None:
 def test_the_readme_quotes_imperfect_hulls() -> None:
     plain = ("`hydro diagnose`", "`hydro diagnose`, other seeds")
     alarms, unchanged = total("alarm, nothing hidden", plain[0]).split(" of ")
-    _, _, result, baseline = shown("simulated hulls outside the catalogue")
+    _, _, result, baseline = shown("simulated hulls that no formula fits exactly")
     assert result == f"{total('named first', *plain)}; {alarms} alarms in {unchanged}"
     named = total("named first", "regression with BIC")
     alarms, unchanged = total("alarm, nothing hidden", "regression with BIC").split(" of ")
@@ -123,7 +123,7 @@ def test_the_readme_quotes_stonefish() -> None:
     squares = cell("stonefish", "held out, m/s", added="nothing (baselines: least squares")
     _, _, result, baseline = shown("outside simulator Stonefish")
     assert result.startswith(
-        f"{error['the file as given']} m/s, with three added effects {error['offset_drag']};"
+        f"{error['the file as given']} m/s as given, {error['offset_drag']} m/s with three effects added,"
     )
     assert list(error).index("offset_drag") - list(error).index("the file as given") == 3
     assert baseline == f"least squares: {squares} m/s"
@@ -166,8 +166,8 @@ def test_the_readme_quotes_policies() -> None:
         if row["in the"] == "teacher" and "%" in row[planned] and "pilot" not in row["flown by"]
     )
     assert (
-        f"With a planned way: hand-written pilot {arrivals('pilot', planned)}, best SAC policy {best:g} %."
+        f"Along a planned path: hand-written pilot {arrivals('pilot', planned)}, best SAC policy {best:g} %."
     ) in README
     study = [counts(row["passed all three"])[1] for row in GENERATOR["results"]("rl_study_trainings")]
     trainings = len(GENERATOR["results"]("rl_trainings")) + sum(study)
-    assert f"The {trainings} published trainings of all stages" in README
+    assert f"the {trainings} published trainings of all stages" in README
