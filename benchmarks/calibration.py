@@ -1,17 +1,16 @@
-"""Is a stated confidence a probability?  First names of all suites held against what was right.
+"""Is a stated confidence a probability?  Confidence of first names against the truth.
 
-The forecast of a study is the confidence in the first effect that its diagnosis names, and it comes true
-where that effect is hidden.  A name where nothing is hidden, or something that the catalogue does not have,
-is wrong.  A diagnosis that names nothing makes no forecast and is counted apart: it is right where nothing of
-the catalogue is hidden.  *Before calibration* is what the confidence was made from: the share of resamples
-that the effect wins, or the share of left-out error that it removes.
+The forecast of a study is the confidence in the first effect that its diagnosis names.  It comes true if
+that effect is hidden.  A name is wrong where nothing is hidden, or something that the catalogue lacks.  A
+diagnosis that names nothing makes no forecast; it is right where nothing of the catalogue is hidden.  *Before
+calibration* is the number that the confidence was computed from: the share of resamples that the effect
+wins, or the share of held-out error that it removes.
 
-    python -m benchmarks.calibration report hidden.parquet logs.parquet base.parquet --plot reliability.png
-    python -m benchmarks.calibration write hidden.parquet logs.parquet base.parquet --commit 1234567
+    python -m benchmarks.calibration report clean.parquet logs.parquet --plot reliability.png
+    python -m benchmarks.calibration write clean.parquet logs.parquet --commit 1234567
 
-Results files are those of `hidden_effects`, `imperfect_logs` and `imperfect_base`, in any order and number;
-studies of seeds for development are left out.  `write` makes benchmarks/results/calibration.csv, its picture
-and the page of the documentation that shows both.
+Results files are those of `benchmarks.judge`; studies with seeds for development are left out.  `write` makes
+benchmarks/results/calibration.csv, its picture and the page of the documentation that shows both.
 """
 
 from __future__ import annotations
@@ -24,89 +23,102 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from benchmarks.hidden_effects.scoring import interval, rate, score
-from benchmarks.imperfect_base.scoring import BIN, bins, brier
-from benchmarks.imperfect_base.work import together
+from benchmarks.judge import results
+from benchmarks.judge.scores import Score, scored
 from benchmarks.kept_tables import ROOT, Row, keep, markdown, origin
+from benchmarks.shares import interval, rate
 
-HELD_BACK = {"hidden_effects": 10_000, "imperfect_logs": 70_000, "imperfect_base": 70_000}
-"""First seed of each suite that nothing was mended with."""
-KEY = ("kind", "seed", "source", "condition", "with_before", "seconds")
-"""Columns that tell studies apart, where a suite has them."""
+HELD_BACK = 10_000
+"""First seed that is not for development."""
+BIN = 100
+"""Least number of names in a bin of the reliability table: its interval is at most 20 points wide."""
 SCHEMA: dict[str, Any] = {
-    **{"suite": pl.String, "seed": pl.Int64, "confidence": pl.Float64, "support": pl.Float64},
+    **{"list": pl.String, "seed": pl.Int64, "confidence": pl.Float64, "support": pl.Float64},
     **{"named": pl.Boolean, "right": pl.Boolean},
 }
 """Columns of forecasts, one row per study; `right` is of the first name, or of naming nothing."""
 FORECASTS = {"as stated": "confidence", "before calibration": "support"}
 COLOURS = {"as stated": "#0072B2", "before calibration": "#D55E00"}
-ALL = "all suites"
+ALL = "all lists"
 PICTURE = ROOT / "docs" / "images" / "calibration.png"
 
 
 def read(paths: Iterable[Path]) -> pl.DataFrame:
-    """Forecasts of results files, each study once.
+    """Return the forecasts of results files, each study once.
 
     Raises:
-        SystemExit: A file holds no studies of diagnoses.
+        SystemExit: A file holds no results of `benchmarks.judge`.
     """
-    suites: dict[str, list[pl.DataFrame]] = {}
-    for path in paths:
-        table = pl.read_parquet(path)
-        if not {"verdicts", "confidences", "called"} <= set(table.columns):
-            raise SystemExit(f"{path} holds no studies of diagnoses; give results of {', '.join(HELD_BACK)}")
-        suites.setdefault(suite_of(table), []).append(table)
-    return pl.concat([forecasts(together(tables)) for tables in suites.values()])
+    return forecasts(scored(results.read(paths)))
 
 
-def suite_of(table: pl.DataFrame) -> str:
-    """The suite that a table of results comes from, by its columns."""
-    if "condition" in table.columns:
-        return "imperfect_logs"
-    return "imperfect_base" if "with_before" in table.columns else "hidden_effects"
+def forecasts(studies: Sequence[Score]) -> pl.DataFrame:
+    """Return the forecasts of studies on held-back seeds; studies that failed make none."""
+    kept = [one for one in studies if one.row["seed"] >= HELD_BACK and not one.failed]
+    return pl.DataFrame([_forecast(one) for one in kept], schema=SCHEMA)
 
 
-def forecasts(table: pl.DataFrame) -> pl.DataFrame:
-    """The forecasts of one suite's results on held-back seeds; studies that failed make none."""
-    suite, key = suite_of(table), [name for name in KEY if name in table.columns]
-    kept = table.unique(key, keep="last", maintain_order=True).filter(
-        pl.col("seed") >= HELD_BACK[suite], pl.col("failure") == ""
-    )
-    return pl.DataFrame([_forecast(suite, row) for row in kept.iter_rows(named=True)], schema=SCHEMA)
-
-
-def _forecast(suite: str, row: Row) -> Row:
-    """What a study states first, and whether it is right."""
-    one, words = score(row), " --before" if row.get("with_before") else ""
-    found: Row = {"suite": suite + words, "seed": row["seed"], "named": bool(one.named)}
-    if not one.named:
-        return found | {"right": not one.truth}
-    first = one.named[0]
-    return found | {"confidence": first.confidence, "support": first.support, "right": one.top}
+def _forecast(one: Score) -> Row:
+    """Return what a study states first, and whether it is right; of a tie, whether the best effect is."""
+    found: Row = {"list": one.row["list"], "seed": one.row["seed"], "named": bool(one.named)}
+    first = one.answer
+    if first is None:
+        return found | {"right": not one.changed}
+    confidence = None if first.unsure else first.confidence
+    right = first.effect in one.row["called"] if first.tie else first.right
+    return found | {"confidence": confidence, "support": first.support, "right": right}
 
 
 def parts(those: pl.DataFrame) -> Iterator[tuple[str, pl.DataFrame]]:
-    """All studies, and those of each suite where there are several."""
+    """Yield all studies, then those of each list if there are several."""
     yield ALL, those
-    names = those["suite"].unique(maintain_order=True).to_list()
+    names = those["list"].unique(maintain_order=True).to_list()
     for name in names if len(names) > 1 else ():
-        yield name, those.filter(suite=name)
+        yield name, those.filter(list=name)
+
+
+def brier(confidence: np.ndarray, right: np.ndarray) -> float:
+    """Return the mean squared difference of stated confidence and truth (Brier 1950); NaN without names."""
+    return float(np.mean((confidence - right) ** 2)) if confidence.size else float("nan")
+
+
+def bins(confidence: np.ndarray) -> list[np.ndarray]:
+    """Return indices of names by rising confidence, in at most ten bins of equal count, at least BIN each.
+
+    Equal confidences share a bin, so that the bins do not depend on the order of names.  Names with the
+    greatest confidence have a bin of their own if they fill it, so that they do not hide less certain names.
+    """
+    order = np.argsort(confidence, kind="stable")
+    rising = confidence[order]
+    below = int(np.searchsorted(rising, rising[-1:].max(initial=0.0), "left"))
+    if min(below, order.size - below) >= BIN:
+        lower, greatest = np.split(order, [below])
+        return [*(lower[part] for part in bins(confidence[lower])), greatest]
+    count = int(np.clip(order.size // BIN, 1, 10))
+    ends = np.cumsum([part.size for part in np.array_split(order, count)])
+    edges = [0]
+    for end in np.searchsorted(rising, rising[ends - 1], "right"):
+        if end - edges[-1] >= BIN:
+            edges.append(int(end))
+    if len(edges) > 1 and order.size - edges[-1] < BIN:
+        edges.pop()
+    return [part for part in np.split(order, edges[1:]) if part.size]
 
 
 def pairs(those: pl.DataFrame, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Forecast probabilities of one kind and whether they came true (1.0) or not (0.0), (N,) each."""
+    """Return the probabilities of one forecast and whether they came true (1.0) or not (0.0), (N,) each."""
     told = those.filter("named").drop_nulls(column)
     return told[column].to_numpy().clip(0.0, 1.0), told["right"].cast(pl.Float64).to_numpy()
 
 
 def base_rate(right: np.ndarray) -> float:
-    """Brier score of the share of right names as everyone's forecast: what a score must be below."""
+    """Return the Brier score of a constant forecast, the share of right names: the baseline."""
     return brier(np.full(right.size, right.mean()), right) if right.size else float("nan")
 
 
 def scores(those: pl.DataFrame) -> Iterator[Row]:
-    """A row per suite and forecast with its Brier score."""
-    for suite, part in parts(those):
+    """Yield a row with the Brier score of each list and forecast."""
+    for name, part in parts(those):
         silent = part.filter(~pl.col("named"))["right"].to_list()
         for words, column in FORECASTS.items():
             stated, right = pairs(part, column)
@@ -114,7 +126,7 @@ def scores(those: pl.DataFrame) -> Iterator[Row]:
                 continue
             studies = {"studies": part.height, "nothing named, rightly": rate(silent)}
             yield {
-                **{"names of": suite, "forecast": words, "confidence": "any", "names": stated.size},
+                **{"names of": name, "forecast": words, "confidence": "any", "names": stated.size},
                 **{"mean": f"{stated.mean():.3f}", "right": rate(map(bool, right))},
                 **{
                     "Brier score": f"{brier(stated, right):.4f}",
@@ -125,7 +137,7 @@ def scores(those: pl.DataFrame) -> Iterator[Row]:
 
 
 def reliability(those: pl.DataFrame) -> Iterator[Row]:
-    """A row per bin of equal count, over all suites."""
+    """Yield a row for each bin of equal count, over all lists."""
     for words, column in FORECASTS.items():
         stated, right = pairs(those, column)
         for part in bins(stated) if stated.size else ():
@@ -139,18 +151,18 @@ def reliability(those: pl.DataFrame) -> Iterator[Row]:
 
 
 def held(those: pl.DataFrame, column: str) -> list[bool]:
-    """Of each bin, whether the mean that was stated lies in the 95 % interval of the share of right names."""
+    """Return for each bin whether the mean confidence lies in the interval of the share of right names."""
     stated, right = pairs(those, column)
     limits = [(part, interval(int(right[part].sum()), part.size)) for part in bins(stated) if stated.size]
     return [bool(low <= stated[part].mean() <= high) for part, (low, high) in limits]
 
 
 def summary(those: pl.DataFrame) -> str:
-    """Everything that forecasts say, as Markdown."""
+    """Return the report of forecasts as Markdown."""
     unsure = those.filter(pl.col("named") & pl.col("confidence").is_null()).height
     lines = [
         f"{those.height} studies; 95 % intervals after Clopper and Pearson, studies counted as independent."
-        + (f" {unsure} name first what has no confidence, and are left out." if unsure else "")
+        + (f" {unsure} state no confidence in their first name, and are left out." if unsure else "")
     ]
     for words, column in FORECASTS.items():
         inside, (stated, _) = held(those, column), pairs(those, column)
@@ -164,7 +176,7 @@ def summary(those: pl.DataFrame) -> str:
 
 
 def draw(those: pl.DataFrame, path: Path) -> None:
-    """Draw the reliability diagram as .png or .svg: share of right names against the mean stated, by bin."""
+    """Draw the reliability diagram as .png or .svg: share of right names against mean confidence, by bin."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.8, 4.8), dpi=150, layout="constrained")
@@ -193,7 +205,7 @@ def draw(those: pl.DataFrame, path: Path) -> None:
 
 
 def write(those: pl.DataFrame, names: Sequence[str], commit: str) -> None:
-    """Keep the figures: the table, the picture, and the page that shows them."""
+    """Write the kept table, its picture, and the page that shows them."""
     draw(those, PICTURE)
     whence = origin(those, f"python -m benchmarks.calibration write {' '.join(names)}", commit)
     keep("calibration", [row | whence for row in (*scores(those), *reliability(those))])

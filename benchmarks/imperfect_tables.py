@@ -1,10 +1,11 @@
-"""Kept tables of the benchmarks where no model is exactly right, rivals beside the diagnosis.
+"""Kept tables of the benchmarks where no model is exactly right: the diagnosis compared with its rivals.
 
     python -m benchmarks.imperfect_tables base base.parquet --rivals rivals.parquet --commit 1234567
     python -m benchmarks.imperfect_tables logs logs.parquet --rivals rivals.parquet --commit 1234567
 
-They are benchmarks/results/imperfect_base.csv and imperfect_logs.csv.  A rival states whatever it names; the
-file as given names nothing and lowers no error, which is the baseline.
+Results are those of `benchmarks.judge`, of the lists `panel-...` and `unchanged-...` or of `logs...`.  The
+tables are benchmarks/results/imperfect_base.csv and imperfect_logs.csv.  Every name of a rival counts as a
+statement.  The baseline is the file as given, which names nothing and lowers no error.
 """
 
 from __future__ import annotations
@@ -16,44 +17,63 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.scoring import Score, score
 from benchmarks.imperfect_base.study import SHARE
 from benchmarks.imperfect_logs.study import CLOSED, CONDITIONS, SPOILT
+from benchmarks.judge import results
+from benchmarks.judge.scores import Score, scored
 from benchmarks.kept_tables import Row, keep, origin
 from benchmarks.rivals.contest import BASE, SCHEMA
+from benchmarks.shares import rate
 
-HIDDEN, UNCHANGED = ("changed", "one"), ("nothing", "none")
+SPENT = 3.0
+"""Mean squared residual, in units of the noise, above which `nothing_missing` counts as an error."""
 
 
-def told(scored: Sequence[Score]) -> dict[str, str]:
-    """What a diagnosis' answers are worth, of studies where something is hidden and of others."""
-    hidden, nothing = _parted(scored)
-    sure = [one for one in (*hidden, *nothing) if one.stated]
+def told(studies: Sequence[Score]) -> dict[str, str]:
+    """Return the cells of the diagnosis, of studies where something is hidden and of others."""
+    hidden, nothing = _parted(studies)
     return {
-        "named first": rate(one.outcome == "first" for one in hidden),
-        "in a tie": rate(one.outcome == "tied" for one in hidden),
-        "nothing named": rate(one.outcome == "silent" for one in hidden),
-        "stated, of all": rate(one.stated for one in hidden),
-        "stated wrongly": rate(one.stated_wrongly for one in (*hidden, *nothing)),
-        "alarm, nothing hidden": rate(one.alarm for one in nothing),
-        "`nothing_missing` above 3": rate(one.blind for one in scored),
+        "named first": rate(one.first for one in hidden),
+        "in a tie": rate(_tied(one) for one in hidden),
+        "nothing named": rate(not one.named for one in hidden),
+        "stated, of all": rate(_stated(one) for one in hidden),
+        "stated wrongly": rate(one.wrong for one in (*hidden, *nothing)),
+        "alarm, nothing hidden": rate(one.wrong for one in nothing),
+        "`nothing_missing` above 3": rate(_blind(one) for one in studies),
         "error after / before": _ratio(one.row for one in hidden),
-        "cpu, s": _median(one.row["cpu"] for one in scored),
-        "studies": f"{len(hidden)} + {len(nothing)}, {len(sure)} stated",
+        "cpu, s": _median(one.row["cpu"] for one in studies),
+        "studies": f"{len(hidden)} + {len(nothing)}, {sum(map(_stated, (*hidden, *nothing)))} stated",
     }
 
 
-def _parted(scored: Sequence[Score]) -> tuple[list[Score], list[Score]]:
-    """Studies in which what is hidden makes its share of the error, and studies without anything hidden."""
-    hidden = [one for one in scored if one.row["kind"] in HIDDEN and one.row["share"] >= SHARE]
-    return hidden, [one for one in scored if one.row["kind"] in UNCHANGED]
+def _parted(studies: Sequence[Score]) -> tuple[list[Score], list[Score]]:
+    """Return studies whose hidden effect makes at least SHARE of the error, and studies that hide none.
+
+    A condition of a log that hides something itself, such as a current, makes no difference.
+    """
+    hidden = [one for one in studies if one.row["title"] and one.row["share"] >= SHARE]
+    return hidden, [one for one in studies if not one.row["title"]]
+
+
+def _tied(one: Score) -> bool:
+    """Return whether the first name is a tie that holds the truth."""
+    return one.answer is not None and one.answer.tie and one.answer.right is True
+
+
+def _stated(one: Score) -> bool:
+    """Return whether the first name is a statement, right or wrong."""
+    return one.answer is not None and one.answer.stated
+
+
+def _blind(one: Score) -> bool:
+    """Return whether nothing is called missing although the residual is above SPENT."""
+    return "nothing_missing" in one.verdicts and one.row["chi2_end"] > SPENT
 
 
 def rival(rows: Sequence[Row]) -> dict[str, str]:
-    """The same of a rival, who is always sure."""
-    hidden = [row for row in rows if row["kind"] in HIDDEN and row["share"] >= SHARE]
-    nothing = [row for row in rows if row["kind"] in UNCHANGED]
+    """Return the cells of a rival."""
+    hidden = [row for row in rows if row["kind"] == "one" and row["share"] >= SHARE]
+    nothing = [row for row in rows if row["kind"] == "none"]
 
     def wrong(row: Row) -> bool:
         return row["named"] not in ("", *row["called"], *row["misjudged"])
@@ -71,33 +91,34 @@ def rival(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def _ratio(rows: Iterable[Row]) -> str:
-    """Median held-out error after over that of the file as given, and how often it is greater."""
+    """Return the median held-out error after over that of the file as given, and how often it is greater."""
     ratios = np.array([row["after"] / row["before"] for row in rows if row["after"] is not None])
     return f"{np.median(ratios):.2f}, greater in {rate((ratios > 1.0).tolist())}" if ratios.size else ""
 
 
 def _median(values: Iterable[float]) -> str:
+    """Return the median as a whole number; empty without values."""
     those = list(values)
     return f"{np.median(those):.0f}" if those else ""
 
 
-def base(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
-    """The diagnosis, its rivals, and what bounds them."""
-    for words, with_before in (("", False), (" --before", True)):
-        scored = [score(row) for row in results.filter(with_before=with_before, failure="").to_dicts()]
-        if scored:
-            yield {"by": f"`hydro diagnose{words}`", **told(scored)}
+def base(studies: Sequence[Score], others: pl.DataFrame) -> Iterator[Row]:
+    """Yield the diagnosis, its rivals, the true change as a bound, and the baseline."""
+    for words, ending in (("", "-plain"), (" --before", "-before")):
+        those = [one for one in studies if one.row["list"].endswith(ending)]
+        if those:
+            yield {"by": f"`hydro diagnose{words}`", **told(those)}
     yield from _rivals(others.filter(condition=BASE))
-    hidden, _ = _parted([score(row) for row in results.filter(failure="").to_dicts()])
-    best = [one.row | {"after": one.row["oracle"]} for one in hidden if one.row["oracle"] is not None]
+    hidden, _ = _parted(studies)
+    best = [one.row | {"after": one.row["with_truth"]} for one in hidden]
     if best:
-        yield {"by": "the true change, fitted (bound)", "error after / before": _ratio(best)}
-    yield as_given(results)
+        yield {"by": "the true change, added (bound)", "error after / before": _ratio(best)}
+    yield as_given(studies)
 
 
-def as_given(results: pl.DataFrame) -> Row:
-    """The baseline: the file itself, which names nothing."""
-    hidden, nothing = _parted([score(row) for row in results.filter(failure="").to_dicts()])
+def as_given(studies: Sequence[Score]) -> Row:
+    """Return the baseline: the file itself, which names nothing."""
+    hidden, nothing = _parted(studies)
     silent = {
         "nothing named": rate(True for _ in hidden),
         "alarm, nothing hidden": rate(False for _ in nothing),
@@ -105,25 +126,22 @@ def as_given(results: pl.DataFrame) -> Row:
     return {"by": "the file as given (baseline)", **silent, "error after / before": "1.00"}
 
 
-def logs(results: pl.DataFrame, others: pl.DataFrame) -> Iterator[Row]:
-    """The diagnosis under each condition, and its rivals there."""
+def logs(studies: Sequence[Score], others: pl.DataFrame) -> Iterator[Row]:
+    """Yield the diagnosis and its rivals under each condition, then groups of conditions."""
     for condition in CONDITIONS:
-        rows = results.filter((pl.col("condition") == condition) & (pl.col("failure") == "")).to_dicts()
-        if rows:
-            yield {"log": condition, "by": "`hydro diagnose`", **told([score(row) for row in rows])}
+        those = [one for one in studies if one.row["condition"] == condition]
+        if those:
+            yield {"log": condition, "by": "`hydro diagnose`", **told(those)}
         for row in _rivals(others.filter(condition=condition)):
             yield {"log": condition, **row}
-    scored = [score(row) for row in results.filter(failure="").to_dicts()]
     for name, part in (("sensors, all together", tuple(SPOILT)), ("controllers, all together", CLOSED)):
-        yield {
-            "log": name,
-            "by": "`hydro diagnose`",
-            **told([s for s in scored if s.row["condition"] in part]),
-        }
-    yield {"log": "all", **as_given(results)}
+        those = [one for one in studies if one.row["condition"] in part]
+        yield {"log": name, "by": "`hydro diagnose`", **told(those)}
+    yield {"log": "all", **as_given(studies)}
 
 
 def _rivals(others: pl.DataFrame) -> Iterator[Row]:
+    """Yield the cells of each rival."""
     for (name,), part in others.filter(failure="").group_by("rival", maintain_order=True):
         yield {"by": name, **rival(part.to_dicts())}
 
@@ -136,11 +154,11 @@ def main() -> None:
     parser.add_argument("--commit", required=True, help="of the code that was measured")
     parser.add_argument("--rivals-commit", help="of the code that the rivals ran beside; by default the same")
     chosen = parser.parse_args()
-    results = pl.read_parquet(chosen.results)
+    table = results.read([chosen.results])
     others = pl.DataFrame(schema=SCHEMA) if chosen.rivals is None else pl.read_parquet(chosen.rivals)
-    rows = list({"base": base, "logs": logs}[chosen.which](results, others))
-    command = f"python -m benchmarks.imperfect_{chosen.which} run --seconds {results['seconds'][0]:g}"
-    whence = origin(results, command, chosen.commit)
+    studies = [one for one in scored(table) if not one.failed]
+    rows = list({"base": base, "logs": logs}[chosen.which](studies, others))
+    whence = origin(table, results.made_by(table), chosen.commit)
     beside = whence | {
         "seeds": f"{others['seed'].min()} to {others['seed'].max()}",
         "commit": chosen.rivals_commit or chosen.commit,

@@ -29,11 +29,11 @@ from scipy.stats import binomtest, kstest
 
 from benchmarks.hidden_effects import cases
 from benchmarks.hidden_effects.flights import scaled
-from benchmarks.hidden_effects.scoring import rate
 from benchmarks.hidden_effects.study import Flown, fly
-from benchmarks.imperfect_base.work import Results, add_workers, done
 from benchmarks.imperfect_logs.sensors import replaced
 from benchmarks.kept_tables import Row, keep, markdown, origin
+from benchmarks.shares import rate
+from benchmarks.work import Results, add_workers, done
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.baseline import refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
@@ -80,7 +80,7 @@ def screened(vehicle: Vehicle, raw: pl.DataFrame) -> tuple[Screening, float]:
     return Search(baseline).screen(baseline.refitted, []), baseline.refitted.normal.chi2
 
 
-def run_one(seed: int, seconds: float, wanted: tuple[str, ...], folder: Path) -> list[Row]:
+def run_one(seed: int, seconds: float, wanted: tuple[str, ...]) -> list[Row]:
     """Rows of one flight under each kind of noise; what went wrong stands under `failure`."""
     case = cases.draw("none", seed)
     same = {"seed": seed, "preset": case.preset, "source": case.source, "seconds": seconds, "failure": ""}
@@ -89,7 +89,7 @@ def run_one(seed: int, seconds: float, wanted: tuple[str, ...], folder: Path) ->
     for noise in wanted:
         begun, row = time.process_time(), dict.fromkeys(SCHEMA) | same | {"noise": noise}
         try:
-            flown = flown or fly(replace(case, noise=0.0), seconds, folder)
+            flown = flown or fly(replace(case, noise=0.0), seconds)
             rng = np.random.default_rng([seed, NOISES.index(noise), 31])
             screening, chi2 = screened(flown.given, written(flown.measured, noise, case.noise, rng))
             row |= {"overall": screening.p_value, "chi2": chi2, "shots": len(screening.evidence.error)}
@@ -116,7 +116,7 @@ def run(chosen: argparse.Namespace) -> None:
     for seed in range(chosen.first_seed, chosen.first_seed + chosen.studies):
         for seconds in chosen.seconds or LENGTHS:
             if wanted := tuple(noise for noise in NOISES if (seed, seconds, noise) not in known):
-                tasks.append((seed, seconds, wanted, chosen.out.parent))
+                tasks.append((seed, seconds, wanted))
     for number, rows in enumerate(done(run_one, tasks, chosen), 1):
         results.add(*rows)
         print(f"{number}/{len(tasks)} {line(rows)}", flush=True)

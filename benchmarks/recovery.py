@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from scipy.stats import beta
 
+from benchmarks import shares
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, joined, misjudged, preset
-from benchmarks.imperfect_base.work import add_workers, done
+from benchmarks.work import add_workers, done
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.diagnosis.baseline import allowing_for_waves, refit, stable_start
 from hydro.core.diagnosis.log_faults import preprocess
@@ -326,9 +326,8 @@ def true_values(truth: Vehicle, free: Free) -> Array:
 
 
 def interval(hits: int, count: int) -> str:
-    """Share with its 95 % Clopper-Pearson interval."""
-    low = beta.ppf(0.025, hits, count - hits + 1) if hits else 0.0
-    high = beta.ppf(0.975, hits + 1, count - hits) if hits < count else 1.0
+    """Return a share with its 95 % interval, for a table of fixed width."""
+    low, high = shares.interval(hits, count)
     return f"{100 * hits / count:5.1f} % [{100 * low:5.1f}, {100 * high:5.1f}]"
 
 

@@ -3,11 +3,10 @@
 Each trial flies a vehicle of `datasets/vehicles` in the benchmark's own simulator with ordinary noise, keeps
 the samples of some of its sensors, and fits the file's damping and added mass from a start that is 20 % wrong
 in every number.  Numbers that the fit calls determined are to lie within three standard errors of the truth.
-A pair diagnoses one hidden effect twice: in the complete flight, and in the same with asynchronous sensors.
+The list `sparse` of `benchmarks.judge` diagnoses flights with asynchronous sensors.
 
     python -m benchmarks.subsets run --trials 3 -o subsets.parquet
-    python -m benchmarks.subsets pairs --trials 6 -o pairs.parquet
-    python -m benchmarks.subsets report subsets.parquet --pairs pairs.parquet
+    python -m benchmarks.subsets report subsets.parquet
 
 Results files grow by one row per trial; the same command goes on where an earlier one stopped.  Seeds below
 10,000 are for development, those from 70,000 are held back for published figures.
@@ -28,14 +27,11 @@ import msgspec
 import numpy as np
 import polars as pl
 
-from benchmarks.hidden_effects import cases, flights
+from benchmarks.hidden_effects import flights
 from benchmarks.hidden_effects.vehicles import PRESETS, damping_of, preset
-from benchmarks.imperfect_base.work import Results, add_workers, done
-from benchmarks.imperfect_logs.study import clean
 from benchmarks.recovery import interval, true_values
+from benchmarks.work import Results, add_workers, done
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.diagnose import diagnose
-from hydro.core.diagnosis.findings import Finding
 from hydro.core.identification.fit import fit
 from hydro.core.identification.outcome import Fit
 from hydro.core.vehicle.description import Vehicle
@@ -66,13 +62,6 @@ SCHEMA: dict[str, Any] = {
     **{name: pl.List(pl.Float64) for name in ("truth", "start", "values", "errors")},
     **{"chi2": pl.Float64, "cpu": pl.Float64, "failure": pl.String},
 }
-PAIRED: dict[str, Any] = {
-    **{"seed": pl.Int64, "preset": pl.String, "seconds": pl.Float64, "title": pl.String},
-    **{"hidden": pl.List(pl.String), "complete": pl.List(pl.String), "asynchronous": pl.List(pl.String)},
-    **{"differences": pl.List(pl.Float64), "cpu": pl.Float64, "failure": pl.String},
-}
-"""What both diagnoses name; of values of effects that both name the differences, in standard errors."""
-NAMED = ("missing", "suspect", "cannot_tell_apart", "retune")
 
 
 def sampled(raw: pl.DataFrame, every: Every) -> pl.DataFrame:
@@ -159,50 +148,6 @@ def run(chosen: argparse.Namespace) -> None:
         print(f"{number}/{len(tasks)} {line(row)}", flush=True)
 
 
-def pair(seed: int, seconds: float, folder: Path) -> dict[str, Any]:
-    """The row of one hidden effect diagnosed twice; what went wrong stands under `failure`."""
-    case = cases.draw("one", seed, "independent")
-    row: dict[str, Any] = dict.fromkeys(PAIRED) | {"seed": seed, "preset": case.preset, "seconds": seconds}
-    row |= {"title": case.title, "hidden": list(case.called), "failure": ""}
-    clock = time.process_time()
-    try:
-        _, flight = clean(case, seconds, folder)
-        both = [
-            diagnose(flight.given, sampled(flight.measured, SUBSETS[name]))
-            for name in (COMPLETE, ASYNCHRONOUS)
-        ]
-        found = [{one.effect: one for one in each.findings if one.verdict in NAMED} for each in both]
-        row |= {"complete": list(found[0]), "asynchronous": list(found[1])}
-        shared = [name for name in found[0] if name in found[1]]
-        row["differences"] = [z for name in shared for z in _differences(found[0][name], found[1][name])]
-    except Exception as error:  # likewise
-        row["failure"] = f"{type(error).__name__}: {error}"
-    return row | {"cpu": time.process_time() - clock}
-
-
-def _differences(one: Finding, other: Finding) -> list[float]:
-    """Differences of the values of one effect over the standard error of the worse known."""
-    out = []
-    for name in one.standard_errors:
-        if name in other.standard_errors:
-            parts = (one.parameters, other.parameters, one.standard_errors, other.standard_errors)
-            a, b, s, r = (np.ravel(np.asarray(part[name], float)) for part in parts)
-            out += ((a - b) / np.maximum(s, r)).tolist()
-    return out
-
-
-def run_pairs(chosen: argparse.Namespace) -> None:
-    """Diagnose the pairs that are not in the results file yet."""
-    results = Results(chosen.out, PAIRED)
-    known = set(results.table["seed"].to_list())
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.trials)
-    tasks = [(seed, chosen.seconds, chosen.out.parent) for seed in seeds if seed not in known]
-    for row in done(pair, tasks, chosen):
-        results.add(row)
-        told = row["failure"] or f"{row['complete']} {row['asynchronous']} {np.round(row['differences'], 1)}"
-        print(f"{row['seed']} {row['preset']}, {row['title']} {row['hidden']}: {told}", flush=True)
-
-
 def line(row: Mapping[str, Any]) -> str:
     """A trial in one line, for whoever watches."""
     head = f"{row['seed']} {row['preset']}, {row['subset']}:"
@@ -252,25 +197,9 @@ def summary(results: pl.DataFrame) -> Iterator[dict[str, str]]:
         }
 
 
-def agreement(pairs: pl.DataFrame) -> str:
-    """How far diagnoses of asynchronous logs agree with those of complete ones, in one sentence."""
-    rows = pairs.filter(failure="").to_dicts()
-    z = np.abs(np.concatenate([row["differences"] for row in rows] or [np.zeros(0)]))
-    first = [[(row[log] or [""])[0] for row in rows] for log in ("complete", "asynchronous")]
-    same = sum(a == b for a, b in zip(*first, strict=True))
-    right = [sum(a in row["hidden"] for a, row in zip(names, rows, strict=True)) for names in first]
-    return (
-        f"{len(rows)} pairs of {pairs.height}: {same} name the same effect first; the hidden one is "
-        f"first in {right[0]} complete and {right[1]} asynchronous logs; {(z <= 3.0).sum()} of {z.size} "
-        "values of effects that both name differ by at most three standard errors"
-    )
-
-
 def report(chosen: argparse.Namespace) -> None:
     """Write the sums as CSV to standard output."""
     lines = list(summary(pl.concat([pl.read_parquet(path) for path in chosen.results])))
-    if chosen.pairs is not None:
-        print(agreement(pl.read_parquet(chosen.pairs)), file=sys.stderr)
     writer = csv.DictWriter(sys.stdout, list(lines[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(lines)
@@ -289,16 +218,8 @@ def parser() -> argparse.ArgumentParser:
     add_workers(one)
     one.add_argument("-o", "--out", type=Path, default=Path("subsets.parquet"))
     one.set_defaults(action=run)
-    other = commands.add_parser("pairs", help="diagnose complete flights and the same with slow sensors")
-    other.add_argument("--trials", type=int, default=6, help="seeds")
-    other.add_argument("--first-seed", type=int, default=0)
-    other.add_argument("--seconds", type=float, default=180.0)
-    add_workers(other)
-    other.add_argument("-o", "--out", type=Path, default=Path("pairs.parquet"))
-    other.set_defaults(action=run_pairs)
     two = commands.add_parser("report", help="sum up results, as CSV")
     two.add_argument("results", type=Path, nargs="+")
-    two.add_argument("--pairs", type=Path, help="results of pairs, summed up on standard error")
     two.set_defaults(action=report)
     return top
 

@@ -14,7 +14,7 @@ import pytest
 import recordings
 
 from benchmarks import nodes as two
-from benchmarks.imperfect_base.work import add_workers, done
+from benchmarks.work import add_workers, done
 from hydro import cli
 from hydro.core.errors import DataError, UsageError
 from hydro.io import partitions, table

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
-from pathlib import Path
+import json
 
 import msgspec
-import numpy as np
 import polars as pl
 import pytest
 
 from benchmarks.hidden_effects import vehicles
 from benchmarks.imperfect_base import base, changes, study
+from benchmarks.judge import studies
+from benchmarks.judge.studies import LISTS
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation.replay_error import Ahead
 from hydro.core.vehicle.panels import panels
-
-ROOT = Path(__file__).resolve().parents[1]
+from hydro.io import vehicle as files
 
 
 @pytest.mark.parametrize("preset", vehicles.PRESETS)
@@ -59,50 +57,40 @@ def test_effects_of_panels_are_refused(monkeypatch):
 
 
 SECONDS = 32.0
-"""Of the flights in a study: four sessions that hold a prediction each,"""
+"""Length of the flights in the study: four sessions that hold a prediction each."""
 UNCHANGED = 40.0
-"""and of those that the file is fitted to."""
+"""Length of the flights that the file is fitted to."""
+SEED = next(seed for seed in range(300, 400) if changes.draw("changed", seed).title == "ocean_current")
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    """One study, run twice from the command line."""
+def panel(tmp_path_factory):
+    """A study of the list `panel-before`, and the unchanged vehicle."""
     folder = tmp_path_factory.mktemp("imperfect_base")
-    seed = next(s for s in range(300, 400) if changes.draw("changed", s).title == "ocean_current")
-    preset = changes.draw("changed", seed).preset
-    arguments = ["--first-seed", seed, "--studies", 1, "--seconds", SECONDS, "--unchanged", UNCHANGED]
-    arguments += ["-o", folder / "rows.parquet"]
-    command = [sys.executable, "-m", "benchmarks.imperfect_base", "run", "--kind", "changed", *arguments]
-    printed = [
-        subprocess.run(list(map(str, command)), cwd=ROOT, text=True, capture_output=True, check=False)
-        for _ in range(2)
-    ]
-    return folder, seed, preset, printed
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(base, "UNCHANGED", UNCHANGED)
+        one = LISTS["panel-before"].prepare(SEED, SECONDS, folder)
+    return one, base.of(changes.draw("changed", SEED).preset, SEED, UNCHANGED, folder / "bases")
 
 
 @pytest.mark.slow
-def test_a_study_from_the_command_line(done):
-    folder, seed, preset, (first, second) = done
-    assert first.returncode == 0, first.stderr
-    (row,) = pl.read_parquet(folder / "rows.parquet").to_dicts()
-    assert row["failure"] == ""
-    assert row["unchanged_seconds"] == UNCHANGED
-    assert (row["seed"], row["preset"], row["called"]) == (seed, preset, ["ocean_current"])
-    assert row["base_error"] >= study.STANDS_OUT * row["base_floor"]
-    assert row["share"] >= study.SHARE
-    assert row["oracle"] < row["before"], "the true change, fitted, takes error away"
-    assert row["verdicts"]
-    assert 0.0 < row["cpu"] <= row["study_cpu"]
-    assert "base" in first.stdout
-    assert second.stdout == "", "what is in the file is not run again"
+def test_a_change_stands_out_of_the_noise_and_makes_its_share(panel):
+    one, known = panel
+    assert one.called == ("ocean_current",)
+    assert one.facts["share"] >= study.SHARE
+    case, error, floor = study.standing_out(changes.draw("changed", SEED), known, SECONDS)
+    assert error >= study.STANDS_OUT * floor
+    assert case.noise == one.facts["noise"]
+    true = [{"name": "ocean_current", **one.truth.effects("ocean_current")[0]}]
+    assert one.errors.of(vehicles.joined(one.given, true)) < one.errors.of(one.given)
 
 
 @pytest.mark.slow
-def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
-    folder, seed, preset, _ = done
-    known = base.of(preset, seed, UNCHANGED, folder / "bases")
+def test_the_fitted_file_is_that_of_the_unchanged_flights(panel):
+    one, known = panel
     flown = pl.read_parquet(known.unchanged)
     assert flown.height == round(UNCHANGED / 0.02)
+    assert one.before.equals(flown)
     believed = {table["name"]: table for table in known.believed.effect}
     assert {table["name"] for table in known.vehicle.effect} == set(believed)
     assert any("standard_error" in table for table in known.vehicle.effect)
@@ -111,13 +99,22 @@ def test_the_fitted_file_is_that_of_the_unchanged_flights(done):
     assert msgspec.structs.replace(known.vehicle, effect=()) == msgspec.structs.replace(
         known.believed, effect=()
     )
-    study.write(changes.draw("changed", seed), SECONDS, UNCHANGED, folder / "bases", folder / "written")
-    assert sorted(path.name for path in (folder / "written").iterdir()) == [
+
+
+@pytest.mark.slow
+def test_a_study_is_written_as_files(panel, tmp_path):
+    one, _ = panel
+    studies.write(one, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
         "after.parquet",
         "before.parquet",
         "held_out.parquet",
         "truth.json",
         "vehicle.toml",
     ]
-    assert pl.read_parquet(folder / "written" / "before.parquet").equals(flown)
-    assert np.isfinite(pl.read_parquet(folder / "written" / "after.parquet")["u"].to_numpy()).all()
+    assert files.vehicle_hash(files.read(tmp_path / "vehicle.toml")[0]) == files.vehicle_hash(one.given)
+    for name, table in {"before": one.before, "after": one.measured, "held_out": one.held_out}.items():
+        assert pl.read_parquet(tmp_path / f"{name}.parquet").equals(table)
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert truth["called"] == ["ocean_current"]
+    assert truth["hidden"][0]["name"] == "ocean_current"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.hidden_effects import vehicles
+from benchmarks.imperfect_logs.study import CONDITIONS
 from benchmarks.judge import __main__ as command
 from benchmarks.judge import board, rescore, rows
+from benchmarks.judge import results as files
 from benchmarks.judge.scores import Score, score
+from benchmarks.judge.studies import LISTS, Study
+from benchmarks.work import Results
 from hydro.core.diagnosis import confidence
 from hydro.core.diagnosis.candidates import BLOCKS, in_blocks
+from hydro.core.diagnosis.findings import Diagnosis, Finding
+from hydro.core.vehicle.description import Vehicle
 
 BASE = dict.fromkeys(rows.SCHEMA) | {"list": "clean-one", "seed": 1, "seconds": 60.0, "failure": ""}
 BASE |= {"called": ["payload"], "alias": [], "misjudged": [], "study_cpu": 1.0, "cpu": 1.0, "role": "finding"}
@@ -39,6 +47,60 @@ def test_alias_and_values_wrong_by_design_are_neither_right_nor_wrong():
     assert told.named == ()
     assert not told.wrong
     assert score([finding("linear_damping", 0.99, "missing", **row)]).wrong
+
+
+HIDDEN = json.dumps({"hidden": [], "foreign": {"swell": 2.0}})
+
+
+def test_an_effect_outside_the_catalogue_is_called_unknown_and_no_alarm_counts_it():
+    outside = {"called": [], "hidden": HIDDEN, "title": "swell"}
+    told = score([finding("", None, "none_of_the_known", members=[], **outside)])
+    assert (told.outside, told.unexplained, told.answer) == (True, True, None)
+    named = score([finding("tether", 0.95, **outside)])
+    assert (named.unexplained, named.wrong, named.alarm) == (False, True, False)
+    assert not score([finding("payload", 0.95, hidden=HIDDEN)]).outside, "an effect of the catalogue fits it"
+
+
+COLUMNS = json.dumps({"hidden": [], "foreign": {"columns": [2, 4]}})
+
+
+@pytest.mark.parametrize(
+    ("members", "hidden", "right"),
+    [
+        (["cmd_4", "cmd_2"], COLUMNS, True),
+        (["cmd_2"], COLUMNS, False),
+        (["cmd_2", "cmd_3"], COLUMNS, False),
+        (["cmd_2"], None, True),
+        (["psi"], json.dumps({"hidden": [], "foreign": {"sensor": "heading"}}), True),
+    ],
+    ids=["those at fault", "too few", "others", "not known", "no column"],
+)
+def test_a_fault_of_the_log_is_right_if_it_names_the_columns_at_fault(members, hidden, right):
+    row = {"list": "apart-before", "called": ["log_fault"], "hidden": hidden}
+    row |= {"effect": "", "members": members, "verdict": "log_fault"}
+    told = score([BASE | row])
+    assert (told.first, told.wrong) == (right, not right)
+    assert told.answer.stated, "a fault is a statement"
+    assert score([BASE | row | {"list": "clean-one"}]).answer is None
+
+
+@pytest.mark.parametrize(
+    ("told", "first", "wrong"),
+    [
+        ([finding("control_surface:2", 0.95, "retune", called=["control_surface"])], True, False),
+        ([finding("ocean_current", 1.0), finding("current_shear", 1.0)], True, False),
+        ([finding("ocean_current", 1.0)], False, False),
+        ([finding("tether", 0.4, "suspect"), finding("current_shear", 0.95)], False, False),
+        ([finding("current_shear", 0.8, "suspect"), finding("tether", 0.95)], True, True),
+        ([finding("", None, "nothing_missing", members=[])], False, False),
+    ],
+    ids=["label", "alias first", "alias alone", "wrong suspect first", "wrong statement later", "nothing"],
+)
+def test_changes_of_the_independent_simulator_are_scored_by_right_names_and_aliases(told, first, wrong):
+    where = {"list": "apart-before", "alias": ["ocean_current"]}
+    called = {"called": told[0]["called"] if told[0]["effect"].startswith("control") else ["current_shear"]}
+    one = score([row | where | called for row in told])
+    assert (one.first, one.wrong) == (first, wrong)
 
 
 def test_nothing_hidden_makes_any_statement_an_alarm():
@@ -92,6 +154,137 @@ def test_paired_differences_use_only_studies_that_both_have_and_that_did_not_fai
     text = board.paired(base, now, "old", "new")
     assert text.startswith("2 pairs: new minus old")
     assert "| all | named first | 2 | 50.0% | 100.0% | +50.0 |" in text
+
+
+STUDIES = [
+    score([finding("payload", 0.97, title="payload", seed=1)]),
+    score([finding("tether", 0.6, "suspect", title="payload", seed=2)]),
+    score([finding("tether", 0.95, list="clean-none", called=[], seed=1)]),
+    score([finding("", None, "nothing_missing", members=[], list="clean-none", called=[], seed=2)]),
+    score([finding("payload", 0.95, title="payload + tether", seed=3, failure="DataError: diverges")]),
+    score([finding("payload", 0.95, title="payload + tether", seed=4, called=["payload", "tether"])]),
+]
+UNKNOWN = score(
+    [
+        finding("", None, "far_from_noise", members=[], list="clean-unknown")
+        | {"called": [], "hidden": HIDDEN, "title": "swell"}
+    ]
+)
+
+
+def test_the_scoreboard_counts_lists_and_leaves_empty_columns_out():
+    cells = {row["list"]: row for row in board.table(STUDIES)}
+    assert cells["clean-one"]["studies"] == "3"
+    assert cells["clean-one"]["named first"].startswith("2 of 3, 67% (")
+    assert cells["clean-one"]["exactly"].startswith("1 of 3,")
+    assert cells["clean-none"]["alarm"].startswith("1 of 2,")
+    assert cells["clean-one"]["alarm"] == ""
+    assert "called unknown" not in cells["all"]
+    text = board.scoreboard(STUDIES)
+    assert "Statements at 0.9 or more: 3; studies with a wrong one: 1 of 5." in text
+    assert "Failed: ('clean-one', 3, 60.0): DataError: diverges" in text
+    with_unknown = board.table([*STUDIES, UNKNOWN])
+    assert with_unknown[0]["called unknown"].startswith("1 of 1,")
+    assert with_unknown[0]["alarm"] == cells["all"]["alarm"]
+
+
+def test_confusions_list_first_answers_of_studies_that_hide_one_effect_or_none():
+    text = board.confusions([*STUDIES, UNKNOWN])
+    assert "| payload | 2 | **payload** 1, tether 1 |" in text
+    assert "| nothing | 2 | tether 1, **nothing** 1 |" in text
+    assert "| swell | 1 | **none of the known** 1 |" in text
+    assert "payload + tether" not in text
+
+
+FROZEN = {
+    **{"clean-one": 50, "clean-two": 35, "clean-three": 20, "clean-none": 40, "panel-before": 48},
+    **{"panel-plain": 30, "unchanged-before": 24, "unchanged-plain": 10, "logs": 26, "sparse": 9},
+    "apart-before": 21,
+}
+
+
+def test_without_lists_the_sizes_are_those_of_the_frozen_table():
+    assert {name: count for name, count in command.sizes([]).items() if count} == FROZEN
+    assert command.sizes(["clean-one", "clean-form=7"]) == {"clean-one": 50, "clean-form": 7}
+    with pytest.raises(SystemExit, match="give clean-form=COUNT"):
+        command.sizes(["clean-form"])
+
+
+def test_every_condition_of_a_log_is_a_list_with_and_without_a_hidden_effect():
+    for name in ("logs", "logs-none"):
+        assert [one.about for each, one in LISTS.items() if each.startswith(f"{name}:")] == list(CONDITIONS)
+
+
+def test_a_study_of_several_files_is_that_of_the_last_one(tmp_path):
+    tables = [[finding("payload", 0.95), finding("tether", 0.9)], [finding("payload", 0.8)]]
+    tables[0].append(finding("tether", 0.5, seed=2))
+    paths = [tmp_path / f"{number}.parquet" for number in range(2)]
+    for told, path in zip(tables, paths, strict=True):
+        pl.DataFrame(told, schema=rows.SCHEMA).write_parquet(path)
+    found = files.read(paths)
+    assert found.select("seed", "confidence").rows() == [(2, 0.5), (1, 0.8)]
+    words = "python -m benchmarks.judge run --list clean-one=2 --first-seed 1 --seconds 60"
+    assert files.made_by(found) == words
+    pl.DataFrame({"seed": [1]}).write_parquet(paths[0])
+    with pytest.raises(SystemExit, match=r"0\.parquet holds no results"):
+        files.read(paths)
+
+
+def test_a_results_file_of_an_older_schema_is_continued(tmp_path):
+    path = tmp_path / "old.parquet"
+    pl.DataFrame([finding("payload", 0.9)], schema=rows.SCHEMA).drop("support").write_parquet(path)
+    Results(path, rows.SCHEMA).add(finding("payload", 0.9, support=0.95))
+    found = pl.read_parquet(path)
+    assert found.schema == pl.Schema(rows.SCHEMA)
+    assert found["support"].to_list() == [None, 0.95]
+
+
+@pytest.mark.parametrize(("left", "stated"), [(1.1, 0.9), (1.6, 0.9 * 102 / 118), (4.0, 0.9 * 102 / 118)])
+def test_a_row_keeps_what_the_confidence_of_its_finding_was_made_from(left, stated):
+    """Where more than noise is left, a name is less sure than the share of resamples that it wins."""
+    sure = confidence.by_likelihood_confidence(0.9, left)
+    told = (Finding("missing", "payload", confidence=sure, support=0.9), Finding("not_excited", "tether"))
+    (row,) = rows._findings(Study(None, None, ()), Diagnosis(told, None, (9.0, 9.0, left)))
+    assert row["confidence"] == pytest.approx(stated)
+    assert row["support"] == 0.9
+
+
+def test_a_delay_that_only_the_log_has_is_not_added_for_the_error_on_clean_data():
+    vehicle = vehicles.preset("auv151")
+
+    class Effects:
+        """Stands for the errors ahead: tells which effects a vehicle has beside the file's."""
+
+        floor = 0.0
+
+        def of(self, given: Vehicle) -> list[str]:
+            return [table["name"] for table in given.effect[len(vehicle.effect) :]]
+
+    late = Finding("missing", "sensor_delay", parameters={"d": 0.2}, confidence=1.0)
+    load = Finding("missing", "payload", parameters={"w": 3.0}, confidence=1.0)
+    found = Diagnosis((late, load), vehicle, (9.0, 9.0, 1.0))
+    for of_log, after in (((), ["sensor_delay", "payload"]), (("sensor_delay",), ["payload"])):
+        errors = rows._errors(Study(vehicle, None, ("payload",), errors=Effects(), of_log=of_log), found)
+        assert errors["after"] == after
+        assert errors["after_top"] == after[:1]
+
+
+def test_a_study_that_fails_is_a_row(tmp_path):
+    (row,) = rows.run("clean-none", 0, 4.0, tmp_path)
+    assert row["failure"].startswith("DataError: ")
+    assert (row["list"], row["seed"], row["role"]) == ("clean-none", 0, "none")
+
+
+def test_a_log_is_written_as_files(tmp_path):
+    arguments = ["write", "--list", "logs-none:filtered", "--seed", "3", "--seconds", "24", "-o"]
+    chosen = command.parser().parse_args([*arguments, str(tmp_path / "study")])
+    chosen.action(chosen)
+    names = ["after.parquet", "held_out.parquet", "truth.json", "vehicle.toml"]
+    assert sorted(path.name for path in (tmp_path / "study").iterdir()) == names
+    truth = json.loads((tmp_path / "study" / "truth.json").read_text())
+    assert (truth["called"], truth["condition"]) == (["sensor_delay"], "filtered")
+    assert truth["hidden"] == []
+    assert pl.read_parquet(tmp_path / "study" / "after.parquet").height == 1200
 
 
 @given(st.integers(1, 700), st.integers(1, 40))

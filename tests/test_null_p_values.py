@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import kurtosis
 
 from benchmarks import null_p_values as nulls
-from benchmarks.imperfect_base.work import Results
+from benchmarks.work import Results
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.evaluation.score_test import FLIPS
 
@@ -99,7 +99,7 @@ def test_both_noises_have_the_variance_of_the_profile_and_their_own_tails(noise)
 
 
 def test_logs_are_screened_by_every_effect_that_the_file_lacks(tmp_path):
-    rows = nulls.run_one(90_061, 48.0, nulls.NOISES, tmp_path)
+    rows = nulls.run_one(90_061, 48.0, nulls.NOISES)
     assert {row["noise"] for row in rows} == set(nulls.NOISES)
     assert not any(row["failure"] for row in rows)
     results = Results(tmp_path / "rows.parquet", nulls.SCHEMA)
@@ -115,8 +115,8 @@ def test_logs_are_screened_by_every_effect_that_the_file_lacks(tmp_path):
         assert part["chi2"][0] < 1.5
 
 
-def test_a_log_that_cannot_be_screened_is_a_row(tmp_path):
-    rows = nulls.run_one(90_061, 2.0, (nulls.WHITE,), tmp_path)
+def test_a_log_that_cannot_be_screened_is_a_row():
+    rows = nulls.run_one(90_061, 2.0, (nulls.WHITE,))
     assert len(rows) == 1
     assert rows[0]["failure"]
     assert rows[0]["group"] is None

@@ -33,8 +33,8 @@ import polars as pl
 
 from benchmarks.discovery.laws import KINDS
 from benchmarks.discovery.study import SCHEMA, study
-from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.work import Results, add_report, add_workers, done
+from benchmarks.shares import rate
+from benchmarks.work import Results, add_report, add_workers, done
 
 SEEN = 1.2
 """Mean squared residual, in units of the noise, that the file's own effects must leave, or nothing shows."""

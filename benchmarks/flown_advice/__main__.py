@@ -23,9 +23,9 @@ from typing import Any
 import polars as pl
 
 from benchmarks.flown_advice import study
-from benchmarks.hidden_effects.scoring import rate
-from benchmarks.imperfect_base.work import Results, add_report, add_workers, done
 from benchmarks.kept_tables import Row, keep, markdown, origin
+from benchmarks.shares import rate
+from benchmarks.work import Results, add_report, add_workers, done
 from hydro.core.diagnosis.findings import SURE
 
 KEY = ("seed", "seconds")

@@ -6,7 +6,6 @@ import json
 import math
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,7 +91,7 @@ def _study(row: dict[str, Any]) -> None:
     row |= {"family": family, "preset": case.preset, "effect": effect}
     actual = vehicles.preset(case.preset)
     given = vehicles.misjudged(actual, np.random.default_rng([seed, 11]))
-    case, _ = clean(case, row["seconds"], Path())
+    case, _ = clean(case, row["seconds"])
     sea, first = cases.first_recording(case, given, actual, family, row["seconds"])
     row["truth"] = json.dumps(sea.case.hidden)
     found, misjudged = diagnose(given, first), vehicles.damping_of(actual)

@@ -1,4 +1,4 @@
-"""Does `hydro diagnose` name what is missing?  Seeded studies of vehicles with hidden effects.
+"""Vehicles with hidden effects: which effects a seed hides, and how the vehicle is flown.
 
-How to run them: `python -m benchmarks.hidden_effects --help`.
+`benchmarks.judge` diagnoses the recordings, in the lists `clean-...`.
 """

@@ -81,12 +81,8 @@ WITHIN = {
 """Greatest size of a parameter that could not be exceeded on a vehicle that still works."""
 CONTAINED = ({"payload", "net_buoyancy"}, {"payload", "buoyancy_offset"}, {"payload", "added_mass"})
 """Pairs of which one effect can be all that the other is: never hidden together."""
-SOURCES = {"independent": 0.6, "simulate": 0.4, "teacher": 0.0}
-"""How often each simulator is drawn.
-
-The teacher is never: even the best of files leaves its panels unexplained in part, so that something is
-missing where nothing was hidden.
-"""
+SOURCES = {"independent": 0.6, "simulate": 0.4}
+"""Probability of each simulator."""
 NOISES = (1.0, 2.0, 3.0)
 ATTEMPTS = 200
 
@@ -139,8 +135,6 @@ def draw(kind: str, seed: int, source: str | None = None) -> Case:
             validate(vehicles.joined(vehicle, hidden))
         except DataError:
             continue
-        if source == "teacher" and set(called) & set(vehicles.DAMPING):
-            source = "independent"  # the teacher has a damping of its own
         near = any(table["name"] == "surface_suction" for table in hidden)
         hidden = [at_depth(table, 1.5 if near else 15.0) for table in hidden]
         return Case(

@@ -1,8 +1,8 @@
 """Recordings of the benchmark: one vehicle with something hidden, flown in one of three simulators.
 
 `independent` is the benchmark's own (`plant`), under steps, several sines and chirps with a slack hold of
-depth and attitude; `simulate` is `hydro simulate` under commands without feedback; `teacher` is the embedded
-teacher of `hydro collect`.  All start every session at rest with a heading of its own.
+depth and attitude; `simulate` is `hydro simulate` under commands without feedback; `by_teacher` flies the
+embedded simulator of `hydro collect`.  All start every session at rest with a heading of its own.
 """
 
 from __future__ import annotations

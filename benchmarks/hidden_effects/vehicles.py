@@ -9,7 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import vehicle as files
 
@@ -23,8 +22,6 @@ STONEFISH: tuple[dict[str, Any], ...] = (
     {"name": "quadratic_damping", "diagonal": [110.0, 280.0, 400.0, 12.0, 45.0, 32.0]},
 )
 """A damping for the vehicle file that has none."""
-SURFACES = 240.0
-"""Seconds of the teacher's motion that a base model of it is fitted to."""
 
 
 def file(name: str) -> Path:
@@ -88,34 +85,3 @@ def _sum(table: Mapping[str, Any], extra: Mapping[str, Any]) -> dict[str, Any]:
         else:
             out[key] = (np.asarray(out.get(key, 0.0), float) + np.asarray(value, float)).tolist()
     return out
-
-
-def of_teacher(name: str, folder: Path) -> Vehicle:
-    """The file that describes the embedded teacher of a preset best: its damping and drag fitted to a flight.
-
-    It is kept in `folder`, as it takes a minute to make.
-    """
-    path = folder / f"teacher_{name}.json"
-    if path.exists():
-        return msgspec.json.decode(path.read_bytes(), type=Vehicle)
-    import polars as pl
-
-    from benchmarks.hidden_effects.flights import DT, by_teacher
-    from hydro.core.identification.fit import fit
-    from hydro.sim.teacher import teacher
-
-    believed = preset(name)
-    known = teacher(believed).vehicle
-    flown = pl.concat(
-        by_teacher(believed, (), rows=[round(SURFACES / DT / 4)] * 4, depth=20.0, noise=0.5, seed=90_001)
-    )
-    wanted = ["linear_damping", "quadratic_damping", "crossflow_drag"]
-    found = fit(known, flown, [*wanted, *(["body_lift"] if known.effects("body_lift") else [])])
-    tables = [{k: v for k, v in t.items() if v is not None and k != "standard_error"} for t in found.tables()]
-    if not tables:
-        raise DataError(f"nothing was fitted to the teacher of {name}")
-    rest = [t for t in known.effect if t["name"] not in {t["name"] for t in tables}]
-    vehicle = msgspec.structs.replace(known, effect=(*rest, *tables))
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(msgspec.json.encode(vehicle))
-    return vehicle

@@ -1,4 +1,4 @@
-"""Does `hydro diagnose` name a change of a vehicle whose hull no formula of the catalogue describes?
+"""Changed vehicles with hulls of panels, which no formula of the catalogue describes.
 
-How to run it: `python -m benchmarks.imperfect_base --help`.
+`benchmarks.judge` diagnoses the recordings, in the lists `panel-...` and `unchanged-...`.
 """

@@ -1,4 +1,4 @@
-"""Does `hydro diagnose` still name what is missing when sensors and controllers are as they are at sea?
+"""Logs of vehicles with hidden effects, with the faults of real sensors or recorded under feedback control.
 
-How to run it: `python -m benchmarks.imperfect_logs --help`.
+`benchmarks.judge` diagnoses them, in the lists `logs...`.
 """

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.stats import norm, t
 
-from benchmarks.hidden_effects.scoring import interval
 from benchmarks.judge.scores import WITHIN, Score, finite
+from benchmarks.kept_tables import markdown
+from benchmarks.shares import interval
 
 LEVEL = 0.90
 """Level of the intervals of paired differences.  A change of the engine is merged where the lower
@@ -21,7 +23,8 @@ SHARES: Mapping[str, Fact] = {
     "exactly": lambda one: one.exact if one.changed else None,
     "stated right": lambda one: one.stated if one.changed else None,
     "with a wrong statement": lambda one: one.wrong,
-    "alarm": lambda one: None if one.changed else one.alarm,
+    "alarm": lambda one: None if one.changed or one.outside else one.alarm,
+    "called unknown": lambda one: one.unexplained if one.outside else None,
     "top finding helps": lambda one: one.helped,
 }
 """Shares of studies by their name; None leaves a study out."""
@@ -35,27 +38,64 @@ NUMBERS: Mapping[str, Number] = {
 
 
 def scoreboard(scored: Sequence[Score]) -> str:
-    """Return the scoreboard as Markdown: shares with 95 % intervals, values, errors and processor time."""
+    """Return the scoreboard as Markdown, with a line on statements and one for each study that failed."""
     fine = [one for one in scored if not one.failed]
-    head = ["list", "studies", *SHARES, *NUMBERS, "affected values within 2 s.e.", "unaffected", "core-hours"]
-    lines = [" | ".join(head), " | ".join(["---"] * len(head))]
-    for name, those in groups(fine):
-        cells = [name, str(len(those))]
-        cells += [_share(those, fact) for fact in SHARES.values()]
-        cells += [_median(those, number) for number in NUMBERS.values()]
-        cells += [
-            _within([off for one in those for off in getattr(one, part)]) for part in ("off", "unaffected")
-        ]
-        cells.append(f"{sum(one.row['study_cpu'] for one in those) / 3600.0:.2f}")
-        lines.append(" | ".join(cells))
     statements, wrong = sum(one.statements for one in fine), sum(one.wrong for one in fine)
-    text = [f"| {line} |" for line in lines]
-    text += [
+    text = [
+        markdown(table(scored)),
         "",
         f"Statements at 0.9 or more: {statements}; studies with a wrong one: {wrong} of {len(fine)}.",
     ]
     text += [f"Failed: {one.key}: {one.row['failure']}" for one in scored if one.failed]
     return "\n".join(text) + "\n"
+
+
+def table(scored: Sequence[Score]) -> list[dict[str, str]]:
+    """Return the rows of the scoreboard, one for all studies and one for each list.
+
+    The cells are shares with 95 % intervals, values, errors and processor time; studies that failed are left
+    out, and so are columns without any value.
+    """
+    rows = []
+    for name, those in groups([one for one in scored if not one.failed]):
+        cells = {"list": name, "studies": str(len(those))}
+        cells |= {words: _share(those, fact) for words, fact in SHARES.items()}
+        cells |= {words: _median(those, number) for words, number in NUMBERS.items()}
+        cells |= {
+            words: _within([off for one in those for off in getattr(one, part)])
+            for words, part in (("affected values within 2 s.e.", "off"), ("unaffected", "unaffected"))
+        }
+        cells["core-hours"] = f"{sum(one.row['study_cpu'] for one in those) / 3600.0:.2f}"
+        rows.append(cells)
+    filled = [column for column in rows[0] if any(row[column] for row in rows)]
+    return [{column: row[column] for column in filled} for row in rows]
+
+
+def confusions(scored: Sequence[Score]) -> str:
+    """Return as Markdown what was named first for each truth, most often first and right answers bold.
+
+    Studies that hide several effects are left out.
+    """
+    titles: dict[str, list[Score]] = {}
+    for one in scored:
+        if not one.failed and " + " not in (one.row["title"] or ""):
+            titles.setdefault(one.row["title"] or "nothing", []).append(one)
+    rows = []
+    for title, those in sorted(titles.items()):
+        counts = Counter(map(_answer, those)).most_common()
+        told = ", ".join(f"{answer} {count}" for answer, count in counts)
+        rows.append({"hidden": title, "studies": len(those), "first answer, times": told})
+    return markdown(rows) + "\n"
+
+
+def _answer(one: Score) -> str:
+    """Return the first answer of a study in words; bold where it is right."""
+    if one.answer is None:
+        words = "none of the known" if one.unexplained else "nothing"
+        right = not one.changed and one.unexplained == one.outside
+    else:
+        words, right = "/".join(sorted(one.answer.members)), one.first
+    return f"**{words}**" if right else words
 
 
 def paired(base: Sequence[Score], now: Sequence[Score], one: str, other: str) -> str:

@@ -3,21 +3,27 @@
 The first finding that names an effect counts as the answer.  Findings name by `missing`, `suspect`, `retune`
 or, as a tie, `cannot_tell_apart`.  A name in `alias`, or a `retune` of a value that the file has wrong by
 design, is neither right nor wrong.  The independent simulator also hides faults of the log; there a fault is
-named by `log_fault`.
+named by `log_fault`, and is right if it names the columns at fault, no more and no fewer.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import polars as pl
+
+from benchmarks.judge.rows import KEY
 
 SURE = 0.9
 """Confidence from which a name is a statement."""
 NAMING = ("missing", "suspect", "retune", "cannot_tell_apart")
 FAULT = "log_fault"
+UNEXPLAINED = frozenset({"none_of_the_known", "far_from_noise"})
+"""Verdicts that say that a part of the error remains which no effect explains."""
 WITHIN = 2.0
 """Standard errors within which a value counts as right: 95 % of values are, where errors are honest."""
 HALVED = 0.5
@@ -34,12 +40,18 @@ class Named:
         confidence: As stated; 0 where none was.
         right: Whether it names what is hidden; None where it counts as neither.
         tie: Whether it names several effects.
+        effect: The best of the effects, which the confidence is of.
+        unsure: Whether no confidence was stated.
+        support: Number that the confidence was computed from, see `core.diagnosis.findings.Finding`.
     """
 
     members: frozenset[str]
     confidence: float
     right: bool | None
     tie: bool
+    effect: str
+    unsure: bool = False
+    support: float | None = None
 
     @property
     def stated(self) -> bool:
@@ -56,12 +68,14 @@ class Score:
         named: What is named, in the order of the diagnosis.
         off: Differences of right names' values from the truth in standard errors, of affected entries,
         unaffected: and of entries that the hidden effect does not change.
+        verdicts: Verdicts of all findings.
     """
 
     row: Row
     named: tuple[Named, ...]
     off: tuple[float, ...] = ()
     unaffected: tuple[float, ...] = ()
+    verdicts: frozenset[str] = frozenset()
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -75,8 +89,18 @@ class Score:
 
     @property
     def changed(self) -> bool:
-        """Whether anything is hidden."""
+        """Whether anything is hidden that an effect of the catalogue stands for."""
         return bool(self.row["called"])
+
+    @property
+    def outside(self) -> bool:
+        """Whether something is hidden, but no effect of the catalogue stands for it."""
+        return not self.changed and bool(hidden(self.row).get("foreign"))
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether a part of the error is said to remain that no effect explains."""
+        return not UNEXPLAINED.isdisjoint(self.verdicts)
 
     @property
     def first(self) -> bool:
@@ -109,7 +133,7 @@ class Score:
     @property
     def alarm(self) -> bool:
         """Whether anything is stated where nothing is hidden."""
-        return not self.changed and self.wrong
+        return not self.changed and not self.outside and self.wrong
 
     @property
     def answer(self) -> Named | None:
@@ -158,29 +182,44 @@ def score(rows: Sequence[Row]) -> Score:
         named,
         tuple(float(off) for off, affected in pairs if affected),
         tuple(float(off) for off, affected in pairs if not affected),
+        frozenset(one["verdict"] for one in told),
     )
+
+
+def scored(table: pl.DataFrame) -> list[Score]:
+    """Return the score of each study in a results table, in its order."""
+    return [score(part.to_dicts()) for _, part in table.group_by(KEY, maintain_order=True)]
+
+
+def hidden(row: Row) -> dict[str, Any]:
+    """Return what a study hides, `hidden` effects and `foreign` numbers; empty if its rows do not say."""
+    found: dict[str, Any] = json.loads(row["hidden"]) if row["hidden"] else {}
+    return found
 
 
 def _named(one: Row, row: Row) -> Named | None:
     """Return what a finding names; None where it names nothing, or what counts as neither right nor wrong."""
-    truth = set(row["called"])
-    verdict, members = one["verdict"], {part.split(":")[0] for part in (one["members"] or [])}
-    if verdict == FAULT:
-        if not row["list"].startswith("apart"):
-            return None
-        members = {FAULT}
-    elif verdict not in NAMING:
-        return None
+    truth, verdict = set(row["called"]), one["verdict"]
+    members = {part.split(":")[0] for part in (one["members"] or [])}
+    if verdict == FAULT and row["list"].startswith("apart"):
+        right = FAULT in truth and members == (_at_fault(row) or members)
+        effect, members = FAULT, {FAULT}
+    elif verdict in NAMING:
+        effect = one["effect"].split(":")[0]
+        members |= {effect}
+        right = bool(members & truth)
     else:
-        members |= {one["effect"].split(":")[0]}
-    tie = verdict == "cannot_tell_apart" or len(members) > 1
-    right: bool | None = bool(members & truth)
+        return None
     if not right and (members & set(row["alias"] or ()) or (verdict == "retune" and _excused(members, row))):
         return None
-    confidence = one["confidence"]
-    if confidence is None:
-        confidence = 1.0 if verdict == FAULT else 0.0
-    return Named(frozenset(members), float(confidence), right, tie)
+    tie = verdict == "cannot_tell_apart" or len(members) > 1
+    stated = 1.0 if verdict == FAULT and one["confidence"] is None else one["confidence"]
+    return Named(frozenset(members), float(stated or 0.0), right, tie, effect, stated is None, one["support"])
+
+
+def _at_fault(row: Row) -> set[str]:
+    """Return the columns of the log that are exchanged or reversed; empty if the rows do not say."""
+    return {f"cmd_{number}" for number in hidden(row).get("foreign", {}).get("columns", ())}
 
 
 def _excused(members: set[str], row: Row) -> bool:

@@ -7,12 +7,15 @@ A study is drawn from its list and seed alone.  The suites that draw and fly the
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import polars as pl
+import tomlkit
 
 from benchmarks.hidden_effects import cases, vehicles
 from benchmarks.hidden_effects.study import flyable, shares, telling
@@ -21,7 +24,7 @@ from benchmarks.imperfect_base.study import changed, standing_out
 from benchmarks.imperfect_logs import study as logs
 from benchmarks.subsets import ASYNCHRONOUS, SUBSETS, sampled
 from hydro.core.evaluation.replay_error import Ahead
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, as_written
 from hydro.io import vehicle as files
 
 LEAST = 0.05
@@ -29,6 +32,12 @@ LEAST = 0.05
 
 APART_SEEDS = 1000
 """Seeds of a list of the independent simulator that share one seed of `benchmarks.apart`."""
+
+COUNTED_FROM = frozenset({"current_shear", "current_trend"})
+"""Currents that are zero at a depth or time which a fit chooses.
+
+The choice leaves a steady current, so the name `ocean_current` is neither right nor wrong then.
+"""
 
 
 @dataclass(frozen=True)
@@ -41,11 +50,12 @@ class Study:
         called: Effects that a right answer names.
         truth: The vehicle that flew, in effects of the catalogue; None where they cannot express it.
         before: Raw table of the earlier recording of the unchanged vehicle; None without one.
+        held_out: Raw table of a further session that the diagnosis does not see; None without one.
         errors: Prediction errors on held-out data; None where there are none.
         alias: Effects that stand for the right name; they count as neither right nor wrong.
         misjudged: Effects of the file whose values are wrong by design; naming one is neither.
         of_log: Effects of the diagnosed log alone, such as a late sensor; the held-out data lack them.
-        facts: Further columns of the study's rows: preset, title, condition, noise and share.
+        facts: Further columns of the study's rows: preset, title, condition, noise, share and hidden.
     """
 
     given: Vehicle
@@ -53,6 +63,7 @@ class Study:
     called: tuple[str, ...]
     truth: Vehicle | None = None
     before: pl.DataFrame | None = None
+    held_out: pl.DataFrame | None = None
     errors: Ahead | None = None
     alias: tuple[str, ...] = ()
     misjudged: tuple[str, ...] = ()
@@ -66,7 +77,7 @@ class Studies:
 
     Attributes:
         about: What they show, in a few words.
-        count: How many the frozen table has.
+        count: Number of studies in the frozen table.
         seconds: Length of a recording by default [s].
         prepare: Draws and flies the study of a seed, given the seconds and a folder for what studies share.
     """
@@ -78,11 +89,11 @@ class Studies:
 
 
 def _clean(kind: str) -> Callable[[int, float, Path], Study]:
-    """Return the preparation of a study whose effects the catalogue has exactly."""
+    """Return the preparation of a study of `hidden_effects`; kinds are those of its `cases`."""
 
     def prepare(seed: int, seconds: float, folder: Path) -> Study:
-        case, flown = flyable(cases.draw(kind, seed), seconds, folder)
-        case, flown = telling(case, flown, seconds, folder, LEAST)
+        case, flown = flyable(cases.draw(kind, seed), seconds)
+        case, flown = telling(case, flown, seconds, LEAST)
         errors = Ahead(flown.held_out, flown.exact)
         share = shares(case, flown, errors, errors.of(flown.given))[0]
         return Study(
@@ -90,7 +101,9 @@ def _clean(kind: str) -> Callable[[int, float, Path], Study]:
             flown.measured,
             case.called,
             truth=None if case.foreign else vehicles.joined(flown.exact, case.hidden),
+            held_out=flown.held_out,
             errors=errors,
+            alias=("ocean_current",) if COUNTED_FROM & set(case.called) else (),
             misjudged=tuple(vehicles.damping_of(flown.given)),
             facts=_facts(case, share),
         )
@@ -113,6 +126,7 @@ def _panel(kind: str, with_before: bool) -> Callable[[int, float, Path], Study]:
             case.called,
             truth=vehicles.joined(known.vehicle, case.hidden),
             before=pl.read_parquet(known.unchanged) if with_before else None,
+            held_out=flown.held_out,
             errors=errors,
             facts=_facts(case, share),
         )
@@ -120,27 +134,37 @@ def _panel(kind: str, with_before: bool) -> Callable[[int, float, Path], Study]:
     return prepare
 
 
-def _log(seed: int, seconds: float, folder: Path) -> Study:
-    """Prepare a study of a log as sensors and controllers leave it; seeds cycle through the conditions."""
-    condition = logs.CONDITIONS[seed % len(logs.CONDITIONS)]
-    case, flown = logs.logged(cases.draw("one", seed, "independent"), condition, seconds, folder)
-    also = logs.ALSO.get(condition)
-    errors = Ahead(flown.held_out, flown.exact)
-    share = shares(case, flown, errors, errors.of(flown.given))[0]
-    return Study(
-        flown.given,
-        flown.measured,
-        tuple(sorted({*case.called, *([also] if also else [])})),
-        errors=errors,
-        misjudged=tuple(vehicles.damping_of(flown.given)),
-        of_log=tuple(name for name in [also] if name in logs.OF_LOG and name not in case.called),
-        facts=_facts(case, share) | {"condition": condition},
-    )
+def _log(kind: str, only: str | None = None) -> Callable[[int, float, Path], Study]:
+    """Return the preparation of a log with faults of sensors or recorded under feedback control.
+
+    Args:
+        kind: "one" effect hidden, or "none".
+        only: The condition of every log; by default seeds cycle through all conditions.
+    """
+
+    def prepare(seed: int, seconds: float, folder: Path) -> Study:
+        condition = only or logs.CONDITIONS[seed % len(logs.CONDITIONS)]
+        case, flown = logs.logged(cases.draw(kind, seed, "independent"), condition, seconds)
+        also = logs.ALSO.get(condition)
+        errors = Ahead(flown.held_out, flown.exact)
+        share = shares(case, flown, errors, errors.of(flown.given))[0]
+        return Study(
+            flown.given,
+            flown.measured,
+            tuple(sorted({*case.called, *([also] if also else [])})),
+            held_out=flown.held_out,
+            errors=errors,
+            misjudged=tuple(vehicles.damping_of(flown.given)),
+            of_log=tuple(name for name in [also] if name in logs.OF_LOG and name not in case.called),
+            facts=_facts(case, share) | {"condition": condition},
+        )
+
+    return prepare
 
 
 def _sparse(seed: int, seconds: float, folder: Path) -> Study:
     """Prepare a study of sensors that sample at 5, 10 and 50 Hz beside one another."""
-    case, flown = logs.clean(cases.draw("one", seed, "independent"), seconds, folder)
+    case, flown = logs.clean(cases.draw("one", seed, "independent"), seconds)
     errors = Ahead(flown.held_out, flown.exact)
     share = shares(case, flown, errors, errors.of(flown.given))[0]
     return Study(
@@ -148,6 +172,7 @@ def _sparse(seed: int, seconds: float, folder: Path) -> Study:
         sampled(flown.measured, SUBSETS[ASYNCHRONOUS]),
         case.called,
         truth=vehicles.joined(flown.exact, case.hidden),
+        held_out=flown.held_out,
         errors=errors,
         misjudged=tuple(vehicles.damping_of(flown.given)),
         facts=_facts(case, share) | {"condition": ASYNCHRONOUS},
@@ -157,7 +182,8 @@ def _sparse(seed: int, seconds: float, folder: Path) -> Study:
 def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
     """Return the preparation of a case of the independent simulator.
 
-    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.
+    Seed 2007 is case 7 of seed 2 of `benchmarks.apart`.  Without the earlier recording, a `retune` tells of
+    the file, whose values are wrong by design.
     """
 
     def prepare(seed: int, seconds: float, folder: Path) -> Study:
@@ -171,27 +197,58 @@ def _apart(with_before: bool) -> Callable[[int, float, Path], Study]:
         make(number, there, [case.name])
         told, names = record(there / case.name), NAMES[case.kind]
         assert told is not None
+        given = files.read(there / case.name / "vehicle.toml")[0]
+        own = (str(table["name"]).split(":")[0] for table in given.effect)
         return Study(
-            files.read(there / case.name / "vehicle.toml")[0],
+            given,
             pl.read_parquet(there / case.name / "after.parquet"),
             names.right,
             before=pl.read_parquet(there / case.name / "before.parquet") if with_before else None,
             alias=names.alias,
-            facts={"preset": told["vehicle"], "title": case.name, "share": told["share5"]},
+            misjudged=() if with_before else tuple(own),
+            facts={
+                "preset": told["vehicle"],
+                "title": case.name,
+                "share": told["share5"],
+                "hidden": _hidden((), told["truth"]),
+            },
         )
 
     return prepare
 
 
 def _facts(case: cases.Case, share: float) -> dict[str, Any]:
-    """Return the columns that every drawn case has."""
+    """Return the columns that drawn cases have in common."""
     return {
         "preset": case.preset,
         "title": case.title,
         "noise": case.noise,
         "share": share,
-        "hidden": json.dumps({"hidden": case.hidden, "foreign": case.foreign}),
+        "hidden": _hidden(case.hidden, case.foreign),
     }
+
+
+def _hidden(effects: Sequence[Mapping[str, Any]], foreign: Mapping[str, Any]) -> str:
+    """Return as JSON what is hidden: tables of effects, and numbers that no effect stands for."""
+    return json.dumps({"hidden": effects, "foreign": foreign})
+
+
+def write(study: Study, folder: Path) -> None:
+    """Write a study as files, for `hydro diagnose` and other programs.
+
+    The files are vehicle.toml, after.parquet, truth.json and, if the study has them, before.parquet and
+    held_out.parquet.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"format": study.given.format, **msgspec.to_builtins(as_written(study.given))}
+    files.write(tomlkit.dumps(content), folder / "vehicle.toml")
+    tables = {"before": study.before, "after": study.measured, "held_out": study.held_out}
+    for name, table in tables.items():
+        if table is not None:
+            table.write_parquet(folder / f"{name}.parquet")
+    truth = {"called": study.called, "alias": study.alias, **study.facts}
+    truth |= json.loads(truth.get("hidden") or "{}")
+    (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
 
 
 LISTS: Mapping[str, Studies] = {
@@ -211,9 +268,21 @@ LISTS: Mapping[str, Studies] = {
     "unchanged-plain": Studies(
         "hull of panels, no change, no earlier recording", 10, 300.0, _panel("nothing", False)
     ),
-    "logs": Studies("one effect hidden, log with faults or under feedback", 26, 160.0, _log),
+    "logs": Studies("one effect hidden, log with faults or under feedback", 26, 160.0, _log("one")),
     "sparse": Studies("one effect hidden, sensors at 5, 10 and 50 Hz", 9, 180.0, _sparse),
     "apart-before": Studies("independent simulator, one change, earlier recording", 21, 0.0, _apart(True)),
     "apart-plain": Studies("independent simulator, one change, no earlier recording", 0, 0.0, _apart(False)),
+    "clean-unknown": Studies("something hidden that the catalogue lacks", 0, 300.0, _clean("unknown")),
+    "clean-form": Studies("one effect hidden in another functional form", 0, 300.0, _clean("form")),
+    "clean-later": Studies("one effect hidden, of those added later", 0, 300.0, _clean("later")),
+    "logs-none": Studies("nothing hidden, log with faults or under feedback", 0, 160.0, _log("none")),
+    **{
+        f"{name}:{re.sub('[ ,]+', '-', condition)}": Studies(condition, 0, 160.0, _log(kind, condition))
+        for name, kind in (("logs", "one"), ("logs-none", "none"))
+        for condition in logs.CONDITIONS
+    },
 }
-"""Every list by its name.  Recordings of the independent simulator have lengths of their own."""
+"""Every list by its name; `logs:filtered` is a list of one condition of `logs`.
+
+Recordings of the independent simulator have lengths of their own.
+"""

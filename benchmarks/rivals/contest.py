@@ -17,12 +17,12 @@ import numpy as np
 import polars as pl
 
 from benchmarks.hidden_effects import cases, vehicles
-from benchmarks.hidden_effects.scoring import rate
-from benchmarks.hidden_effects.study import Flown
+from benchmarks.hidden_effects.study import Flown, shares
 from benchmarks.imperfect_base import base, changes
 from benchmarks.imperfect_base import study as on_base
-from benchmarks.imperfect_base.work import Results, add_workers, done
 from benchmarks.imperfect_logs import study as on_logs
+from benchmarks.shares import rate
+from benchmarks.work import Results, add_workers, done
 from hydro.core.evaluation.replay_error import AHEAD, Ahead
 from hydro.core.vehicle.description import Vehicle
 
@@ -93,7 +93,7 @@ def recorded(
         case, _, _ = on_base.standing_out(case, known, seconds)
         case, flown, _ = on_base.changed(case, known, seconds)
         return case, flown, set(case.called)
-    case, flown = on_logs.logged(cases.draw(kind, seed, "independent"), condition, seconds, folder)
+    case, flown = on_logs.logged(cases.draw(kind, seed, "independent"), condition, seconds)
     return case, flown, {*case.called, *([on_logs.ALSO[condition]] if condition in on_logs.ALSO else [])}
 
 
@@ -111,7 +111,7 @@ def run(
         row["misjudged"] = [] if condition == BASE else vehicles.damping_of(flown.given)
         errors = Ahead(flown.held_out, flown.exact)
         row["before"], row["floor"] = errors.of(flown.given), errors.floor
-        row["share"] = on_base.shares(case, flown, errors, row["before"])[0]
+        row["share"] = shares(case, flown, errors, row["before"])[0]
         cpu = time.process_time()
         answer = rival(flown.given, flown.measured)
         row |= {"cpu": time.process_time() - cpu, "named": answer.name}

@@ -1,4 +1,4 @@
-"""Tasks beside one another, and a results file that grows with them."""
+"""Parallel tasks of a benchmark, and a results file that grows with them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ Result = TypeVar("Result")
 def done(
     task: Callable[..., Result], arguments: Sequence[tuple[Any, ...]], chosen: argparse.Namespace
 ) -> Iterator[Result]:
-    """Results of a task with each of the arguments, as they end, where `add_workers` said."""
+    """Run a task with each of the arguments and yield results as they end.
+
+    `chosen` has the options of `add_workers`, which say where tasks run.
+    """
     if chosen.engine == "ray":
         from hydro.study.cluster import Cluster
 
@@ -34,25 +37,13 @@ def done(
 
 
 def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Options that say where tasks run; on a Ray cluster every node has this checkout under the same path."""
+    """Add the options that say where tasks run.
+
+    Each node of a Ray cluster needs this checkout at the same path.
+    """
     parser.add_argument("--workers", type=int, default=1, help="processes of this machine")
     parser.add_argument("--engine", choices=("here", "ray"), default="here", help="or the nodes of a cluster")
     parser.add_argument("--address", help="HOST:PORT of the cluster's head")
-
-
-def said(row: Mapping[str, Any]) -> str:
-    """What a diagnosis says and what is left after it, in one line for whoever watches."""
-    told = zip(row["verdicts"], row["effects"], row["members"], row["confidences"], strict=True)
-    words = [
-        " ".join(
-            [verdict, "/".join(dict.fromkeys([effect, *members])), "" if sure is None else f"{sure:.2f}"]
-        )
-        for verdict, effect, members, sure in told
-    ]
-    names = ("before", "after", "oracle", "floor")
-    errors = " ".join(f"{name} {row[name]:.3g}" for name in names if row.get(name) is not None)
-    time = f"cpu {row['cpu']:.0f} of {row['study_cpu']:.0f} s"
-    return f"{'; '.join(word.strip() for word in words)} | {errors} | chi2 {row['chi2_end']:.3g} | {time}"
 
 
 def add_report(commands: Any, summary: Callable[[pl.DataFrame], str], key: Sequence[str]) -> None:
@@ -67,12 +58,12 @@ def add_report(commands: Any, summary: Callable[[pl.DataFrame], str], key: Seque
 
 
 def together(tables: Iterable[pl.DataFrame]) -> pl.DataFrame:
-    """Tables of results as one; a column that an older one lacks is null there."""
+    """Return several tables of results as one; a column that a table lacks is null in its rows."""
     return pl.concat(tables, how="diagonal")
 
 
 class Results:
-    """A table on disk, some rows more at a time, whole or not at all."""
+    """Table of results on disk.  Each addition replaces the file at once, so it is never half written."""
 
     def __init__(self, path: Path, schema: Mapping[str, Any]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -82,6 +73,7 @@ class Results:
             self.table = together([self.table, pl.read_parquet(path)])
 
     def add(self, *rows: Mapping[str, Any]) -> None:
+        """Add rows, and write the file."""
         self.table = pl.concat([self.table, pl.DataFrame(rows, schema=self.schema)])
         partial = self.path.with_suffix(".partial")
         self.table.write_parquet(partial)

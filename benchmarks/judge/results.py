@@ -1,0 +1,38 @@
+"""Results files of the scoreboard: read several as one table, and tell which command made it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import polars as pl
+
+from benchmarks.judge.rows import KEY, SCHEMA
+from benchmarks.judge.studies import LISTS
+from benchmarks.work import together
+
+
+def read(paths: Iterable[Path]) -> pl.DataFrame:
+    """Return results files as one table; a study that several files have is that of the last of them.
+
+    Raises:
+        SystemExit: A file holds no results of the scoreboard.
+    """
+    found = pl.DataFrame(schema=SCHEMA)
+    for path in paths:
+        table = pl.read_parquet(path)
+        if not {*KEY, "role", "called"} <= set(table.columns):
+            raise SystemExit(f"{path} holds no results of `python -m benchmarks.judge run`")
+        found = together([found.join(table.select(KEY).unique(), on=KEY, how="anti"), table])
+    return found
+
+
+def made_by(table: pl.DataFrame) -> str:
+    """Return the command that runs the studies of a table, where each list has seeds one after the other."""
+    studies = table.select(KEY).unique(maintain_order=True)
+    lists = studies["list"].value_counts(sort=True).sort("list")
+    usual = all(LISTS[name].seconds == seconds for name, seconds in studies.select("list", "seconds").rows())
+    words = [f"--list {name}={count}" for name, count in lists.rows()]
+    words.append(f"--first-seed {studies['seed'].min()}")
+    words += [] if usual else [f"--seconds {studies['seconds'][0]:g}"]
+    return f"python -m benchmarks.judge run {' '.join(words)}"
