@@ -117,7 +117,9 @@ class Recordings:
         """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
         return error_ahead(vehicle, self.log.shots(HORIZON), self.yardstick.weights.velocity)
 
-    def left_out(self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None) -> Squares:
+    def left_out(
+        self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None
+    ) -> Squares:
         """Return the squared errors HORIZON ahead of stretches that fits of some effects leave out.
 
         The fits are to `problem`, by default what is judged by about the vehicle itself.
@@ -274,7 +276,7 @@ def quick_fits(
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), fitted(found)
         rest = {name: table for name, table in found.items() if name != effect}
-        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle)]
+        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle, itself=True)]
         return [*quick, *(one for table in plain for one in fitted({table["name"]: table, **rest}))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
