@@ -38,7 +38,7 @@ DELAYS = np.linspace(0.0, 1.0, 11)
 """Delays of the thrust that are tried [s]."""
 WINDOW = 1.0
 """Time over which changes of velocity are fitted [s]."""
-RIDGE = 0.01
+RIDGE = 0.001
 """Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It decides only where
 axes move together; a tenth or ten times of it changes an error 5 s ahead by less than 1 %."""
 FOLDS = 5
@@ -164,6 +164,45 @@ class Yardstick:
             delayed = np.stack([_delayed(tau[:, i], record, one.delay) for i, one in enumerate(damped)], 1)
             out[here] = march(damped, first[here], delayed[rows[here]], record.dt)
         return out
+
+
+def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
+    """Return which part of the least-squares fit of an axis lowers its squared residual most, in words.
+
+    Each part is taken out in turn and the others are fitted again: cross terms, the delay, the command scale
+    (set to the file's own inertia) and the damping.
+
+    Args:
+        yardstick: Fitted to the recording.
+        record: The training recording.
+        axis: Number of the axis, 0 to 5.
+    """
+    fit, nu = yardstick.damped[axis], record.nu[:, axis]
+    inertia = yardstick.weights.velocity[axis] * yardstick.vehicle.rigid_body.mass
+    tau, steady = _wrench(yardstick.vehicle, record)[:, axis], np.ones(record.rows)
+    late = _delayed(tau, record, fit.delay)
+    beside = np.delete(record.nu, axis, axis=1) if fit.cross else np.zeros((record.rows, 0))
+
+    def left(damping: bool, thrust: Array | None, cross: Array, known: Array) -> float:
+        """Return the squared residual of a fit of some parts to changes beyond what is known."""
+        own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
+        force = np.zeros(record.rows) if thrust is None else thrust
+        windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
+        change = windows[:, -1] - _over_windows(np.column_stack([known, nu]), record)[:, 0]
+        values = _bounded(windows[:, :-1], change)[1]
+        return float(((change - windows[:, :-1] @ values) ** 2).sum())
+
+    nothing, none = np.zeros(record.rows), np.zeros((record.rows, 0))
+    with_others = ", ".join(VELOCITY[j] for j in np.flatnonzero(fit.cross)) if fit.cross else ""
+    without = {
+        "its damping": left(False, late, beside, nothing),
+        f"its command scale of {fit.thrust * inertia:.2f}": left(True, None, beside, late / inertia),
+    }
+    if fit.delay > 0.0:
+        without[f"its delay of {fit.delay:.1f} s"] = left(True, tau, beside, nothing)
+    if fit.cross:
+        without[f"its cross terms with {with_others}"] = left(True, late, none, nothing)
+    return max(without, key=lambda words: without[words])
 
 
 def column(predictor: str) -> str:
