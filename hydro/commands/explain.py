@@ -27,6 +27,7 @@ from hydro.core.errors import DataError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import polars as pl
     from rich.console import Console
 
     from hydro.core.explanation.ladder import Step
@@ -232,7 +233,7 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
             print_table(ladder.errors(every, dataset), ladder.title(every, dataset), console)
     simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
     if told := yardsticks.sentence(simple):
-        console.print(told)
+        console.print(told, *_why_lost(study, steps[0].vehicle, simple), sep="\n")
     if change.PARAMETER in study.parameters:
         console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
     for last, step in pairwise(steps):
@@ -254,6 +255,18 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     console.print(
         f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
     )
+
+
+def _why_lost(study: Study, file: Vehicle, errors: pl.DataFrame) -> list[str]:
+    """Return what least squares gains from on each axis that the chosen step loses to it."""
+    from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.core.evaluation.yardsticks import Yardstick
+    from hydro.core.prediction.tracking import tracked
+    from hydro.core.recording.arrays import recording
+    from hydro.report import yardsticks
+
+    record = tracked(file, recording(file, preprocess(file, study.measured.frame).raw))
+    return yardsticks.explained(errors, Yardstick.fitted(file, record), record)
 
 
 def _implausible(step: Step) -> list[str]:

@@ -5,7 +5,17 @@ from __future__ import annotations
 import polars as pl
 
 from hydro.core.columns import VELOCITY
-from hydro.core.evaluation.yardsticks import JUDGED, LEVEL, PREDICTORS, column, lost
+from hydro.core.evaluation.yardsticks import (
+    JUDGED,
+    LEAST_SQUARES,
+    LEVEL,
+    PREDICTORS,
+    Yardstick,
+    column,
+    lost,
+    reason,
+)
+from hydro.core.recording.arrays import Recording
 from hydro.report import words
 
 MODEL = "model"
@@ -62,6 +72,21 @@ def sentence(errors: pl.DataFrame) -> str:
             f"{JUDGED:g} s ahead the model loses to no simple predictor on any axis." if errors.height else ""
         )
     return f"{JUDGED:g} s ahead the model {told}."
+
+
+def explained(errors: pl.DataFrame, yardstick: Yardstick, record: Recording) -> list[str]:
+    """Return a sentence for each axis on which the model loses to least squares: what that gains from.
+
+    Args:
+        errors: As `of_comparison` gives them.
+        yardstick: The simple predictors, fitted to the training recording.
+        record: That recording.
+    """
+    behind = [axis for axis, name in lost(errors.filter(horizon=JUDGED)) if name == LEAST_SQUARES]
+    return [
+        f"On {axis} least squares gains most from {reason(yardstick, record, VELOCITY.index(axis))}."
+        for axis in behind
+    ]
 
 
 def table(errors: pl.DataFrame) -> pl.DataFrame:

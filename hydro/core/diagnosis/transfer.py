@@ -306,60 +306,111 @@ def left_out(model: Model, known: Known, fold: Rows, new: Sequence[int] = ()) ->
     return left_out_costs(Fitted(model.normal, moved, prior.information), fold, new, KEPT)
 
 
-def left_out_error(
-    vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots, weights: Array
-) -> float:
-    """Error of the velocities of stretches, predicted by the fit of effects to all others [m/s].
+@dataclass(frozen=True)
+class Squares:
+    """Squared prediction errors of the velocities over stretches of a recording.
+
+    Attributes:
+        sums: Sum over each stretch, (S, 6) [m^2/s^2, rad^2/s^2].
+        counts: Number of samples in each, (S, 6).
+    """
+
+    sums: Array
+    counts: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean squared error on each axis, (6,)."""
+        average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
+        return average
+
+    def error(self, weights: Array) -> float:
+        """Root mean square error of all axes together [m/s].
+
+        Args:
+            weights: Of the axes, (6,).
+        """
+        return float(np.sqrt(weights @ self.mean))
+
+
+def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots) -> Squares:
+    """Predict each stretch of a recording by a fit of effects to the others.
 
     Args:
         vehicle: The vehicle with the fitted values.
         effects: Names of what was fitted.
         problem: The shots that are fitted to, begun where the vehicle's log has it.
         ahead: Predictions over the same recording, as far ahead as the error is to tell of.
-        weights: Of the axes, (6,).
 
     Returns:
-        The root mean square; that of velocities BEYOND all bounds where the fit diverges.
+        The squared errors; those of velocities BEYOND all bounds where a fit diverges.
     """
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:
-        return error_ahead(vehicle, ahead, weights)
+        return squares_ahead(vehicle, ahead)
     fold, shots = sessions_of(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
 
-    def predicted(number: int) -> tuple[float, int]:
-        """Squared error of the stretches of one fold, and how many there are."""
+    def predicted(number: int) -> Squares:
+        """Squared errors of the stretches of one fold."""
         there = gone_on(whole.over(fold != number), AGAIN).vehicle
-        here = ahead.of(within == number)
-        return error_ahead(there, here, weights) ** 2, len(here.starts)
+        return squares_ahead(there, ahead.of(within == number))
 
+    sums, counts = np.zeros((2, len(ahead.starts), 6))
+    numbers = np.unique(fold)
     try:
-        squares, counts = np.array(list(shared(predicted, np.unique(fold)))).T
+        for number, found in zip(numbers, shared(predicted, numbers), strict=True):
+            sums[within == number], counts[within == number] = found.sums, found.counts
     except Diverges:
-        return float(np.sqrt(weights @ BEYOND[6:] ** 2))
-    return float(np.sqrt(squares @ counts / max(counts.sum(), 1.0)))
+        return Squares(np.broadcast_to(BEYOND[6:] ** 2, sums.shape), np.ones(sums.shape))
+    return Squares(sums, counts)
+
+
+def left_out_error(
+    vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots, weights: Array
+) -> float:
+    """Return the root mean square error of `left_out_squares` over all axes [m/s].
+
+    Args:
+        vehicle: The vehicle with the fitted values.
+        effects: Names of what was fitted.
+        problem: The shots that are fitted to.
+        ahead: Predictions over the same recording.
+        weights: Of the axes, (6,).
+    """
+    return left_out_squares(vehicle, effects, problem, ahead).error(weights)
 
 
 def error_ahead(vehicle: Vehicle, ahead: Shots, weights: Array) -> float:
-    """Root mean square error of the velocities that a vehicle as it is predicts [m/s].
+    """Return the root mean square error of the velocities that a vehicle as it is predicts [m/s].
 
     Args:
         vehicle: The vehicle.
         ahead: What it predicts; 0 where nothing is.
         weights: Of the axes, (6,).
     """
-    if not len(ahead.starts):
-        return 0.0
+    return squares_ahead(vehicle, ahead).error(weights)
+
+
+def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
+    """Return the squared errors of the velocities that a vehicle as it is predicts.
+
+    Args:
+        vehicle: The vehicle.
+        ahead: What it predicts.
+    """
+    count = len(ahead.starts)
+    if not count:
+        return Squares(np.zeros((0, 6)), np.zeros((0, 6)))
     model = candidate(vehicle)
     shots = multiple_shooting.corrected_first(ahead, model)
     there = multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:]
     error = np.nan_to_num(there - shots.measured[..., 7:], nan=np.inf)
     squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
     seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
-    mean = (squares * seen).sum(axis=(0, 1)) / np.maximum(seen.sum(axis=(0, 1)), 1)
-    return float(np.sqrt(weights @ mean))
+    return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))
 
 
 def _rival(

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from hydro.core.columns import Array
 from hydro.core.effects.record import (
     SLIGHTLY_ABSORBED,
@@ -37,6 +39,7 @@ from hydro.core.vehicle.thrusters import (
     TIME_CONSTANT,
     UNIT_FORCE,
     UNIT_MOMENT,
+    UNIT_WRENCH,
     curve_power,
 )
 
@@ -51,8 +54,12 @@ PLAIN = 0.05  # of a whole power, within which a curve is taken for the other th
 
 
 def thruster_gain(p: Array, table: Array) -> None:
-    """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), a better one, another supply voltage."""
-    table[:, GAIN] += p
+    """Thrust f_i (1 + g_i): a worn or fouled propeller (g < 0), or another supply voltage for all thrusters.
+
+    A common factor leaves servos as they are, whose rows exert no wrench of their own.
+    """
+    pushes = np.abs(table[:, UNIT_WRENCH]).max(axis=1) > 0.0
+    table[:, GAIN] += p if len(p) == len(table) else p[0] * pushes
 
 
 def thruster_asymmetry(p: Array, table: Array) -> None:
@@ -102,6 +109,13 @@ def propeller_torque(p: Array, table: Array) -> None:
     """
     table[:, REACTION] += p
     table[:, UNIT_MOMENT] += p[:, None] * table[:, UNIT_FORCE]
+
+
+def common_gain(table: Mapping[str, Any], vehicle: Vehicle) -> list[dict[str, Any]]:
+    """Return the gains as one factor for all thrusters, their mean; none of a table that has one already."""
+    if "g" not in table:
+        return []
+    return [{"name": "thruster_gain", "common": float(np.mean(table["g"]))}]
 
 
 def thrusters(vehicle: Vehicle) -> list[Thruster]:
@@ -191,8 +205,9 @@ def _effect(
     advice: Advice,
     identification: Identification = Identification(),  # noqa: B008
     roles: frozenset[Role] = frozenset(),
+    instead: tuple[Parameter, ...] = (),
 ) -> Effect:
-    """An actuator effect: all have one parameter and one function."""
+    """Return an actuator effect: all have one parameter, or others `instead` of it, and one function."""
     return Effect(
         name=name,
         family="actuator",
@@ -201,13 +216,16 @@ def _effect(
         source=source,
         excitation=excitation,
         lookalikes=lookalikes,
-        parameters=(parameter,),
+        parameters=(parameter, *instead),
+        one_of=tuple(one.name for one in (parameter, *instead)) if instead else (),
         actuator=fill,
         advice=advice,
         identification=identification,
         roles=roles,
     )
 
+
+THRUST_LEFT = between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's")
 
 EFFECTS = (
     _effect(
@@ -223,11 +241,13 @@ EFFECTS = (
             "relative gain of each thruster",
             ("thrusters",),
             low=-1.0,
-            required=True,
-            plausible=between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's"),
+            plausible=THRUST_LEFT,
         ),
         Advice(parted_by=(COASTING,)),
-        Identification(absorbs=SLIGHTLY_ABSORBED),
+        Identification(absorbs=SLIGHTLY_ABSORBED, plainer=common_gain),
+        instead=(
+            Parameter("common", ("1",), "relative gain of all thrusters", low=-1.0, plausible=THRUST_LEFT),
+        ),
     ),
     _effect(
         "thruster_asymmetry",

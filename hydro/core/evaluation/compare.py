@@ -61,8 +61,8 @@ def compare(
         raw: Raw table of the measured motion and commands.
         against: An earlier comparison with the same recording: its places are looked at again, and its errors
             stand beside the new ones. It gives the weights of the axes.
-        yardstick: Weights and simple predictors of an earlier file; by default by this one, the predictors
-            fitted to this recording.
+        yardstick: Weights and simple predictors of an earlier file; by default by this one, and each session
+            is predicted by least squares fitted to the others.
         seed: Of the noise that the noise floor is found with, and of the bootstrap.
         progress: Called with a few words and the share of the work done.
 
@@ -84,7 +84,7 @@ def compare(
     record, model = tracked(vehicle, recording(vehicle, raw)), candidate(vehicle)
     report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
-    yardstick = yardstick or Yardstick.fitted(vehicle, record)
+    yardstick = yardstick or Yardstick.crossed(vehicle, record)
     weights = yardstick.weights if against is None else Weights.read(against)
     names = [str(name) for name in raw["session"].gather(record.segments[:, 0])]
     found = families(record, vehicle, pieces, motion.eta, motion.nu, motion.nu_dot, names)

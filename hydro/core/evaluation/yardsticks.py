@@ -1,22 +1,23 @@
-"""What a model's predictions are measured by: the weights of the axes, and three simple predictors beside it.
+"""Weights of the axes, and three simple predictors that a model has to beat.
 
-The predictors begin where the model begins, and each axis goes its own way: it stands still; it goes on as it
-went; or it obeys damping and delayed thrust fitted by bounded least squares,
-nu' = a nu + b |nu| nu + c tau(t - d) + e with a, b <= 0 <= c.  A model of the whole vehicle that predicts
-worse than one of them has lost.
+The predictors begin where the model begins.  Zero velocity stands still.  Constant velocity goes on as it
+went.  Least squares obeys damping, cross terms and delayed, scaled thrust on each axis i:
+nu_i' = a nu_i + b |nu_i| nu_i + c tau_i(t - d) + e + sum_j k_j nu_j with a, b <= 0 <= c.  Bounded least
+squares fits its numbers to training sessions only.  A model that predicts worse than one of them has lost.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from scipy.optimize import nnls
 
-from hydro.core.columns import VELOCITY, Array
+from hydro.core.columns import VELOCITY, Array, Rows
 from hydro.core.evaluation.misfit import Misfit
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.replay_error import BEYOND, laid, last_samples, root_mean_square
@@ -31,10 +32,17 @@ from hydro.core.vehicle.thrusters import UNIT_WRENCH, thrusts
 ZERO, CONSTANT, LEAST_SQUARES = PREDICTORS = ("zero velocity", "constant velocity", "least squares")
 LEVEL = "yardstick"
 """What the rows of the predictors are called in a comparison."""
+PLAIN = 5
+"""Regressors of an axis without cross terms: two of damping, thrust, and the steady force of either sign."""
 DELAYS = np.linspace(0.0, 1.0, 11)
 """Delays of the thrust that are tried [s]."""
 WINDOW = 1.0
 """Time over which changes of velocity are fitted [s]."""
+RIDGE = 0.001
+"""Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It decides only where
+axes move together; a tenth or ten times of it changes an error 5 s ahead by less than 1 %."""
+FOLDS = 5
+"""Groups of sessions at most of which each is left out of a fit once; more cost time and change little."""
 LOST = 1.02
 """Error over that of a simple predictor from which a model has lost to it: less is a draw."""
 JUDGED = 5.0
@@ -50,6 +58,7 @@ class Damped(NamedTuple):
         thrust: c, acceleration for a unit of the axis' wrench [1/kg, 1/(kg m^2)], at least 0.
         steady: e [m/s^2, rad/s^2].
         delay: d [s].
+        cross: k_j, for a unit of each other axis' velocity; empty of none.
     """
 
     linear: float
@@ -57,21 +66,26 @@ class Damped(NamedTuple):
     thrust: float
     steady: float
     delay: float
+    cross: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What the predictions of one vehicle file, and of all that are made from it, are measured by.
+    """Weights and simple predictors for one vehicle file, and for all files made from it.
 
     Attributes:
         vehicle: The file, whose thrusters make wrenches of the commands.
         weights: Of the axes, by its inertia.
-        damped: Each axis by least squares, (6,).
+        damped: Each axis by least squares, fitted to all of the training recording, (6,).
+        left_out: The same fitted without each fold of the training recording, for predictions of that fold.
+        fold: Fold of each row of the training recording, (N,); empty where folds are not told apart.
     """
 
     vehicle: Vehicle
     weights: Weights
     damped: tuple[Damped, ...]
+    left_out: tuple[tuple[Damped, ...], ...] = ()
+    fold: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @classmethod
     def of(cls, vehicle: Vehicle, raw: pl.DataFrame) -> Yardstick:
@@ -88,10 +102,19 @@ class Yardstick:
 
     @classmethod
     def fitted(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """The same of a recording that has been read."""
-        tau = _wrench(vehicle, record)
-        damped = tuple(_least_squares(record, tau, axis) for axis in range(6))
-        return cls(vehicle, Weights.of(candidate(vehicle)), damped)
+        """Fit to a recording that has been read."""
+        return cls(vehicle, Weights.of(candidate(vehicle)), _fitted(record, _wrench(vehicle, record)))
+
+    @classmethod
+    def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
+        """Fit to a recording whose own predictions are to be measured.
+
+        Each session is predicted by a fit to the others, or each half of a single session by the other half.
+        """
+        tau, fold = _wrench(vehicle, record), _folds(record)
+        parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
+        left_out = tuple(_fitted(part, tau) for part in parts)
+        return replace(cls.fitted(vehicle, record), left_out=left_out, fold=fold)
 
     def misfits(
         self, record: Recording, motion: Motion, pieces: Pieces, horizon: float, velocity: Misfit
@@ -112,11 +135,10 @@ class Yardstick:
         rows = starts[:, None] + np.arange(lengths[0])
         first = motion.nu[starts]
         tau = _wrench(self.vehicle, record)
-        delayed = np.stack([_delayed(tau[:, i], record, one.delay) for i, one in enumerate(self.damped)], 1)
         predicted = {
             ZERO: np.zeros((*rows.shape, 6)),
             CONSTANT: np.broadcast_to(first[:, None], (*rows.shape, 6)),
-            LEAST_SQUARES: march(self.damped, first, delayed[rows], record.dt),
+            LEAST_SQUARES: self._by_least_squares(record, starts, rows, first, tau),
         }
         found = []
         for name, there in predicted.items():
@@ -129,6 +151,59 @@ class Yardstick:
             found.append((name, replace(velocity, level=LEVEL, squares=pieces.total(squares), end=end)))
         return found
 
+    def _by_least_squares(
+        self, record: Recording, starts: Rows, rows: Rows, first: Array, tau: Array
+    ) -> Array:
+        """Predict by damped axes, each start by a fit that its fold had no part in, (S, K, 6)."""
+        own = len(self.fold) == record.rows
+        fits = self.left_out if own else (self.damped,)
+        fold = self.fold[starts] if own else np.zeros(len(starts), np.int64)
+        out = np.empty((*rows.shape, 6))
+        for number, damped in enumerate(fits):
+            here = fold == number
+            delayed = np.stack([_delayed(tau[:, i], record, one.delay) for i, one in enumerate(damped)], 1)
+            out[here] = march(damped, first[here], delayed[rows[here]], record.dt)
+        return out
+
+
+def reason(yardstick: Yardstick, record: Recording, axis: int) -> str:
+    """Return which part of the least-squares fit of an axis lowers its squared residual most, in words.
+
+    Each part is taken out in turn and the others are fitted again: cross terms, the delay, the command scale
+    (set to the file's own inertia) and the damping.
+
+    Args:
+        yardstick: Fitted to the recording.
+        record: The training recording.
+        axis: Number of the axis, 0 to 5.
+    """
+    fit, nu = yardstick.damped[axis], record.nu[:, axis]
+    inertia = yardstick.weights.velocity[axis] * yardstick.vehicle.rigid_body.mass
+    tau, steady = _wrench(yardstick.vehicle, record)[:, axis], np.ones(record.rows)
+    late = _delayed(tau, record, fit.delay)
+    beside = np.delete(record.nu, axis, axis=1) if fit.cross else np.zeros((record.rows, 0))
+
+    def left(damping: bool, thrust: Array | None, cross: Array, known: Array) -> float:
+        """Return the squared residual of a fit of some parts to changes beyond what is known."""
+        own = np.stack([-nu, -np.abs(nu) * nu], axis=1) * damping
+        force = np.zeros(record.rows) if thrust is None else thrust
+        windows = _over_windows(np.column_stack([own, force, steady, -steady, cross, -cross, nu]), record)
+        change = windows[:, -1] - _over_windows(np.column_stack([known, nu]), record)[:, 0]
+        values = _bounded(windows[:, :-1], change)[1]
+        return float(((change - windows[:, :-1] @ values) ** 2).sum())
+
+    nothing, none = np.zeros(record.rows), np.zeros((record.rows, 0))
+    with_others = ", ".join(VELOCITY[j] for j in np.flatnonzero(fit.cross)) if fit.cross else ""
+    without = {
+        "its damping": left(False, late, beside, nothing),
+        f"its command scale of {fit.thrust * inertia:.2f}": left(True, None, beside, late / inertia),
+    }
+    if fit.delay > 0.0:
+        without[f"its delay of {fit.delay:.1f} s"] = left(True, tau, beside, nothing)
+    if fit.cross:
+        without[f"its cross terms with {with_others}"] = left(True, late, none, nothing)
+    return max(without, key=lambda words: without[words])
+
 
 def column(predictor: str) -> str:
     """Column of a ladder that holds the errors of a simple predictor."""
@@ -136,7 +211,7 @@ def column(predictor: str) -> str:
 
 
 def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Array:
-    """Velocities that damped axes reach under thrust, each step with the damping of its beginning.
+    """Return the velocities that damped axes reach under thrust, each step with the damping of its beginning.
 
     Args:
         damped: The A axes.
@@ -147,12 +222,13 @@ def march(damped: Sequence[Damped], first: Array, tau: Array, dt: float) -> Arra
     Returns:
         Velocities, (S, K, A); the first row is the beginning.
     """
-    linear, quadratic, thrust, steady, _ = np.array(damped).T
+    linear, quadratic, thrust, steady = np.array([one[:4] for one in damped]).T
+    cross = _matrix(damped)
     out = np.empty(tau.shape)
     out[:, 0] = first
     for k in range(tau.shape[1] - 1):
         rate = linear + quadratic * np.abs(out[:, k])
-        force = thrust * tau[:, k] + steady
+        force = thrust * tau[:, k] + steady + out[:, k] @ cross.T
         held = np.where(rate < -1e-9, np.expm1(rate * dt) / np.minimum(rate, -1e-9), dt)
         out[:, k + 1] = out[:, k] * np.exp(rate * dt) + force * held
     return out
@@ -188,24 +264,109 @@ def _delayed(values: Array, record: Recording, delay: float) -> Array:
     return out
 
 
-def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
-    """The damping, thrust and delay of one axis that leave the least of its changes of velocity over WINDOW.
+def _matrix(damped: Sequence[Damped]) -> Array:
+    """Return the cross terms of A axes as a matrix (A, A), zero on its diagonal."""
+    return np.array([one.cross or np.zeros(len(damped)) for one in damped], float).reshape(len(damped), -1)
 
-    Integrals need no derivative of what is noisy.
+
+def _fitted(record: Recording, tau: Array) -> tuple[Damped, ...]:
+    """Fit every axis, and halve the cross terms until the motion without thrust does not grow."""
+    damped = [_least_squares(record, tau, axis) for axis in range(6)]
+    while _grows(damped):
+        damped = [one._replace(cross=tuple(0.5 * k for k in one.cross)) for one in damped]
+    return tuple(damped)
+
+
+def _grows(damped: Sequence[Damped]) -> bool:
+    """Return whether slow motion grows without thrust: whether the linear part has an unstable eigenvalue."""
+    cross = _matrix(damped)
+    if np.abs(cross).max() < 1e-6:
+        return False
+    linear = np.diag([one.linear for one in damped])
+    return bool(np.linalg.eigvals(linear + cross).real.max() > 1e-3)
+
+
+def _folds(record: Recording) -> Rows:
+    """Return the fold of each row: groups of sessions, or the halves of a single session, (N,)."""
+    session = np.zeros(record.rows, np.int64)
+    for number, (start, stop) in zip(record.session, record.segments, strict=True):
+        session[start:stop] = number
+    names, label = np.unique(session, return_inverse=True)
+    if len(names) > 1:
+        return np.asarray(label * min(FOLDS, len(names)) // len(names), np.int64)
+    return np.asarray(np.arange(record.rows) * 2 // record.rows, np.int64)
+
+
+def _without(record: Recording, fold: Rows, number: int) -> Recording:
+    """Return the recording without the rows of one fold; segments are cut at its edges."""
+    parts, cuts = [], np.flatnonzero(np.diff(fold)) + 1
+    for segment, (start, stop) in enumerate(record.segments):
+        inner = cuts[(cuts > start) & (cuts < stop)]
+        edges = [int(start), *map(int, inner), int(stop)]
+        parts += [(a, b, segment) for a, b in pairwise(edges) if fold[a] != number]
+    kept = np.array([segment for *_, segment in parts])
+    return replace(
+        record,
+        segments=np.array([part[:2] for part in parts], np.int64),
+        session=record.session[kept],
+        after_gap=record.after_gap[kept],
+    )
+
+
+def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
+    """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
+
+    Integrals need no derivative of noisy samples.  Cross terms stay where they lower the error of stretches
+    that they were not fitted to.
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
-    found: list[tuple[float, Damped]] = []
+    others = np.delete(np.arange(6), axis)
+    found: list[tuple[float, float, Array]] = []
     for delay in DELAYS:
         thrust = _delayed(tau[:, axis], record, delay)
         rates = np.stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, nu], axis=1)
-        *columns, change = _over_windows(rates, record).T
-        size = np.maximum(np.linalg.norm(columns, axis=1), 1e-12)
-        basis, triangle = np.linalg.qr(np.transpose(columns) / size)
-        inside = basis.T @ change
-        scaled, left = nnls(triangle, inside)
-        a, b, c, up, down = scaled / size
-        found.append((left**2 - inside @ inside, Damped(-a, -b, c, up - down, float(delay))))
-    return min(found, key=lambda one: one[0])[1]
+        windows = _over_windows(rates, record)
+        left, values = _bounded(windows[:, :-1], windows[:, -1])
+        found.append((left, float(delay), values))
+    _, delay, values = min(found, key=lambda one: one[0])
+    plain = Damped(-values[0], -values[1], values[2], values[3] - values[4], delay)
+    thrust = _delayed(tau[:, axis], record, delay)
+    beside = record.nu[:, others]
+    rates = np.column_stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, beside, -beside, nu])
+    windows = _over_windows(rates, record)
+    if not _earns_cross_terms(windows):
+        return plain
+    values = _bounded(windows[:, :-1], windows[:, -1])[1]
+    cross = np.insert(values[PLAIN : PLAIN + 5] - values[PLAIN + 5 :], axis, 0.0)
+    return Damped(-values[0], -values[1], values[2], values[3] - values[4], delay, tuple(map(float, cross)))
+
+
+def _earns_cross_terms(windows: Array) -> bool:
+    """Return whether cross terms lower the squared error of stretches left out, FOLDS in turn."""
+    part, lost = np.arange(len(windows)) * FOLDS // len(windows), np.zeros(2)
+    for number in range(FOLDS):
+        out = part == number
+        for which, count in enumerate((PLAIN, windows.shape[1] - 1)):
+            values = _bounded(windows[~out][:, :count], windows[~out][:, -1])[1]
+            lost[which] += ((windows[out][:, -1] - windows[out][:, :count] @ values) ** 2).sum()
+    return bool(lost[1] < lost[0])
+
+
+def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
+    """Fit numbers of at least 0 by least squares, cross terms with a ridge.
+
+    Returns the squared residual, up to a constant, and the numbers, (K,).
+
+    Args:
+        columns: Regressors, (W, K), those beyond PLAIN of cross terms.
+        change: Changes of velocity, (W,).
+    """
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    ridge = np.diag(np.where(np.arange(len(size)) < PLAIN, 0.0, np.sqrt(RIDGE)))
+    basis, triangle = np.linalg.qr(np.vstack([columns / size, ridge]))
+    inside = basis.T @ np.concatenate([change, np.zeros(len(size))])
+    scaled, left = nnls(triangle, inside)
+    return float(left**2 - inside @ inside), scaled / size
 
 
 def _over_windows(rates: Array, record: Recording) -> Array:

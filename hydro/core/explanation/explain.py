@@ -139,7 +139,7 @@ def _next(
     plain = extended(file, [bare(table) for table in tried.tables])
     ladder = [rungs(number, tried.added, *pair) for pair in zip(DATASETS, compared, strict=False)]
     if recordings.holdout is None and hull is None:
-        error = recordings.left_out(tried.vehicle, names_of(tried.tables))
+        error = recordings.error(recordings.left_out(tried.vehicle, names_of(tried.tables)))
         ladder.append(left_out_rung(ladder[0], error))
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD

@@ -23,12 +23,13 @@ from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
-from hydro.core.diagnosis.transfer import error_ahead, left_out_error, resolved
+from hydro.core.diagnosis.transfer import Squares, error_ahead, left_out_squares, resolved
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
 from hydro.core.effects.record import BOOKKEEPING
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
+from hydro.core.explanation.axes import worse_axes
 from hydro.core.explanation.ladder import HORIZON, Step
 from hydro.core.explanation.options import Table, is_open, options, states
 from hydro.core.explanation.screening import promising
@@ -116,14 +117,19 @@ class Recordings:
         """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
         return error_ahead(vehicle, self.log.shots(HORIZON), self.yardstick.weights.velocity)
 
-    def left_out(self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None) -> float:
-        """Error HORIZON ahead of stretches of the recording that fits of some effects leave out [m/s].
+    def left_out(
+        self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None
+    ) -> Squares:
+        """Return the squared errors HORIZON ahead of stretches that fits of some effects leave out.
 
         The fits are to `problem`, by default what is judged by about the vehicle itself.
         """
         begun = (problem or self.judged(vehicle)).at_measured_states(vehicle)
-        ahead, weights = self.log.shots(HORIZON), self.yardstick.weights.velocity
-        return left_out_error(vehicle, fitted, begun, ahead, weights)
+        return left_out_squares(vehicle, fitted, begun, self.log.shots(HORIZON))
+
+    def error(self, squares: Squares) -> float:
+        """Return the root mean square error of all axes together [m/s]."""
+        return squares.error(self.yardstick.weights.velocity)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
@@ -188,18 +194,21 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
 
 def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
-    """The quick fits that better the stretches that they were not fitted to, the best first.
+    """Return the quick fits that predict left-out stretches better and no axis significantly worse.
 
-    Of those that predict them alike, to within LOWER, the one comes first that has the fewest numbers.
+    The best comes first.  Of those that predict alike, to within LOWER, the one with the fewest numbers does.
     """
     errors = list[tuple[float, Quick]]()
+    before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
+    if not last.tables:  # the file as given was fitted to nothing here
+        before = min(before, recordings.left_out(last.vehicle, []), key=recordings.error)
     for one in quick[:SHORTLIST]:
         if errors and one.fanciful > errors[0][1].fanciful:
             break
-        errors.append((recordings.left_out(one.vehicle, names_of(one.wanted), problem), one))
-    here = np.inf if last.left_out is None else last.left_out
-    if last.left_out is None or not last.tables:
-        here = min(here, recordings.left_out(last.vehicle, _fitted_there(last), problem))
+        after = recordings.left_out(one.vehicle, names_of(one.wanted), problem)
+        if not worse_axes(before, after):
+            errors.append((recordings.error(after), one))
+    here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
     better = [(error, one) for error, one in errors if error < LOWER * here or states(last, one.effect)]
     better.sort(key=lambda found: found[0])
     least = better[0][0] if better else np.inf
@@ -267,7 +276,7 @@ def quick_fits(
     def tried(found: Mapping[str, Table]) -> list[Quick]:
         effect, quick = next(iter(found)), fitted(found)
         rest = {name: table for name, table in found.items() if name != effect}
-        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle)]
+        plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle, itself=True)]
         return [*quick, *(one for table in plain for one in fitted({table["name"]: table, **rest}))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):

@@ -74,19 +74,22 @@ def choice(vehicle: Vehicle, effect: str) -> str:
     return effect if form is None or vehicle.effects(effect) else f"{effect}.{form}"
 
 
-def plainer(vehicle: Vehicle, effect: str, file: Vehicle) -> list[dict[str, Any]]:
-    """Tables of plainer effects that one of a vehicle may nearly be, and that the vehicle has not.
+def plainer(vehicle: Vehicle, effect: str, file: Vehicle, *, itself: bool = False) -> list[dict[str, Any]]:
+    """Return tables of plainer effects that one of a vehicle may nearly be, and that the vehicle has not.
 
     Args:
         vehicle: With the effect.
         effect: Its name.
         file: What it was looked for beside.
+        itself: Also return the effect itself with fewer numbers, such as one gain for all thrusters.
     """
     reduced = CATALOGUE[effect].identification.plainer
     if reduced is None:
         return []
     return [
-        table for table in reduced(vehicle.effects(effect)[0], file) if not vehicle.effects(table["name"])
+        table
+        for table in reduced(vehicle.effects(effect)[0], file)
+        if not vehicle.effects(table["name"]) or (itself and table["name"] == effect)
     ]
 
 

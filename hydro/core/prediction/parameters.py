@@ -138,7 +138,7 @@ def free(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], *, reach:
         elif present and alternative in (None, *present[0]):
             grid = [base]
         elif present:
-            grid = [_converted(record, base, str(alternative))]
+            grid = [_converted(record, base, str(alternative), vehicle)]
         else:
             grid = _beginnings(record, alternative, vehicle, reach)
         grids.append([_complete(name, table, vehicle) for table in grid])
@@ -190,10 +190,11 @@ def _wanted(vehicle: Vehicle, wanted: str | Mapping[str, Any]) -> tuple[str, str
     return name, alternative or None, given
 
 
-def _converted(record: Effect, table: dict[str, Any], alternative: str) -> dict[str, Any]:
-    """The same effect in its other form: a diagonal as a matrix, one scale as three."""
+def _converted(record: Effect, table: dict[str, Any], alternative: str, vehicle: Vehicle) -> dict[str, Any]:
+    """Return the same effect in its other form: a diagonal as a matrix, one number as one for each."""
     given = next(name for name in record.one_of if name in table)
-    shape = next(p.shape for p in record.parameters if p.name == alternative)
+    parameter = next(p for p in record.parameters if p.name == alternative)
+    shape = _shape(record, parameter, vehicle, table)
     values = np.asarray(table[given], float)
     if len(shape) == 2:
         values = np.diag(values)
@@ -202,7 +203,7 @@ def _converted(record: Effect, table: dict[str, Any], alternative: str) -> dict[
     elif not shape:
         values = values.mean()
     else:
-        values = np.broadcast_to(values, [int(n) for n in shape])
+        values = np.broadcast_to(values, shape)
     return {k: v for k, v in table.items() if k != given} | {alternative: values.tolist()}
 
 

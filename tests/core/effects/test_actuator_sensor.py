@@ -194,3 +194,14 @@ def test_a_late_log_reads_a_cubic_spline_of_every_stretch_at_once(rows):
     spline = CubicSpline(t, nu[..., :3], axis=-2)
     np.testing.assert_allclose(read[..., :3], spline(np.maximum(t - late, 0.0)), atol=1e-12)
     np.testing.assert_array_equal(read[..., 3:], nu[..., 3:])
+
+
+def test_one_gain_for_all_thrusters_is_the_same_gain_for_each():
+    """The common form acts like equal gains, and not on a servo, which exerts no wrench of its own."""
+    vehicle = neutral()
+    count = len(vehicle.thruster)
+    each, common = (
+        equipped({"name": "thruster_gain", **form}, bare=vehicle)
+        for form in ({"g": [-0.25] * count}, {"common": -0.25})
+    )
+    np.testing.assert_array_equal(thruster_table(each), thruster_table(common))

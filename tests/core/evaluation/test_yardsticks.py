@@ -12,7 +12,16 @@ from scipy.integrate import solve_ivp
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.smoothed_motion import Motion
-from hydro.core.evaluation.yardsticks import CONSTANT, LEAST_SQUARES, ZERO, Damped, Yardstick, lost, march
+from hydro.core.evaluation.yardsticks import (
+    CONSTANT,
+    LEAST_SQUARES,
+    ZERO,
+    Damped,
+    Yardstick,
+    lost,
+    march,
+    reason,
+)
 from hydro.core.explanation.ladder import HORIZON
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.simulate import simulate
@@ -165,6 +174,67 @@ def test_who_is_beaten_is_told_by_the_best_that_beat_it():
         }
     )
     assert lost(errors) == [("u", CONSTANT)]
+
+
+def coupled(rows: int = 6000) -> pl.DataFrame:
+    """A recording whose surge obeys u' = -0.5 u + 0.4 r exactly, while the other axes swing as they like."""
+    t, rng = np.arange(rows) * DT, np.random.default_rng(7)
+    nu = np.stack([0.2 * np.sin(rng.uniform(0.2, 1.5) * t + rng.uniform(0, 6)) for _ in range(6)], axis=1)
+    nu[:, 0] = 0.0
+    for k in range(rows - 1):
+        nu[k + 1, 0] = nu[k, 0] + DT * (-0.5 * nu[k, 0] + 0.4 * nu[k, 5])
+    columns = {"session": ["a" if k < rows // 2 else "b" for k in range(rows)], "t": t}
+    motion = dict(zip(VELOCITY, nu.T, strict=True)) | {name: np.zeros(rows) for name in POSE}
+    return pl.DataFrame(columns | motion | {f"cmd_{i}": np.zeros(rows) for i in range(1, 9)})
+
+
+def test_cross_terms_are_found_where_they_are_and_nowhere_else():
+    surge = Yardstick.of(without_lag(), coupled()).damped[0]
+    assert surge.cross[5] == pytest.approx(0.4, abs=0.04)
+    assert np.abs(surge.cross[1:5]).max() < 0.04
+    assert surge.linear == pytest.approx(-0.5, abs=0.05)
+
+
+def test_motion_of_the_fitted_axes_does_not_grow_without_thrust():
+    rng = np.random.default_rng(4)
+    raw = coupled(2000)
+    for _ in range(5):
+        turned = np.linalg.qr(rng.standard_normal((6, 6)))[0]
+        mixed = raw.select(VELOCITY).to_numpy() @ turned
+        other = raw.with_columns(pl.Series(name, mixed[:, i]) for i, name in enumerate(VELOCITY))
+        axes = Yardstick.of(without_lag(), other).damped
+        last = march(axes, np.full((1, 6), 0.2), np.zeros((1, 3000, 6)), DT)[0, -1]
+        rest = np.array([one.steady for one in axes])
+        assert np.isfinite(last).all()
+        assert np.abs(last).max() < 1.0 + 60.0 * np.abs(rest).max()
+
+
+def test_sessions_are_predicted_by_fits_to_the_others():
+    """What holds in one session alone does not help to predict it."""
+    raw, vehicle = surging(6000), without_lag()
+    raw = raw.with_columns(session=pl.Series(["a"] * 3000 + ["b"] * 3000))
+    backwards = raw.with_columns(
+        pl.when(pl.col("session") == "b")
+        .then(-pl.col(f"cmd_{i}"))
+        .otherwise(pl.col(f"cmd_{i}"))
+        .alias(f"cmd_{i}")
+        for i in range(1, 9)
+    )
+    record = recording(vehicle, backwards)
+    crossed = Yardstick.crossed(vehicle, record)
+    assert crossed.fold.tolist() == [0] * 3000 + [1] * 3000
+    without_a, without_b = (fit[0].thrust for fit in crossed.left_out)
+    assert without_a < 0.1 / MASS, "in b commands brake"
+    assert without_b == pytest.approx(1.0 / MASS, rel=0.05)
+
+
+def test_the_reason_for_a_lead_is_the_part_that_lowers_the_residual_most():
+    raw, vehicle = surging(), without_lag()
+    record = recording(vehicle, raw)
+    yardstick = Yardstick.fitted(vehicle, record)
+    assert reason(yardstick, record, 0).startswith(("its delay of 0.3 s", "its command scale", "its damping"))
+    record = recording(vehicle, coupled())
+    assert reason(Yardstick.fitted(vehicle, record), record, 0).startswith("its cross terms with")
 
 
 # What noise does.
