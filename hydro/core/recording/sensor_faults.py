@@ -114,7 +114,7 @@ def faults(record: Recording) -> Faults:
                 long = _contradicted(errors[i // 3 % 2][rows], long)
             found.stills[rows, i] = long
             found.marks[rows, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
-        found.jumps[:, i] = _jumps(places, parts, found.all[:, i])
+        found.jumps[:, i] = _jumps(places, parts, found.all[:, i], record.dt)
     found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
     return found
 
@@ -297,15 +297,17 @@ def _contradicted(error: Array, still: Mask) -> Mask:
     return out
 
 
-def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask) -> Mask:
-    """Which readings of a channel jump away and back, (N,); those that are `known` as faulty do not count."""
+def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask, dt: float) -> Mask:
+    """Return which readings of a channel jump away and back, (N,), apart from those `known` as faulty."""
     out, apart = np.zeros(len(known), bool), _apart(parts)
     series = [
         (rows, *taken)
         for rows, part in zip(places, parts, strict=True)
         for taken in _samples(part, known[rows], apart)
     ]
-    found = jumping([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1])
+    steps = [np.diff(rows[first]) for rows, first, _, _ in series if len(first) > 1]
+    spacing = dt * float(np.median(np.concatenate(steps))) if steps else dt
+    found = jumping([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1], spacing)
     for (rows, first, last, _), odd in zip(series, found, strict=True):
         for begin, end in zip(first[odd], last[odd], strict=True):
             out[rows[begin:end]] = True
