@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 
+from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
 from hydro.core.errors import DataError
@@ -32,7 +33,6 @@ from hydro.core.identification.levenberg_marquardt import (
 )
 from hydro.core.identification.outcome import IMPASSIVE, Fit, information, with_uncertainty
 from hydro.core.identification.passivity import bounded_in_sum, possible
-from hydro.core.logs.axis_faults import require_as_called
 from hydro.core.prediction import multiple_shooting, weak_form
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
@@ -42,13 +42,6 @@ from hydro.core.prediction.tracking import shot_seconds, tracked
 from hydro.core.prediction.visibility import of_recording
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording
-from hydro.core.recording.heavy_tails import Tail
-from hydro.core.recording.sensor_faults import (
-    Corrected,
-    without_bad_readings,
-    without_bias,
-    without_outliers,
-)
 from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.vehicle.description import Vehicle
 
@@ -99,7 +92,7 @@ def fit(
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
     progress = progress or silent
-    log = sound(vehicle, raw)
+    log = cleaned(vehicle, raw, put_right=False)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
     unknown = _not_known(vehicle, effects, record.track)
@@ -123,9 +116,8 @@ def fit(
         unknown, kept + 0.0, normal, chi2, method, vehicle, _over_powers(unknown, kept, normal, problem)
     )
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
-    warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
-    return replace(found, warnings=warnings, share=share)
+    warnings = (*of_recording(vehicle, log.record), *log.changes, *reduced, *found.warnings)
+    return replace(found, warnings=warnings, share=share, changes=log.changes)
 
 
 def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
@@ -138,26 +130,6 @@ def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], rea
     if not unknown.entries:
         raise DataError("all that is named is held as known; name another effect, or take `known` out")
     return unknown
-
-
-def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording without faults of its sensors.
-
-    Raises:
-        DataError: The recording does not fit the vehicle, or columns are not what they are called: values
-            fitted to them would be wrong.
-    """
-    readings = without_bad_readings(vehicle, raw)
-    require_as_called(readings.raw, readings.record)
-    return without_outliers(vehicle, without_bias(vehicle, readings))
-
-
-def _heavy(tails: Sequence[Tail]) -> tuple[str, ...]:
-    """That the noise of some channels has heavy tails."""
-    if not tails:
-        return ()
-    names = ", ".join(f"{tail.channel} ({tail.freedom:g})" for tail in tails)
-    return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
 
 
 def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | None) -> Shots:

@@ -44,6 +44,7 @@ class Fit:
         method: `output` or `equation`.
         warnings: What the user should know, one line each.
         share: Share of the recording that was looked at.
+        changes: What was changed in the log, one sentence each; part of `warnings`.
     """
 
     vehicle: Vehicle
@@ -56,6 +57,7 @@ class Fit:
     method: str
     warnings: tuple[str, ...]
     share: float = 1.0
+    changes: tuple[str, ...] = ()
 
     def tables(self) -> tuple[dict[str, Any], ...]:
         """The `[[effect]]` tables of the fitted effects, with their standard errors.

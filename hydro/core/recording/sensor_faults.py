@@ -60,9 +60,9 @@ class Corrected:
 
     Attributes:
         raw: Raw table.
-        record: The same as arrays.
+        record: The same as arrays; channels with heavy tails hold pseudo-observations.
         faults: What was wrong, one of each kind.
-        tails: Noise of channels that hold pseudo-observations.
+        tails: Noise of channels with heavy tails.
     """
 
     raw: pl.DataFrame
@@ -176,13 +176,13 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """The recording with pseudo-observations in channels whose noise has heavy tails."""
+    """Return the recording with pseudo-observations of channels with heavy tails; the table is kept."""
     tails = heavy_tails(log.record)
     if not tails:
         return log
-    raw, sigma = pseudo_observed(log.raw, log.record, tails)
-    record = replace(recording(vehicle, raw), sigma=sigma)
-    return replace(log, raw=raw, record=record, tails=tuple(tails.values()))
+    observed, sigma = pseudo_observed(log.raw, log.record, tails)
+    record = replace(recording(vehicle, observed), sigma=sigma)
+    return replace(log, record=record, tails=tuple(tails.values()))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:

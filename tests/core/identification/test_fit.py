@@ -13,9 +13,9 @@ from recordings import DAMPING, damped, moved, noisy
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import VELOCITY
 from hydro.core.diagnosis.findings import extended
-from hydro.core.diagnosis.log_faults import sound
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import LOOSE, fit
@@ -400,7 +400,7 @@ def test_columns_that_are_not_what_they_are_called_stop_a_fit():
     """In the words of a diagnosis, which goes on with the column put right."""
     raw = noisy(moved(damped(), rows=4000), 0)
     reversed_ = raw.with_columns(-pl.col("v"))
-    (told,) = sound(damped(), reversed_).faults
+    (told,) = cleaned(damped(), reversed_).faults
     with pytest.raises(DataError, match=r"column v.* when importing the log$") as refused:
         fit(damped(), reversed_, ["linear_damping"], method="equation")
     assert told.message.startswith(str(refused.value))
