@@ -16,6 +16,7 @@ from hydro.commands.shell import (
     about,
     progress,
     read,
+    report,
     tell_changes,
     tell_not_shown,
     write,
@@ -69,6 +70,7 @@ def compare(
         hydro compare vehicle.toml after.parquet --before before.parquet
     """
     from hydro.core import effects
+    from hydro.core.cleaning.readiness import unready
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as compute
     from hydro.core.explanation.with_hull import with_hull
@@ -96,6 +98,7 @@ def compare(
         if earlier is not None:
             frame = with_hull(frame, known, log, earlier.hull)
     changes = tell_changes(name, log.changes)
+    report(name, unready(log.observed))
     _print(frame, earlier, person(as_json))
     if as_json:
         print_json(comparison=frame)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
@@ -76,6 +77,7 @@ class Recordings:
     ) -> Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
         log = preprocess(vehicle, raw, hull)
+        require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
         return cls(log, other, Yardstick.fitted(vehicle, log.record), hull)
 

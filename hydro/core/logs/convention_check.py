@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
@@ -73,13 +74,33 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         note = "frames and signs not tested: position and attitude have no velocity and rates beside them"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
+    whole, declared, resting = declared, *_without_rest(evidence, declared)
+    if not any(tested(declared)):
+        note = "frames and signs not tested: the vehicle did not move beyond the noise of its sensors"
+        return Verdict((np.nan, np.nan), (), (note,), whole)
     found = _best(evidence, declared)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
-    notes = [*_oddities(evidence, found), *_void(evidence, found)]
+    notes = [*resting, *_oddities(evidence, found), *_void(evidence, found)]
     both = tested(declared)
     translation, rotation = np.where(both, evidence.errors(declared), np.nan).tolist()
+    kept = {name: getattr(found, name) or getattr(whole, name) for name in ("velocity", "rates")}
+    found = msgspec.structs.replace(found, **kept)
     return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
+
+
+def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[str]]:
+    """Return the map without velocities of which there was no motion to test them by, and a note for each.
+
+    Of a vehicle at rest a smaller unit explains the noise better, and so does any frame by chance.
+    """
+    notes = list[str]()
+    for block, moves in zip(("velocity", "rates"), evidence.moves(declared), strict=True):
+        if not moves:
+            names = ", ".join(column.column for column in measured(getattr(declared, block)))
+            notes.append(f"too little motion to test the frames and signs of {names}")
+            declared = msgspec.structs.replace(declared, **{block: None})
+    return declared, notes
 
 
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:
