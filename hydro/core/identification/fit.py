@@ -19,6 +19,9 @@ import polars as pl
 from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.effects.catalogue import with_role
+from hydro.core.effects.record import Role
+from hydro.core.effects.restoring import BUOYANCY_OFFSET
 from hydro.core.errors import DataError
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
@@ -55,6 +58,10 @@ LOOSE = 0.1
 """Standard error of a power from which the standard errors of all else are asked for over its profile."""
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
+MISFIT = 3.0
+"""Mean squared residual in units of the noise from which the file lacks something that may distort a fit."""
+EXPLAINED = 0.5
+"""Part of that residual that effects of the same family may leave at most to be fitted along."""
 BETTER = 9.0  # squared residual of a shot by which another beginning must be better
 
 
@@ -91,7 +98,61 @@ def fit(
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
-    progress = progress or silent
+    found = _fitted(vehicle, raw, effects, method, noise, most, progress or silent)
+    lacking = _lacking(vehicle, found)
+    if not lacking:
+        return found
+    try:
+        joint = _fitted(vehicle, raw, [*effects, *lacking], method, noise, most, progress or silent)
+    except DataError:  # the motion diverges with them
+        return found
+    return _beside(found, joint, lacking) if joint.chi2 <= EXPLAINED * found.chi2 else found
+
+
+def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
+    """Return effects that a file often lacks and that may have distorted a fit: of the same family.
+
+    A sensor that sees what the file lacks spoils the fit of what was asked for: an attitude that is not the
+    file's trim draws a net buoyancy to values that lessen the restoring moment.
+    """
+    if not found.chi2 > MISFIT or found.method != "output":
+        return ()
+    named = {entry.effect for entry in found.free.entries}
+    family, there = BUOYANCY_OFFSET.family, {table["name"] for table in vehicle.effect}
+    if not any(CATALOGUE[name].family == family for name in named):
+        return ()
+    often = [name for name in with_role(Role.OFTEN_LACKING) if CATALOGUE[name].family == family]
+    return tuple(name for name in often if name not in named | there)
+
+
+def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:
+    """Return a joint fit with the entries that were asked for alone; what it lacks is told, not written."""
+    kept = [i for i, entry in enumerate(joint.free.entries) if entry.effect not in lacking]
+    names = ", ".join(lacking)
+    told = f"the file lacks {names}: fitted along and not written; hydro diagnose says what is missing"
+    values = joint.values[kept]
+    return replace(
+        found,
+        vehicle=found.free.at(values),
+        values=values,
+        standard_errors=joint.standard_errors[kept],
+        covariance=joint.covariance[np.ix_(kept, kept)],
+        determined=joint.determined[kept],
+        chi2=joint.chi2,
+        warnings=(*joint.warnings, told),
+    )
+
+
+def _fitted(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    method: Method,
+    noise: Array | None,
+    most: int | None,
+    progress: Progress,
+) -> Fit:
+    """Fit just the named effects, see `fit`."""
     log = cleaned(vehicle, raw, put_right=False)
     record = tracked(vehicle, log.record)
     blind = record is not log.record

@@ -79,6 +79,8 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         note = "frames and signs not tested: the vehicle did not move beyond the noise of its sensors"
         return Verdict((np.nan, np.nan), (), (note,), whole)
     found = _best(evidence, declared)
+    if declared.rates is None:
+        found = _with_attitude_at_rest(evidence, declared, found)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
     notes = [*resting, *_oddities(evidence, found), *_void(evidence, found)]
@@ -101,6 +103,16 @@ def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[st
             notes.append(f"too little motion to test the frames and signs of {names}")
             declared = msgspec.structs.replace(declared, **{block: None})
     return declared, notes
+
+
+def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
+    """Return the map with the declared attitude, unless the other one explains plainly more of the travel.
+
+    Without rates, or without turns, only the travel tells of the attitude, and little of a level one.
+    """
+    given = msgspec.structs.replace(found, attitude=declared.attitude)
+    plainly = evidence.misfit(found) < evidence.misfit(given) - TIE
+    return found if plainly else given
 
 
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from hydro.core.cleaning.cleaned import cleaned
-from hydro.core.columns import VELOCITY
+from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import extended
 from hydro.core.effects import CATALOGUE, validate
 from hydro.core.errors import DataError
@@ -404,3 +405,39 @@ def test_columns_that_are_not_what_they_are_called_stop_a_fit():
     with pytest.raises(DataError, match=r"column v.* when importing the log$") as refused:
         fit(damped(), reversed_, ["linear_damping"], method="equation")
     assert told.message.startswith(str(refused.value))
+
+
+BLUEROV2 = Path(__file__).resolve().parents[3] / "datasets" / "vehicles" / "bluerov2_heavy.toml"
+
+
+def sunk(seed, *, attitude):
+    """Three sinks of 9 s, thrusters off, trimmed by 5 degrees; depth at 3 Hz, attitude at 10 Hz."""
+    rng, parts = np.random.default_rng(seed), []
+    for number in range(3):
+        t = np.arange(90) * 0.1
+        z = 0.12 + 0.113 * t + 0.002 * rng.standard_normal(len(t))
+        angles = np.array([0.0, 0.09, 0.0]) + 0.001 * rng.standard_normal((len(t), 3))
+        shown = np.where(np.arange(len(t)) % 3 == 0, z, np.nan)
+        parts.append(
+            pl.DataFrame({"session": [f"s{number}"] * len(t), "t": t, "z": shown})
+            .with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("x", "y", *VELOCITY))
+            .with_columns(
+                pl.Series(name, column if attitude else np.full(len(t), np.nan))
+                for name, column in zip(POSE[3:], angles.T, strict=True)
+            )
+            .with_columns(pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8))
+        )
+    return pl.concat(parts).with_columns(pl.col("z", *POSE[3:]).fill_nan(None))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_sensor_more_does_not_spoil_a_net_buoyancy(seed):
+    """The attitude shows a trim that the file lacks: its moment must not be taken for a weight."""
+    known, _ = files.read(BLUEROV2)
+    depth, both = (fit(known, sunk(seed, attitude=seen), ["net_buoyancy"]) for seen in (False, True))
+    error = float(np.hypot(depth.standard_errors[0], both.standard_errors[0]))
+    assert both.values[0] == pytest.approx(depth.values[0], abs=3.0 * error)
+    assert both.standard_errors[0] <= depth.standard_errors[0]
+    assert both.chi2 < 1.5
+    assert any("fitted along and not written" in line for line in both.warnings)
+    assert [table["name"] for table in both.tables()] == ["net_buoyancy"]
