@@ -83,7 +83,7 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         found = _with_attitude_at_rest(evidence, declared, found)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
-    notes = [*resting, *_oddities(evidence, found), *_void(evidence, found)]
+    notes = [*_oddities(evidence, found), *_void(evidence, found, resting)]
     both = tested(declared)
     translation, rotation = np.where(both, evidence.errors(declared), np.nan).tolist()
     kept = {name: getattr(found, name) or getattr(whole, name) for name in ("velocity", "rates")}
@@ -92,17 +92,16 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
 
 
 def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[str]]:
-    """Return the map without velocities of which there was no motion to test them by, and a note for each.
+    """Return the map without velocities of which there was no motion to test them by, and their columns.
 
     Of a vehicle at rest a smaller unit explains the noise better, and so does any frame by chance.
     """
-    notes = list[str]()
+    resting = list[str]()
     for block, moves in zip(("velocity", "rates"), evidence.moves(declared), strict=True):
         if not moves:
-            names = ", ".join(column.column for column in measured(getattr(declared, block)))
-            notes.append(f"too little motion to test the frames and signs of {names}")
+            resting += [column.column for column in measured(getattr(declared, block))]
             declared = msgspec.structs.replace(declared, **{block: None})
-    return declared, notes
+    return declared, resting
 
 
 def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
@@ -310,7 +309,7 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
     )
 
 
-def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
+def _void(evidence: Evidence, found: LogMap, resting: Sequence[str]) -> Iterable[str]:
     """What the test could not show: signs of axes that hardly moved, and velocities that made the pose."""
     untested, both = [], tested(found)
     sides = [name for name, there in zip(("velocity", "rates"), both, strict=True) if there]
@@ -319,6 +318,7 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
             c, error = _contrast(evidence, found, change.apply(found))
             if not (c < 1.0 - TELLING and c + TESTED * error < 0.5):
                 untested.append(measured(getattr(found, change.block))[change.flip].column)
+    untested += resting
     if untested:
         yield f"too little motion to test the sign of {', '.join(untested)}"
     allowed = _least_errors(evidence, found)
