@@ -144,7 +144,7 @@ def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bo
     else:  # the slope of the pose
         pose = sigma[:3].max() if axis < 3 else sigma[3:6].max()
         size, least = float(np.sqrt(np.mean(means**2))), np.sqrt(2.0) * pose / WINDOW
-    return size > max(MOVES, ABOVE_NOISE * least)
+    return bool(size > max(MOVES, ABOVE_NOISE * least))
 
 
 def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) -> bool:
@@ -154,7 +154,7 @@ def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) 
     rows = max(round(WINDOW / record.dt), 1)
     means = [np.array([piece.mean() for piece in _pieces(part, rows)]) for part in parts]
     widest = max((float(np.ptp(part)) for part in means if part.size), default=0.0)
-    return widest > max(TRAVEL, 2.0 * ABOVE_NOISE * sigma)
+    return bool(widest > max(TRAVEL, 2.0 * ABOVE_NOISE * sigma))
 
 
 def _pieces(part: Array, rows: int) -> Iterator[Array]:

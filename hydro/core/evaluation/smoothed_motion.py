@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
 from hydro.core.recording.filling import slope_noise, unshown
@@ -50,7 +50,9 @@ class Motion:
             DataError: A segment has a single row, or none has eight.
         """
         sigma = noise(record)
-        never = np.zeros(CHANNELS, bool) if record.seen is None else ~record.seen.any(axis=0)
+        never: Mask = np.zeros(CHANNELS, bool)
+        if record.seen is not None:
+            never = np.logical_not(record.seen.any(axis=0))
         doubt = _doubt(record, sigma)
         sigma[never] = LEAST_NOISE
         angles, steep = record.eta.copy(), bool((np.cos(record.eta[:, 4]) <= STEEP).any())

@@ -60,7 +60,7 @@ GROWTH = 0.95
 """Largest slope of the residuals at twice the spacing against those at single spacing, for large residuals.
 
 Independent errors give 0.75 to 0.94 (Gauss to t with 1.5 degrees of freedom), corners of a motion 1.2 to 4:
-`benchmarks/results/heavy_tails.csv`."""
+`benchmarks/heavy_tails.py` counts the errors."""
 MOST_SAMPLES, LEAST_SAMPLES = 20_000, 200
 STEPS_ALIKE = 0.05  # share of equal neighbours from which a channel reads in steps, or is held
 REACH = 0.12  # s, half-width of the widest cubic that the motion is taken for,
