@@ -123,7 +123,7 @@ def _depth_known(record: Recording) -> bool:
 def _heaves(record: Recording) -> bool:
     """Return whether the depth changes beyond its noise."""
     z = _depth(record)
-    return float(np.std(z)) > BEYOND_NOISE * noise(record)[2]
+    return bool(np.std(z) > BEYOND_NOISE * noise(record)[2])
 
 
 def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bool:
