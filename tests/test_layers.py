@@ -43,6 +43,7 @@ LEVELS = {
         ("prediction",),
         ("distillation",),
         ("simulation",),
+        ("cleaning",),
         ("logs",),
         ("recording", "geometry"),
         ("effects",),

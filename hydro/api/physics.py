@@ -120,9 +120,10 @@ def compare(
     from hydro.io.table import conform
 
     hull = _hull(vehicle, before, model)
-    found = measure(vehicle, raw, against=against, progress=progress)
+    log = preprocess(vehicle, raw, hull)
+    found = measure(vehicle, log.raw, record=log.observed, against=against, progress=progress)
     if hull is not None:
-        found = with_hull(found, vehicle, preprocess(vehicle, raw, hull), hull)
+        found = with_hull(found, vehicle, log, hull)
     return conform("comparison", found)
 
 

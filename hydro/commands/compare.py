@@ -10,7 +10,17 @@ from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
-from hydro.commands.shell import STREAM, ModelFile, about, progress, read, report, tell_not_shown, write
+from hydro.commands.shell import (
+    STREAM,
+    ModelFile,
+    about,
+    progress,
+    read,
+    report,
+    tell_changes,
+    tell_not_shown,
+    write,
+)
 from hydro.commands.tables import person, print_table
 from hydro.core.errors import DataError
 
@@ -51,12 +61,16 @@ def compare(
     does beside the file is learnt from that one and held fixed. The errors of short predictions with it, in
     the recording after, stand beside those in stretches of the one before that it was not fitted to, the
     floor, and beside those of the file alone. Above the floor something has changed, or the vehicle moves as
-    it did not before; hydro diagnose --before says what, and how sure that is. Where command columns seem to
-    be exchanged or reversed, one line on stderr says so, and these errors are as if they were in order.
+    it did not before; hydro diagnose --before says what, and how sure that is.
+
+    Errors are those of the cleaned recording, as diagnose, explain and fit see it. Readings that no motion
+    makes, a gyro's bias, columns in other frames or units and exchanged command columns are put right or left
+    out. Every change is one line on stderr, and is kept in the footer of the comparison.
 
         hydro compare vehicle.toml after.parquet --before before.parquet
     """
     from hydro.core import effects
+    from hydro.core.cleaning.readiness import unready
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.compare import compare as compute
     from hydro.core.explanation.with_hull import with_hull
@@ -71,27 +85,27 @@ def compare(
     former = None if against is None else _former(against, source)
     with about(name):
         tell_not_shown(known, source.frame)
-    earlier, log = learnt(before, model, known, source, logs), None
+    earlier = learnt(before, model, known, source, logs)
     with about(name), progress("compare") as update:
+        log = preprocess(known, source.frame, earlier.hull if earlier else None)
         frame = compute(
             known,
-            source.frame,
+            log.raw,
+            record=log.observed,
             against=None if former is None else former.frame,
             progress=lambda words, share: update(round(100 * share), 100, words),
         )
         if earlier is not None:
-            log = preprocess(known, source.frame, earlier.hull)
             frame = with_hull(frame, known, log, earlier.hull)
-    if log is not None and log.wiring is not None:
-        words = f"it looks as if {log.wiring.words()}: errors with the hull are as if they were in order"
-        report(name, words)
+    changes = tell_changes(name, log.changes)
+    report(name, unready(log.observed))
     _print(frame, earlier, person(as_json))
     if as_json:
         print_json(comparison=frame)
     if not saves(output, as_json):
         return
     inputs = [source, *([former] if former else []), *(earlier.inputs if earlier else ())]
-    parameters = earlier.parameters if earlier else {}
+    parameters = (earlier.parameters if earlier else {}) | changes
     made = table.make(
         "comparison", frame, stage="compare", parameters=parameters, inputs=inputs, vehicle_text=text
     )

@@ -31,6 +31,7 @@ from hydro.commands.shell import (
     estimates_beside,
     progress,
     read,
+    tell_changes,
     tell_duration,
     tell_not_shown,
     vehicle_held,
@@ -193,6 +194,7 @@ def diagnose(
         found = diagnose_log(start, log, hull=hull, progress=advance)
         if discover:
             found = discovered(start, log, found, advance)
+    changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))
     if as_json:
         print_json(findings=found.frame(), chi2=dict(zip(CHI2, found.chi2, strict=True)))
@@ -203,7 +205,8 @@ def diagnose(
             found.frame(),
             stage="diagnose",
             parameters={"chi2": [round(value, 4) for value in found.chi2]}
-            | (earlier.parameters if earlier else {}),
+            | (earlier.parameters if earlier else {})
+            | changes,
             inputs=inputs,
             vehicle_text=text,
         )

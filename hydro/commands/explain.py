@@ -17,6 +17,7 @@ from hydro.commands.shell import (
     ModelFile,
     about,
     progress,
+    tell_changes,
     tell_duration,
     tell_not_shown,
     vehicle_to_fit,
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.console import Console
 
+    from hydro.core.diagnosis.log_faults import Preprocessed
     from hydro.core.explanation.ladder import Step
-    from hydro.core.residual.hull import Hull
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
@@ -103,6 +104,7 @@ def explain(
     from hydro.core.explanation.explain import ending
     from hydro.core.explanation.explain import explain as compute
     from hydro.core.explanation.ladder import best
+    from hydro.core.explanation.trials import Recordings
     from hydro.io.study import Study
 
     logs, name = Logs(map_, msg, vehicle), called(measured)
@@ -114,8 +116,16 @@ def explain(
         if not before:
             tell_duration(start, source.frame, steps=True)
     earlier = learnt(before, model, start, source, logs, discover=discover)
-    told = (earlier.inputs, earlier.parameters) if earlier else ((), {"discover": True} if discover else {})
-    study = Study(folder, text, source, other, *told)
+    frame, hull = None if other is None else other.frame, earlier.hull if earlier else None
+    with about(name):
+        recordings = Recordings.of(start, source.frame, frame, hull)
+    changes = tell_changes(name, recordings.log.changes)
+    if recordings.holdout is not None:
+        held_out = tell_changes(called(holdout), recordings.holdout.changes)
+        changes |= {f"{key}_holdout": lines for key, lines in held_out.items()}
+    told = earlier.parameters if earlier else {"discover": True} if discover else {}
+    inputs = earlier.inputs if earlier else ()
+    study = Study(folder, text, source, other, inputs, told | changes)
     steps = study.done()
     if study.clear(steps) and not steps:
         typer.echo(f"hydro: {folder}: the files of another study there are replaced", err=True)
@@ -126,14 +136,14 @@ def explain(
         def advance(words: str, share: float) -> None:
             update(round(100 * share), 100, f"step {len(steps)}: {words}")
 
-        frame = None if other is None else other.frame
-        hull, done = earlier.hull if earlier else None, list(steps)
+        done = list(steps)
         found = compute(
             start,
             source.frame,
             holdout=frame,
             hull=hull,
             done=done,
+            recordings=recordings,
             beyond=discovered if discover else None,
             progress=advance,
         )
@@ -142,18 +152,17 @@ def explain(
             study.save_step(steps)
             _tell(step)
         study.end(steps, ending(steps))
-        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, hull)
+        _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
         _save_bands(study, best(steps))
     _print(study, steps, best(steps), ending(steps), person(as_json))
     if as_json:
         _print_json(study, steps, best(steps), ending(steps))
 
 
-def _save_recorded(study: Study, vehicles: dict[int, Vehicle], hull: Hull | None) -> None:
+def _save_recorded(study: Study, vehicles: dict[int, Vehicle], log: Preprocessed) -> None:
     """Write what these steps make of the recordings, and which sessions those have."""
     import polars as pl
 
-    from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.discovery.growth import growth
     from hydro.core.evaluation.leftover import leftover
     from hydro.core.evaluation.rolling_prediction import restarted
@@ -165,9 +174,8 @@ def _save_recorded(study: Study, vehicles: dict[int, Vehicle], hull: Hull | None
     study.save("replay", restarted({f"step-{k}": one for k, one in vehicles.items()}, given[-1]))
     why = ""
     try:
-        raw = preprocess(vehicles[0], given[0], hull).raw
-        study.save("leftover", leftover(vehicles, raw))
-        grown = growth(list(vehicles.values())[-1], raw)
+        study.save("leftover", leftover(vehicles, log.raw, log.observed))
+        grown = growth(list(vehicles.values())[-1], log.raw, log.observed)
         if not grown.is_empty():
             study.save("growth", grown)
     except DataError as error:  # too few samples: what else is wrong with a recording has ended the study

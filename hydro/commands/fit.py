@@ -130,7 +130,12 @@ def _write(found: Fit, text: str, start: Path, output: str, source: Artefact) ->
     earlier, _ = covariance.read(start, vehicles.read(start)[0])
     vehicles.write(text, output)
     covariance.write(
-        found.estimates().after(earlier), output, stage="fit", inputs=[source], vehicle_text=text
+        found.estimates().after(earlier),
+        output,
+        stage="fit",
+        inputs=[source],
+        vehicle_text=text,
+        parameters={"cleaning": list(found.changes)} if found.changes else None,
     )
 
 

@@ -10,7 +10,16 @@ import typer
 
 from hydro.commands.places import Output
 from hydro.commands.recordings import Definitions, Logs, MapFile, called
-from hydro.commands.shell import STREAM, about, progress, refuse_terminal, seed_option, tell_voltage, write
+from hydro.commands.shell import (
+    STREAM,
+    about,
+    progress,
+    refuse_terminal,
+    report,
+    seed_option,
+    tell_voltage,
+    write,
+)
 from hydro.commands.tables import person, print_table
 from hydro.core import seeds
 from hydro.core.effects import examples
@@ -64,6 +73,7 @@ def simulate(
     the predicted motion and the 95 % band of every pose and velocity. A band holds what the parameters leave
     open, neither sensor noise nor what the model lacks.
     """
+    from hydro.core.recording.extent import above_surface
     from hydro.core.simulation.simulate import simulate as move
     from hydro.io import table
     from hydro.io import vehicle as vehicles
@@ -80,6 +90,7 @@ def simulate(
         return
     with about(name):
         frame = move(known, source.frame, sea=sea)
+    report(name, above_surface(frame))
     made = table.make("raw", frame, stage="simulate", seed=sea, inputs=[source], vehicle_text=text)
     write(made, output)
 

@@ -223,6 +223,13 @@ def report(source: str, words: str) -> None:
         typer.echo(f"hydro: {_name(source)}: {words}", err=True)
 
 
+def tell_changes(source: str, changes: Sequence[str]) -> dict[str, list[str]]:
+    """Say on stderr what was changed in a log, one line each, and return it for the footer of an artefact."""
+    for line in changes:
+        report(source, line)
+    return {"cleaning": list(changes)} if changes else {}
+
+
 def left_out(frame: pl.DataFrame) -> str:
     """How many rows of a labels table have no label; empty where all have one."""
     from hydro.core.distillation.labels import labelled

@@ -6,8 +6,9 @@ of other values than the file's is not used, and that is said.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -27,7 +28,13 @@ def beside(path: str | Path) -> Path:
 
 
 def write(
-    estimates: Estimates, path: str | Path, *, stage: str, inputs: Sequence[Artefact], vehicle_text: str
+    estimates: Estimates,
+    path: str | Path,
+    *,
+    stage: str,
+    inputs: Sequence[Artefact],
+    vehicle_text: str,
+    parameters: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a covariance beside a vehicle file or a diagnosis; none of no numbers, nor beside a device.
 
@@ -37,10 +44,14 @@ def write(
         stage: The command.
         inputs: What the numbers were estimated from.
         vehicle_text: Text of the vehicle file.
+        parameters: What else its footer says.
     """
     if not (estimates.entries and Path(path).is_file()):
         return
-    made = table.make(KIND, estimates.frame(), stage=stage, inputs=inputs, vehicle_text=vehicle_text)
+    frame = estimates.frame()
+    made = table.make(
+        KIND, frame, stage=stage, parameters=parameters, inputs=inputs, vehicle_text=vehicle_text
+    )
     table.write(made, beside(path))
 
 

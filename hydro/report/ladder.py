@@ -13,6 +13,7 @@ from hydro.core.effects import CATALOGUE, describe
 from hydro.core.evaluation.yardsticks import PREDICTORS, column
 from hydro.core.explanation.ladder import HORIZON, LEFT_OUT
 from hydro.core.explanation.with_hull import FLOOR
+from hydro.core.identification.outcome import UNDETERMINED
 from hydro.report import words
 
 TITLES = {
@@ -106,7 +107,8 @@ def headline(rows: pl.DataFrame) -> str:
 def values(table: Mapping[str, Any]) -> Iterator[str]:
     """A fitted effect, a line for each parameter: values ± standard errors and their unit.
 
-    Of a list, the entries that differ plainly from 0, counted from 1.
+    Of a list, the entries that differ plainly from 0, counted from 1.  The others are near 0 where their
+    standard errors say so, and else not determined.
     """
     effect = CATALOGUE[table["name"]]
     texts = effect.written(table)
@@ -119,9 +121,24 @@ def values(table: Mapping[str, Any]) -> Iterator[str]:
         shown = [i for i in np.ndindex(*value.shape) if not i or terms or _plain(value, error, i)]
         name = _name_of(terms) if len(shown) < value.size or terms else lambda index: ""
         numbers = [name(index) + _sized(float(value[index]), float(error[index])) for index in shown]
-        rest = "" if len(shown) == value.size else ", all others near 0" if shown else "all near 0"
+        rest = _others(value, error, shown, parameter.scale)
         unit = describe.unit(parameter)
         yield f"{parameter.name}: {', '.join(numbers)}{rest}{'' if unit == '1' else f' [{unit}]'}"
+
+
+def _others(value: Any, error: Any, shown: Sequence[tuple[int, ...]], scale: tuple[Any, ...]) -> str:
+    """Return what is said of the entries that are not shown: near 0, or not determined by the data."""
+    others = [i for i in np.ndindex(*value.shape) if i not in shown]
+    sizes = [abs(value[i]) for i in shown] + [one for one in scale if isinstance(one, int | float)]
+    size = max(sizes, default=np.inf)
+    loose = [i for i in others if error[i] > UNDETERMINED * size]
+    parts = []
+    if len(loose) < len(others):
+        parts.append("all others near 0" if shown or loose else "all near 0")
+    if loose:
+        places = ", ".join(", ".join(str(k + 1) for k in i) for i in loose)
+        parts.insert(0, f"not determined: no. {places}")
+    return "".join(f", {part}" for part in parts) if shown else ", ".join(parts)
 
 
 def _plain(value: Any, error: Any, index: tuple[int, ...]) -> bool:

@@ -61,12 +61,14 @@ def _written(part: Part, target: Path, start: Vehicle, text: str) -> pl.DataFram
     """Diagnose a session and write what is found."""
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
-    found = diagnose_log(known, preprocess(known, source.frame))
+    log = preprocess(known, source.frame)
+    found = diagnose_log(known, log)
+    changes = {"cleaning": list(log.changes)} if log.changes else {}
     made = table.make(
         "diagnosis",
         found.frame(),
         stage="diagnose",
-        parameters={"chi2": [round(value, 4) for value in found.chi2]},
+        parameters={"chi2": [round(value, 4) for value in found.chi2]} | changes,
         inputs=[source],
         vehicle_text=text,
     )

@@ -46,3 +46,10 @@ def test_a_list_that_is_all_near_nothing_is_said_to_be():
         "drag: no. 1: 300 ± 3, all others near 0 [N s^2/m^2]",
         "position: all near 0 [m]",
     ]
+
+
+def test_an_entry_that_the_data_do_not_determine_is_not_said_to_be_near_0():
+    errors = {"standard_error": {"g": [0.06, 0.06, 1.5, 1.5]}}
+    assert list(ladder.values({"name": "thruster_gain", "g": [-0.85, 0.01, -0.82, -0.26]} | errors)) == [
+        "g: no. 1: -0.85 ± 0.06, not determined: no. 3, 4, all others near 0",
+    ]

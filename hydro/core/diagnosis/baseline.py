@@ -62,6 +62,8 @@ DIVERGED_REFIT = "the refit of the file's own effects diverged: they stand as th
 STABLE = 0.95
 """Part of the shots that must not diverge."""
 LEAST_SHOTS = 16
+SHORTEST = 0.5
+"""Length down to which shots are cut where there are too few longer ones [s]: 10 s of sinking suffice."""
 LOUD, ENOUGH = 1e3, 120
 """Mean squared residual, in units of the noise, from which so many shots tell as much as all."""
 
@@ -235,7 +237,7 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
         shots = log.shots(seconds)
-        if len(shots.starts) < LEAST_SHOTS and seconds == blind > SHOT_LENGTHS[0]:
+        if len(shots.starts) < LEAST_SHOTS and seconds > SHORTEST:
             continue
         if len(shots.starts) < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())

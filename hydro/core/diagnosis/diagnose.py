@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 from scipy.stats import f as fisher
 
+from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import (
     LOUD,
     MATERIAL,
@@ -111,7 +112,9 @@ def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> H
     Raises:
         DataError: The recording does not fit the vehicle, or is too short.
     """
-    problem = stable_shots(vehicle, preprocess(vehicle, before))
+    log = preprocess(vehicle, before)
+    require_ready(log.observed)
+    problem = stable_shots(vehicle, log)
     return learnt(vehicle, problem) if law is None else known_by(vehicle, problem, law)
 
 
@@ -132,6 +135,7 @@ def diagnose_log(
     With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
     times the noise is left, what transfers is asked at once.
     """
+    require_ready(log.observed)
     progress = progress or silent
     progress("shots", 0.0)
     if hull is not None:

@@ -8,21 +8,15 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
+from hydro.core.cleaning.cleaned import cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
 from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
-from hydro.core.logs.axis_faults import axis_faults
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.recording.arrays import Recording, noise, recording
-from hydro.core.recording.sensor_faults import (
-    Corrected,
-    without_bad_readings,
-    without_bias,
-    without_faults,
-    without_outliers,
-)
+from hydro.core.recording.heavy_tails import Tail
 from hydro.core.recording.shots import SHOT_SECONDS, Shots, make_shots
 from hydro.core.residual.hull import Hull
 from hydro.core.vehicle.description import Vehicle
@@ -39,13 +33,27 @@ class Preprocessed:
         record: The same as arrays.
         faults: A finding for each kind of fault.
         wiring: The order of the command columns, where it is another than the vehicle file's.
+        tails: Noise of channels with heavy tails.
+        sampled: The recording before a model filled the channels without samples; None where it is `record`.
     """
 
     raw: pl.DataFrame
     record: Recording
     faults: tuple[Finding, ...]
     wiring: Wiring | None = None
+    tails: tuple[Tail, ...] = ()
+    sampled: Recording | None = None
     _shots: dict[float, Shots] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """One sentence for each thing that was changed in the log."""
+        return (*(fault.advice for fault in self.faults), *heavy_tails_told(self.tails))
+
+    @property
+    def observed(self) -> Recording:
+        """The recording without anything that a model filled in."""
+        return self.record if self.sampled is None else self.sampled
 
     @property
     def track(self) -> Array:
@@ -85,7 +93,7 @@ class Preprocessed:
 
 
 def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) -> Preprocessed:
-    """The recording without readings that no motion makes, its commands as the accelerations ask for them.
+    """Clean a recording, and put its commands in the order that the accelerations ask for.
 
     Args:
         vehicle: The vehicle.
@@ -96,34 +104,46 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    log = sound(vehicle, raw)
+    log = cleaned(vehicle, raw)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
-    plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults)
+    plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults, tails=log.tails, sampled=log.record)
     found = rewired(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None:
         return plain
-    raw = in_order(log.raw, found.wiring)
-    record = replace(recording(vehicle, raw), sigma=log.record.sigma)
-    return Preprocessed(raw, tracked(vehicle, record), (*faults, _exchanged(found)), found.wiring)
+    record = _ordered(vehicle, log.raw, log.record, found.wiring)
+    return replace(
+        plain,
+        raw=in_order(log.raw, found.wiring),
+        record=tracked(vehicle, record),
+        faults=(*faults, _exchanged(found)),
+        wiring=found.wiring,
+        sampled=record,
+    )
 
 
-def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording with columns that mean what they are called, without readings that no motion makes.
+def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None) -> Preprocessed:
+    """Clean another recording whose commands have the order that was found in a first one.
 
     Args:
         vehicle: The vehicle.
         raw: Raw table.
+        wiring: Order of the command columns; None for the vehicle file's.
 
     Raises:
-        DataError: The recording does not fit the vehicle, or columns contradict each other and it does not
-            show which is wrong.
+        DataError: The recording does not fit the vehicle.
     """
-    readings = without_bad_readings(vehicle, raw)
-    found = axis_faults(readings.raw, readings.record)
-    if found is None:
-        return without_outliers(vehicle, without_bias(vehicle, readings))
-    log = without_faults(vehicle, found.put_right(raw))
-    return replace(log, faults=(*found.faults, *log.faults))
+    log = cleaned(vehicle, raw)
+    faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
+    record = _ordered(vehicle, log.raw, log.record, wiring)
+    ordered = in_order(log.raw, wiring)
+    return Preprocessed(ordered, tracked(vehicle, record), faults, tails=log.tails, sampled=record)
+
+
+def _ordered(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, wiring: Wiring | None) -> Recording:
+    """Return a recording with its commands in the order that the vehicle file means."""
+    if wiring is None:
+        return record
+    return replace(record, commands=recording(vehicle, in_order(raw, wiring)).commands)
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:

@@ -28,7 +28,7 @@ from hydro.core.evaluation.leftover import Means, through_water, with_samples
 from hydro.core.evaluation.regimes import Pieces
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.prediction.candidate import candidate
-from hydro.core.recording.arrays import recording
+from hydro.core.recording.arrays import Recording, recording
 from hydro.core.vehicle.description import Vehicle
 
 POWERS = np.arange(0.0, 4.01, 0.05)
@@ -40,12 +40,13 @@ WIDEST = 1.5
 RIDGE = 1e-9
 
 
-def growth(vehicle: Vehicle, raw: pl.DataFrame) -> pl.DataFrame:
+def growth(vehicle: Vehicle, raw: pl.DataFrame, record: Recording | None = None) -> pl.DataFrame:
     """Powers by which the force of the water grows with velocities.
 
     Args:
         vehicle: The vehicle; of its file count rigid body, weight, thrusters, added mass and current.
         raw: Raw table of the measured motion and commands.
+        record: The cleaned recording as arrays; by default the table as it was logged.
 
     Returns:
         The growth table: `axis` of the force, `against` which velocity through the water; `power` n with its
@@ -56,7 +57,7 @@ def growth(vehicle: Vehicle, raw: pl.DataFrame) -> pl.DataFrame:
     Raises:
         DataError: The recording does not fit the vehicle, or too few rows have a sample.
     """
-    record, bare = recording(vehicle, raw), without_hull_water(vehicle)
+    record, bare = record or recording(vehicle, raw), without_hull_water(vehicle)
     motion, pieces, model = Motion.of(record), Pieces.of(record), candidate(bare)
     force = missing_wrench(model, record, motion.eta, motion.nu, motion.velocity)
     means = Means.of(force, through_water(model, record, motion), with_samples(record), pieces)

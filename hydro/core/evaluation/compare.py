@@ -49,6 +49,7 @@ def compare(
     vehicle: Vehicle,
     raw: pl.DataFrame,
     *,
+    record: Recording | None = None,
     against: pl.DataFrame | None = None,
     yardstick: Yardstick | None = None,
     seed: int = 0,
@@ -59,6 +60,7 @@ def compare(
     Args:
         vehicle: The model.
         raw: Raw table of the measured motion and commands.
+        record: The cleaned recording as arrays; by default the table as it was logged.
         against: An earlier comparison with the same recording: its places are looked at again, and its errors
             stand beside the new ones. It gives the weights of the axes.
         yardstick: Weights and simple predictors of an earlier file; by default by this one, and each session
@@ -81,7 +83,8 @@ def compare(
     report = progress or silent
     if against is not None and (missing := [name for name in NEEDED_COLUMNS if name not in against.columns]):
         raise DataError(f"the earlier comparison has no column {missing[0]}; make it with `hydro compare`")
-    record, model = tracked(vehicle, recording(vehicle, raw)), candidate(vehicle)
+    record = tracked(vehicle, recording(vehicle, raw) if record is None else record)
+    model = candidate(vehicle)
     report("smoothing", 0.0)
     motion, pieces = Motion.of(record), Pieces.of(record)
     yardstick = yardstick or Yardstick.crossed(vehicle, record)

@@ -53,13 +53,16 @@ DEEP = 1e3
 Line = dict[str, Any]
 
 
-def leftover(vehicles: Mapping[int, Vehicle], raw: pl.DataFrame) -> pl.DataFrame:
+def leftover(
+    vehicles: Mapping[int, Vehicle], raw: pl.DataFrame, record: Recording | None = None
+) -> pl.DataFrame:
     """Mean force left over in bins of velocity, and the files' own curves.
 
     Args:
         vehicles: The vehicle files by the number of their step; the first one says which velocities an axis
             is shown against: its own, and another that explains plainly more of what is left over.
         raw: Raw table of the measured motion and commands.
+        record: The cleaned recording as arrays; by default the table as it was logged.
 
     Returns:
         The leftover table: `step`, `axis` of the force, `against` which velocity (through the water, as the
@@ -72,7 +75,7 @@ def leftover(vehicles: Mapping[int, Vehicle], raw: pl.DataFrame) -> pl.DataFrame
     Raises:
         DataError: The recording does not fit a vehicle, or too few rows have a sample.
     """
-    record = recording(next(iter(vehicles.values())), raw)
+    record = record or recording(next(iter(vehicles.values())), raw)
     counted = with_samples(record)
     motion, pieces = Motion.of(record), Pieces.of(record)
     lines: list[Line] = []

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.recording import smoothing
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, noise
 from hydro.core.recording.filling import slope_noise, unshown
 from hydro.core.recording.shots import CHANNELS
+from hydro.core.vehicle.frames import euler_from_quaternion
 
+STEEP = 0.3
+"""Cosine of the pitch from which roll and heading are no channels to smooth: they jump at the vertical."""
 IMPULSE_REACH = 1000  # rows on each side of the impulse that the smoother's own weight is read from
 
 
@@ -46,12 +50,17 @@ class Motion:
             DataError: A segment has a single row, or none has eight.
         """
         sigma = noise(record)
-        never = np.zeros(CHANNELS, bool) if record.seen is None else ~record.seen.any(axis=0)
+        never: Mask = np.zeros(CHANNELS, bool)
+        if record.seen is not None:
+            never = np.logical_not(record.seen.any(axis=0))
         doubt = _doubt(record, sigma)
         sigma[never] = LEAST_NOISE
-        angles = record.eta.copy()
+        angles, steep = record.eta.copy(), bool((np.cos(record.eta[:, 4]) <= STEEP).any())
         for start, stop in record.segments:
-            angles[start:stop, 3:] = np.unwrap(angles[start:stop, 3:], axis=0)
+            part = record.eta[start:stop, 3:]
+            angles[start:stop, 3:] = turned(part) if steep else np.unwrap(part, axis=0)
+        if steep and not never[3:6].any():
+            sigma[3:6] = noise(replace(record, eta=angles))[3:6]
         pose = smoothing.estimate(angles, record.segments, record.dt, sigma[:6].tolist())
         velocity = smoothing.estimate(record.nu, record.segments, record.dt, sigma[6:].tolist())
         eta = smoothing.smooth(angles, record.segments, pose)[:, :, 0]
@@ -60,6 +69,8 @@ class Motion:
         uncertainty = _uncertainty(np.stack([_weights(pose), _weights(velocity)]), sigma, left)
         sigma[never] = 0.0
         uncertainty[:, never] = doubt[never]
+        if steep:
+            eta[:, 3:] = _turned_back(record.eta[:, 3:], eta[:, 3:] - angles[:, 3:])
         return cls(
             eta=np.ascontiguousarray(eta),
             nu=np.ascontiguousarray(nu),
@@ -69,6 +80,25 @@ class Motion:
             pose=pose,
             velocity=velocity,
         )
+
+
+def turned(attitude: Array) -> Array:
+    """Return the turn about body axes up to each row, summed from row to row, (n, 3) [rad].
+
+    Unlike Euler angles it is continuous through the vertical, so that it can be smoothed.
+
+    Args:
+        attitude: phi, theta, psi of consecutive rows, (n, 3) [rad].
+    """
+    R = Rotation.from_euler("ZYX", attitude[:, ::-1])
+    steps = (R[:-1].inv() * R[1:]).as_rotvec()
+    return np.concatenate([np.zeros((1, 3)), steps.cumsum(axis=0)])
+
+
+def _turned_back(attitude: Array, correction: Array) -> Array:
+    """Return phi, theta, psi (N, 3) after small turns (N, 3) about body axes [rad]."""
+    R = Rotation.from_euler("ZYX", attitude[:, ::-1]) * Rotation.from_rotvec(correction)
+    return euler_from_quaternion(np.roll(R.as_quat(), 1, axis=1))
 
 
 def _doubt(record: Recording, sigma: Array) -> Array:

@@ -44,6 +44,7 @@ def explain(
     hull: Hull | None = None,
     done: Sequence[Step] = (),
     beyond: Beyond | None = None,
+    recordings: Recordings | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
@@ -55,6 +56,7 @@ def explain(
         hull: What a recording before a change has taught (`diagnosis.diagnose.hull_of`): then what has
             changed since is added, and the hull's law and the file's own values are held.
         done: First steps of the same study that are known already.
+        recordings: Both recordings cleaned already, see `explanation.trials`.
         beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
         progress: Called with a few words and the share of the present step that is done.
 
@@ -70,7 +72,8 @@ def explain(
     steps = list(done)
     if steps and over(steps):
         return
-    recordings, progress = Recordings.of(vehicle, raw, holdout, hull), progress or silent
+    recordings = recordings or Recordings.of(vehicle, raw, holdout, hull)
+    progress = progress or silent
     while not (steps and over(steps)):
         step = _next(steps, vehicle, recordings, progress, beyond)
         if step is None:

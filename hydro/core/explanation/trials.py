@@ -9,18 +9,19 @@ changed is fitted with nothing but the changes of earlier steps.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from hydro.core.cleaning.readiness import require_ready
 from hydro.core.diagnosis.baseline import ENOUGH, LEAST_SHOTS, stable_part, stable_start, weighed_fit
 from hydro.core.diagnosis.before import fit_changes
 from hydro.core.diagnosis.diagnose import settled
 from hydro.core.diagnosis.findings import FIT, extended
-from hydro.core.diagnosis.log_faults import Preprocessed, in_order, preprocess, sound
+from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
 from hydro.core.diagnosis.transfer import Squares, error_ahead, left_out_squares, resolved
@@ -39,9 +40,7 @@ from hydro.core.identification.outcome import Fit
 from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
-from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress
-from hydro.core.recording.arrays import recording
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.threads import shared
@@ -78,13 +77,10 @@ class Recordings:
         cls, vehicle: Vehicle, raw: pl.DataFrame, holdout: pl.DataFrame | None, hull: Hull | None
     ) -> Recordings:
         """Preprocess both, the held-out one with the same order of its commands."""
-        log, other = preprocess(vehicle, raw, hull), None
-        if holdout is not None:
-            found = sound(vehicle, holdout)
-            ordered = in_order(found.raw, log.wiring)
-            record = replace(recording(vehicle, ordered), sigma=found.record.sigma)
-            other = Preprocessed(ordered, tracked(vehicle, record), ())
-        return cls(log, other, Yardstick.of(vehicle, log.raw), hull)
+        log = preprocess(vehicle, raw, hull)
+        require_ready(log.observed)
+        other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
+        return cls(log, other, Yardstick.fitted(vehicle, log.record), hull)
 
     @cached_property
     def problem(self) -> OutputError:
@@ -110,7 +106,7 @@ class Recordings:
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
-        found = compare(vehicle, log.raw, yardstick=self.yardstick, progress=progress)
+        found = compare(vehicle, log.raw, record=log.observed, yardstick=self.yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
 
     def error_ahead(self, vehicle: Vehicle) -> float:

@@ -16,8 +16,12 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 
+from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
+from hydro.core.effects.catalogue import with_role
+from hydro.core.effects.record import Role
+from hydro.core.effects.restoring import BUOYANCY_OFFSET
 from hydro.core.errors import DataError
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
@@ -32,7 +36,6 @@ from hydro.core.identification.levenberg_marquardt import (
 )
 from hydro.core.identification.outcome import IMPASSIVE, Fit, information, with_uncertainty
 from hydro.core.identification.passivity import bounded_in_sum, possible
-from hydro.core.logs.axis_faults import require_as_called
 from hydro.core.prediction import multiple_shooting, weak_form
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.normal_equations import Normal
@@ -42,13 +45,6 @@ from hydro.core.prediction.tracking import shot_seconds, tracked
 from hydro.core.prediction.visibility import of_recording
 from hydro.core.progress import Progress, silent
 from hydro.core.recording.arrays import Recording
-from hydro.core.recording.heavy_tails import Tail
-from hydro.core.recording.sensor_faults import (
-    Corrected,
-    without_bad_readings,
-    without_bias,
-    without_outliers,
-)
 from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.vehicle.description import Vehicle
 
@@ -62,6 +58,10 @@ LOOSE = 0.1
 """Standard error of a power from which the standard errors of all else are asked for over its profile."""
 GROSS_RESIDUAL = 100.0  # mean square in units of the noise from which the noise has no say in the weights
 BEGUN_ANEW = 3  # times that beginnings which no sample shows are looked for once more
+MISFIT = 3.0
+"""Mean squared residual in units of the noise from which the file lacks something that may distort a fit."""
+EXPLAINED = 0.5
+"""Part of that residual that effects of the same family may leave at most to be fitted along."""
 BETTER = 9.0  # squared residual of a shot by which another beginning must be better
 
 
@@ -98,8 +98,62 @@ def fit(
     """
     if method not in METHODS:
         raise DataError(f"method {method!r} is not known; choose one of {', '.join(METHODS)}")
-    progress = progress or silent
-    log = sound(vehicle, raw)
+    found = _fitted(vehicle, raw, effects, method, noise, most, progress or silent)
+    lacking = _lacking(vehicle, found)
+    if not lacking:
+        return found
+    try:
+        joint = _fitted(vehicle, raw, [*effects, *lacking], method, noise, most, progress or silent)
+    except DataError:  # the motion diverges with them
+        return found
+    return _beside(found, joint, lacking) if joint.chi2 <= EXPLAINED * found.chi2 else found
+
+
+def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
+    """Return effects that a file often lacks and that may have distorted a fit: of the same family.
+
+    A sensor that sees what the file lacks spoils the fit of what was asked for: an attitude that is not the
+    file's trim draws a net buoyancy to values that lessen the restoring moment.
+    """
+    if not found.chi2 > MISFIT or found.method != "output":
+        return ()
+    named = {entry.effect for entry in found.free.entries}
+    family, there = BUOYANCY_OFFSET.family, {table["name"] for table in vehicle.effect}
+    if not any(CATALOGUE[name].family == family for name in named):
+        return ()
+    often = [name for name in with_role(Role.OFTEN_LACKING) if CATALOGUE[name].family == family]
+    return tuple(name for name in often if name not in named | there)
+
+
+def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:
+    """Return a joint fit with the entries that were asked for alone; what it lacks is told, not written."""
+    kept = [i for i, entry in enumerate(joint.free.entries) if entry.effect not in lacking]
+    names = ", ".join(lacking)
+    told = f"the file lacks {names}: fitted along and not written; hydro diagnose says what is missing"
+    values = joint.values[kept]
+    return replace(
+        found,
+        vehicle=found.free.at(values),
+        values=values,
+        standard_errors=joint.standard_errors[kept],
+        covariance=joint.covariance[np.ix_(kept, kept)],
+        determined=joint.determined[kept],
+        chi2=joint.chi2,
+        warnings=(*joint.warnings, told),
+    )
+
+
+def _fitted(
+    vehicle: Vehicle,
+    raw: pl.DataFrame,
+    effects: Sequence[str | Mapping[str, Any]],
+    method: Method,
+    noise: Array | None,
+    most: int | None,
+    progress: Progress,
+) -> Fit:
+    """Fit just the named effects, see `fit`."""
+    log = cleaned(vehicle, raw, put_right=False)
     record = tracked(vehicle, log.record)
     blind = record is not log.record
     unknown = _not_known(vehicle, effects, record.track)
@@ -123,9 +177,8 @@ def fit(
         unknown, kept + 0.0, normal, chi2, method, vehicle, _over_powers(unknown, kept, normal, problem)
     )
     reduced = () if np.array_equal(kept, values) else (IMPASSIVE,)
-    told = (*(fault.message for fault in log.faults), *_heavy(log.tails))
-    warnings = (*of_recording(vehicle, log.record), *told, *reduced, *found.warnings)
-    return replace(found, warnings=warnings, share=share)
+    warnings = (*of_recording(vehicle, log.record), *log.changes, *reduced, *found.warnings)
+    return replace(found, warnings=warnings, share=share, changes=log.changes)
 
 
 def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], reach: Array) -> Free:
@@ -138,26 +191,6 @@ def _not_known(vehicle: Vehicle, effects: Sequence[str | Mapping[str, Any]], rea
     if not unknown.entries:
         raise DataError("all that is named is held as known; name another effect, or take `known` out")
     return unknown
-
-
-def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
-    """The recording without faults of its sensors.
-
-    Raises:
-        DataError: The recording does not fit the vehicle, or columns are not what they are called: values
-            fitted to them would be wrong.
-    """
-    readings = without_bad_readings(vehicle, raw)
-    require_as_called(readings.raw, readings.record)
-    return without_outliers(vehicle, without_bias(vehicle, readings))
-
-
-def _heavy(tails: Sequence[Tail]) -> tuple[str, ...]:
-    """That the noise of some channels has heavy tails."""
-    if not tails:
-        return ()
-    names = ", ".join(f"{tail.channel} ({tail.freedom:g})" for tail in tails)
-    return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
 
 
 def _shots(unknown: Free, record: Recording, noise: Array | None, most: int | None) -> Shots:

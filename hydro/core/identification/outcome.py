@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
 
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE
@@ -22,6 +23,8 @@ from hydro.core.vehicle.description import Vehicle
 
 UNDETERMINED = 0.5  # standard error in scales above which the data say nothing, unless the value is plain
 PLAIN_ERRORS = 3.0
+CONTRADICTED = 0.95
+"""Probability of the chi-square from which undetermined entries may not return to where they began."""
 ALIKE = 0.995  # correlation of two estimates that the data tell apart no more
 IMPASSIVE = (
     "the best values would let damping or added mass drive the vehicle; they are the best of what "
@@ -44,6 +47,7 @@ class Fit:
         method: `output` or `equation`.
         warnings: What the user should know, one line each.
         share: Share of the recording that was looked at.
+        changes: What was changed in the log, one sentence each; part of `warnings`.
     """
 
     vehicle: Vehicle
@@ -56,6 +60,7 @@ class Fit:
     method: str
     warnings: tuple[str, ...]
     share: float = 1.0
+    changes: tuple[str, ...] = ()
 
     def tables(self) -> tuple[dict[str, Any], ...]:
         """The `[[effect]]` tables of the fitted effects, with their standard errors.
@@ -177,6 +182,8 @@ def with_uncertainty(
     errors = np.sqrt(np.diag(spread))
     plain = (np.abs(values) > PLAIN_ERRORS * errors) & (errors < 0.3 * PRIOR * scales)
     determined = (errors <= UNDETERMINED * scales) | plain
+    if file is not None:
+        values = _at_start(unknown, values, spread, determined)
     if lost := int(normal.lost.sum()):
         warnings.append(
             f"{lost} of {len(normal.lost)} predictions diverge with these values and are left "
@@ -203,6 +210,25 @@ def with_uncertainty(
         method=method,
         warnings=tuple(warnings),
     )
+
+
+def _at_start(unknown: Free, values: Array, spread: Array, determined: NDArray[np.bool_]) -> Array:
+    """Return the values with entries that the data do not determine where they began, as in the file.
+
+    The others move to their conditional mean given these.  Where the data contradict the beginning, as where
+    they determine the sum of two entries alone, the values stay.
+    """
+    left, start = np.flatnonzero(~determined), unknown.starts[0]
+    change = start[left] - values[left]
+    if not left.size or not change.any():
+        return values
+    share = np.linalg.solve(spread[np.ix_(left, left)], change)
+    if change @ share > chi2_law.ppf(CONTRADICTED, len(left)):
+        return values
+    moved = values + spread[:, left] @ share
+    moved[left] = start[left]
+    inside = np.array_equal(moved, unknown.within(moved))
+    return moved if inside and np.array_equal(possible(unknown, moved, np.eye(len(moved))), moved) else values
 
 
 def _advice(unknown: Free, determined: NDArray[np.bool_]) -> list[str]:

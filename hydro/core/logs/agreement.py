@@ -38,6 +38,10 @@ UNFRAMED = {name: getattr(Attitude(), name) for name in ("world", "body")}
 """Frames make no difference to what a block's own columns say."""
 RESOLUTION: Array = np.array([1e-4, 1e-5])
 """Differences of velocity [m/s] and rate [rad/s] that do not matter."""
+LEAST_MOTION = 0.01
+"""Root mean square rate of a pose at rest at most [m/s, rad/s]: drift of a filter or of a fix."""
+MOVING = 2.0
+"""Multiple of what noise makes of it from which a rate is motion; 1 of noise alone."""
 
 
 def windows(times: Sequence[Array], dt: float) -> list[Array]:
@@ -185,6 +189,33 @@ class Evidence:
             seen[:, 1] = self.turning(given.attitude)
         return np.asarray(np.sqrt((seen**2).sum(axis=2).mean(axis=0)))
 
+    def moves(self, given: LogMap) -> Mask:
+        """Return whether position and attitude, or the logged velocities, move beyond their noise, (2,)."""
+        placed = given.position is not None and given.attitude is not None and given.velocity is not None
+        found = [True, True]
+        if placed:
+            assert given.position is not None
+            assert given.velocity is not None
+            pose = np.diff(self.placed(given.position), axis=1)
+            if not given.position.columns:
+                pose = pose[..., 2:]
+            found[0] = self._beyond_noise(pose, self.velocity(given.velocity))
+        if given.attitude is not None and given.rates is not None:
+            R = self.attitude(given.attitude)
+            step = np.swapaxes(R[:, :-1], -1, -2) @ R[:, 1:]
+            turns = Rotation.from_matrix(step.reshape(-1, 3, 3)).as_rotvec().reshape(*step.shape[:2], 3)
+            found[1] = self._beyond_noise(turns, self.spinning(given.rates))
+        return np.array(found)
+
+    def _beyond_noise(self, steps: Array, rates: Array) -> bool:
+        """Return whether steps of a pose (W, m, 3), or mean rates of (W, m + 1, 3), are more than noise."""
+        change = np.sqrt(np.mean((steps.sum(axis=1) / self.length) ** 2, axis=0))
+        mean = np.std(rates.mean(axis=1), axis=0)
+        least = np.sqrt(2.0) / self.length * _white(np.diff(steps, 3, axis=1), 70.0)
+        noise = _white(np.diff(rates, 4, axis=1), 70.0) / np.sqrt(rates.shape[1])
+        beyond = (change > np.maximum(LEAST_MOTION, MOVING * least)).any()
+        return bool(beyond or (mean > np.maximum(LEAST_MOTION, MOVING * noise)).any())
+
     def misfit(self, given: LogMap) -> float:
         """One figure for both identities, the mean logarithm of their shares."""
         return float(np.log(self.shares(given)).mean())
@@ -198,3 +229,14 @@ class Evidence:
         if block is None:
             return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())
+
+
+def _white(differences: Array, power: float) -> Array:
+    """Return the standard deviation of white noise of which differences have `power` times the variance.
+
+    By their median size, along the last axis; 0 of too few rows for a difference.
+    """
+    if not differences.size:
+        return np.zeros(differences.shape[-1])
+    sizes = np.median(np.abs(differences.reshape(-1, differences.shape[-1])), axis=0)
+    return np.asarray(sizes / (0.6745 * np.sqrt(power)))

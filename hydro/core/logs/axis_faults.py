@@ -115,21 +115,6 @@ def _judged(called: LogMap) -> Mask:
     return np.concatenate([np.full(3, whole[:3].all()), whole[3:]])
 
 
-def require_as_called(raw: pl.DataFrame, record: Recording) -> None:
-    """Refuse a log with columns that mean something else than what they are called.
-
-    Args:
-        raw: Raw table.
-        record: The same as arrays.
-
-    Raises:
-        DataError: A column is wrong, see `axis_faults`; what it means, and how to import the log.
-    """
-    found = axis_faults(raw, record)
-    if found is not None:
-        raise DataError("; ".join(fault.message for fault in found.wrong))
-
-
 def read_as(raw: pl.DataFrame, given: LogMap) -> pl.DataFrame:
     """A raw table whose columns mean what a map says, in NED, FRD and SI; other blocks stay as they are."""
     called = _without(AS_CALLED, [name for name in BLOCKS if getattr(given, name) is None])

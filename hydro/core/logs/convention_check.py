@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
@@ -73,13 +74,44 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         note = "frames and signs not tested: position and attitude have no velocity and rates beside them"
         return Verdict((np.nan, np.nan), (), (note,), declared)
     evidence = Evidence(logs, taken)
+    whole, declared, resting = declared, *_without_rest(evidence, declared)
+    if not any(tested(declared)):
+        note = "frames and signs not tested: the vehicle did not move beyond the noise of its sensors"
+        return Verdict((np.nan, np.nan), (), (note,), whole)
     found = _best(evidence, declared)
+    if declared.rates is None:
+        found = _with_attitude_at_rest(evidence, declared, found)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
-    notes = [*_oddities(evidence, found), *_void(evidence, found)]
+    notes = [*_oddities(evidence, found), *_void(evidence, found, resting)]
     both = tested(declared)
     translation, rotation = np.where(both, evidence.errors(declared), np.nan).tolist()
+    kept = {name: getattr(found, name) or getattr(whole, name) for name in ("velocity", "rates")}
+    found = msgspec.structs.replace(found, **kept)
     return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
+
+
+def _without_rest(evidence: Evidence, declared: LogMap) -> tuple[LogMap, list[str]]:
+    """Return the map without velocities of which there was no motion to test them by, and their columns.
+
+    Of a vehicle at rest a smaller unit explains the noise better, and so does any frame by chance.
+    """
+    resting = list[str]()
+    for block, moves in zip(("velocity", "rates"), evidence.moves(declared), strict=True):
+        if not moves:
+            resting += [column.column for column in measured(getattr(declared, block))]
+            declared = msgspec.structs.replace(declared, **{block: None})
+    return declared, resting
+
+
+def _with_attitude_at_rest(evidence: Evidence, declared: LogMap, found: LogMap) -> LogMap:
+    """Return the map with the declared attitude, unless the other one explains plainly more of the travel.
+
+    Without rates, or without turns, only the travel tells of the attitude, and little of a level one.
+    """
+    given = msgspec.structs.replace(found, attitude=declared.attitude)
+    plainly = evidence.misfit(found) < evidence.misfit(given) - TIE
+    return found if plainly else given
 
 
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:
@@ -277,7 +309,7 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
     )
 
 
-def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
+def _void(evidence: Evidence, found: LogMap, resting: Sequence[str]) -> Iterable[str]:
     """What the test could not show: signs of axes that hardly moved, and velocities that made the pose."""
     untested, both = [], tested(found)
     sides = [name for name, there in zip(("velocity", "rates"), both, strict=True) if there]
@@ -286,6 +318,7 @@ def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
             c, error = _contrast(evidence, found, change.apply(found))
             if not (c < 1.0 - TELLING and c + TESTED * error < 0.5):
                 untested.append(measured(getattr(found, change.block))[change.flip].column)
+    untested += resting
     if untested:
         yield f"too little motion to test the sign of {', '.join(untested)}"
     allowed = _least_errors(evidence, found)

@@ -5,6 +5,8 @@ And how long a diagnosis of it takes, about.
 
 from __future__ import annotations
 
+import polars as pl
+
 from hydro.core.errors import DataError
 
 MOST_ROWS = 100_000_000
@@ -14,6 +16,8 @@ BYTES_PER_ROW = 100
 FINEST = 10.0
 """Rows to a sample of the fastest sensor: more hold nothing more."""
 
+OUT_OF_WATER = 0.5
+"""Height above the surface from which a simulated vehicle is said to have left the water [m]."""
 FIRST_SECONDS, DIAGNOSED_ROWS, DIAGNOSED_VALUES = 16.0, 750.0, 50.0
 """Of a diagnosis: seconds of one processor (2.8 GHz) whatever there is; rows to a second more; values to fit
 to as much again.  Laid through the nine measured ones of `tests/core/recording/test_extent.py`: how much is
@@ -72,3 +76,22 @@ def diagnosis_seconds(rows: int, values: int, processors: int) -> float:
     """
     alone = (FIRST_SECONDS + rows / DIAGNOSED_ROWS) * (1.0 + values / DIAGNOSED_VALUES)
     return alone * (SERIAL + (1.0 - SERIAL) / processors)
+
+
+def above_surface(raw: pl.DataFrame) -> str:
+    """Return that a simulated vehicle left the water, and when; empty where it did not.
+
+    Every session that begins at the origin begins at the surface, so that a little height is nothing.
+
+    Args:
+        raw: Raw table of a simulation; depth `z` [m] is 0 at the surface.
+    """
+    out = raw.filter(pl.col("z") < -OUT_OF_WATER)
+    if out.is_empty():
+        return ""
+    session, t = out.select("session", "t").row(0)
+    highest = -float(raw["z"].cast(pl.Float64).min())  # type: ignore[arg-type]
+    return (
+        f"the vehicle leaves the water in session {session} at {t:.4g} s, and rises {highest:.3g} m above "
+        "the surface (z < 0): a simulation has no surface; begin deeper, or command less upward thrust"
+    )

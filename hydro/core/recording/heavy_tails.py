@@ -18,6 +18,14 @@ maximum likelihood on y (Lange, Little and Taylor 1989), and what supposes Gauss
 That order ends where m is off by about s: from there on y* is drawn to m, and misses every turn as if the
 motion had been smoothed.  So m is the widest local cubic that follows the channel's motion: a wide one is
 drawn less by outliers, a narrow one sees faster motion.  Where none follows, the samples stay as they are.
+
+Where samples are sparse beside the motion, its corners look like outliers.  Two conditions rule that out.
+Seven samples must lie within a second (`jumps.is_sparse`).  And large residuals
+must not grow when the polynomial is laid through every second sample: an independent error keeps its size
+at any spacing, while the interpolation error of a motion grows with it.
+
+Pseudo-observations belong to the observation model (`recording.arrays.Recording`).  The raw table keeps the
+samples as they were logged.
 """
 
 from __future__ import annotations
@@ -34,6 +42,7 @@ from scipy.stats import t as student
 
 from hydro.core.columns import POSE, VELOCITY, Array, Mask
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, evenly_spaced, samples
+from hydro.core.recording.jumps import is_sparse
 from hydro.core.vehicle.frames import wrapped
 
 CHANNELS = (*POSE, *VELOCITY)
@@ -45,6 +54,13 @@ LIKELIER = 3.0
 """Logarithm of the likelihood, per sample times independent samples, by which t must beat Gauss in both,"""
 ALIKE = 0.3
 """and part of the first's that the second's must be: noise leaves half, corners of the motion a tenth."""
+LARGE = 4.0
+"""Residuals above this multiple of their median size are compared at both spacings."""
+GROWTH = 0.95
+"""Largest slope of the residuals at twice the spacing against those at single spacing, for large residuals.
+
+Independent errors give 0.75 to 0.94 (Gauss to t with 1.5 degrees of freedom), corners of a motion 1.2 to 4:
+`benchmarks/heavy_tails.py` counts the errors."""
 MOST_SAMPLES, LEAST_SAMPLES = 20_000, 200
 STEPS_ALIKE = 0.05  # share of equal neighbours from which a channel reads in steps, or is held
 REACH = 0.12  # s, half-width of the widest cubic that the motion is taken for,
@@ -99,6 +115,8 @@ def heavy_tails(record: Recording) -> dict[int, Tail]:
     for i, parts in enumerate(samples(record)):
         if i in ANGLES and steep:
             continue
+        if is_sparse(_spacing(record, i)):
+            continue
         tail = _tail(CHANNELS[i], evenly_spaced(parts, record, i), _widest(record, i))
         if tail is not None:
             found[i] = tail
@@ -151,10 +169,15 @@ def pseudo_observations(parts: Sequence[Array], tail: Tail) -> tuple[list[Array]
     return pseudo, float(np.sqrt(np.mean(left**2) / kept))
 
 
+def _spacing(record: Recording, channel: int) -> float:
+    """Return the mean time from one sample of a channel to the next [s]."""
+    share = 1.0 if record.seen is None else max(float(record.seen[:, channel].mean()), 1e-9)
+    return record.dt / share
+
+
 def _widest(record: Recording, channel: int) -> int:
     """Samples of the widest cubic that the motion may be taken for."""
-    share = 1.0 if record.seen is None else max(float(record.seen[:, channel].mean()), 1e-9)
-    return 2 * max(round(REACH * share / record.dt), LEAST_REACH) + 1
+    return 2 * max(round(REACH / _spacing(record, channel)), LEAST_REACH) + 1
 
 
 def _tail(name: str, parts: Sequence[Array], widest: int) -> Tail | None:
@@ -170,8 +193,28 @@ def _tail(name: str, parts: Sequence[Array], widest: int) -> Tail | None:
     (first, freedom, scale), (second, lighter, its) = (_likeliest(parts, i) for i in range(len(FILTERS)))
     if second < max(LIKELIER, ALIKE * first) or first < LIKELIER or min(scale, its) < LEAST_NOISE:
         return None
+    if _growth(parts) > GROWTH:
+        return None
     likely = (freedom, scale) if freedom >= lighter else (lighter, its)
     return _following(Tail(name, *likely, widest), parts)
+
+
+def _growth(parts: Sequence[Array]) -> float:
+    """Return the slope of residuals at twice the spacing against those at single spacing, for large ones.
+
+    Args:
+        parts: Evenly spaced samples of one channel.
+    """
+    reach, degree = FILTERS[0]
+    taps = _taps(reach, degree)
+    spread = np.zeros(4 * reach + 1)
+    spread[::2] = taps
+    near, far = (
+        np.concatenate([np.convolve(part, filtered, "valid") for part in parts if len(part) >= len(spread)])
+        for filtered in (_centred(taps, len(spread)), spread)
+    )
+    large = np.abs(near) > LARGE * np.median(np.abs(near))
+    return float(near[large] @ far[large] / (near[large] @ near[large])) if large.any() else 1.0
 
 
 def _following(tail: Tail, parts: Sequence[Array]) -> Tail | None:

@@ -20,10 +20,26 @@ BACK = 2.0
 SHARP = 0.8
 """Part of it that must lie between two samples, on either side."""
 PASSES = 6
+RESOLVED = 1.0
+"""Longest time that the samples of one cubic may span [s]: thrusters and small hulls respond in 0.1 to 1."""
+BEYOND = 1.5
+"""Factor by which a jump must exceed all other changes between samples where these are sparser."""
 
 
-def jumping(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
-    """Which samples of each series jump: again without those found, which spoil what is around them."""
+def is_sparse(spacing: float) -> bool:
+    """Return whether samples [s] apart are too sparse to tell a corner of the motion from an outlier."""
+    return 2 * NEIGHBOURS * spacing > RESOLVED
+
+
+def jumping(series: Sequence[Array], bursts: Sequence[int], spacing: float = 0.0) -> list[Mask]:
+    """Find the samples of each series that jump, again and again without those found before.
+
+    Args:
+        series: Samples, evenly spaced.
+        bursts: Numbers of samples that may jump together.
+        spacing: Time from sample to sample [s]. Between sparse samples the motion may do what it does
+            anywhere else, so that a jump must exceed every other change.
+    """
     values, odd = [part.copy() for part in series], [np.zeros(len(part), bool) for part in series]
     for stride in bursts:
         for _ in range(PASSES):
@@ -36,7 +52,20 @@ def jumping(series: Sequence[Array], bursts: Sequence[int]) -> list[Mask]:
                 found += new.size
             if not found:
                 break
-    return odd
+    return _beyond_motion(series, odd) if is_sparse(spacing) else odd
+
+
+def _beyond_motion(series: Sequence[Array], odd: Sequence[Mask]) -> list[Mask]:
+    """Return the jumps whose both edges exceed BEYOND times the largest other change between samples."""
+    changes = [np.abs(np.diff(part))[~(bad[1:] | bad[:-1])] for part, bad in zip(series, odd, strict=True)]
+    largest, kept = max((float(part.max()) for part in changes if part.size), default=0.0), []
+    for part, bad in zip(series, odd, strict=True):
+        flags = np.zeros(len(part), bool)
+        for begin, end in np.flatnonzero(np.diff(bad, prepend=False, append=False)).reshape(-1, 2):
+            edges = np.abs(np.diff(part[begin - 1 : end + 1])) if begin else np.zeros(1)
+            flags[begin:end] = min(edges[0], edges[-1]) > BEYOND * largest
+        kept.append(flags)
+    return kept
 
 
 def _usual(off: Array) -> float:

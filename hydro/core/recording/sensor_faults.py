@@ -60,9 +60,9 @@ class Corrected:
 
     Attributes:
         raw: Raw table.
-        record: The same as arrays.
+        record: The same as arrays; channels with heavy tails hold pseudo-observations.
         faults: What was wrong, one of each kind.
-        tails: Noise of channels that hold pseudo-observations.
+        tails: Noise of channels with heavy tails.
     """
 
     raw: pl.DataFrame
@@ -114,7 +114,7 @@ def faults(record: Recording) -> Faults:
                 long = _contradicted(errors[i // 3 % 2][rows], long)
             found.stills[rows, i] = long
             found.marks[rows, i] = noisy & np.isin(part, values[count >= MARKS]) & ~long
-        found.jumps[:, i] = _jumps(places, parts, found.all[:, i])
+        found.jumps[:, i] = _jumps(places, parts, found.all[:, i], record.dt)
     found.jumps[:, 3:6] &= (np.cos(record.eta[:, 4]) > LEVEL)[:, None]
     return found
 
@@ -176,13 +176,13 @@ def without_bias(vehicle: Vehicle, log: Corrected) -> Corrected:
 
 
 def without_outliers(vehicle: Vehicle, log: Corrected) -> Corrected:
-    """The recording with pseudo-observations in channels whose noise has heavy tails."""
+    """Return the recording with pseudo-observations of channels with heavy tails; the table is kept."""
     tails = heavy_tails(log.record)
     if not tails:
         return log
-    raw, sigma = pseudo_observed(log.raw, log.record, tails)
-    record = replace(recording(vehicle, raw), sigma=sigma)
-    return replace(log, raw=raw, record=record, tails=tuple(tails.values()))
+    observed, sigma = pseudo_observed(log.raw, log.record, tails)
+    record = replace(recording(vehicle, observed), sigma=sigma)
+    return replace(log, record=record, tails=tuple(tails.values()))
 
 
 def mended(raw: pl.DataFrame, record: Recording, found: Faults) -> pl.DataFrame:
@@ -297,15 +297,17 @@ def _contradicted(error: Array, still: Mask) -> Mask:
     return out
 
 
-def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask) -> Mask:
-    """Which readings of a channel jump away and back, (N,); those that are `known` as faulty do not count."""
+def _jumps(places: Sequence[Rows], parts: Sequence[Array], known: Mask, dt: float) -> Mask:
+    """Return which readings of a channel jump away and back, (N,), apart from those `known` as faulty."""
     out, apart = np.zeros(len(known), bool), _apart(parts)
     series = [
         (rows, *taken)
         for rows, part in zip(places, parts, strict=True)
         for taken in _samples(part, known[rows], apart)
     ]
-    found = jumping([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1])
+    steps = [np.diff(rows[first]) for rows, first, _, _ in series if len(first) > 1]
+    spacing = dt * float(np.median(np.concatenate(steps))) if steps else dt
+    found = jumping([values for *_, values in series], BURSTS if apart == 1 else BURSTS[:1], spacing)
     for (rows, first, last, _), odd in zip(series, found, strict=True):
         for begin, end in zip(first[odd], last[odd], strict=True):
             out[rows[begin:end]] = True

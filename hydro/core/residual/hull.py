@@ -20,8 +20,8 @@ STRETCH = 10.0
 """Length of a stretch that is left out [s]."""
 FOLDS = 8
 """Sets of stretches that are left out together, so that each holds some of every session."""
-LEAST_SHOTS = 32
-"""In the recording that a hull is learnt from."""
+LEAST_SECONDS = 64.0
+"""Length of all shots together in the recording that a hull is learnt from [s]."""
 
 
 class Law(Protocol):
@@ -59,12 +59,14 @@ def learnt(vehicle: Vehicle, problem: OutputError) -> Hull:
     """Learn from the shots of an unchanged vehicle by the built-in regression.
 
     Raises:
-        DataError: There are too few.
+        DataError: They are too short together.
     """
     shots = problem.shots
-    if len(shots.starts) < LEAST_SHOTS:
+    seconds = len(shots.starts) * round((shots.length - shots.lead) * shots.record.dt, 6)
+    if seconds < LEAST_SECONDS:
         raise DataError(
-            f"{len(shots.starts)} shots are too few to learn a hull from; record {LEAST_SHOTS} at least"
+            f"{seconds:g} s without a gap are too short to learn a hull from; record {LEAST_SECONDS:g} s at "
+            "least, or estimate single effects by `hydro fit --effect`, such as a weight from a few sinks"
         )
     transitions, fold = Transitions.of(candidate(vehicle), shots), stretches(shots)
     found = learn(vehicle, transitions, fold)

@@ -8,8 +8,8 @@ import pytest
 import synthetic
 from recordings import damped, log, moved, noisy, spoilt
 
+from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import POSE, VELOCITY
-from hydro.core.diagnosis.log_faults import sound
 from hydro.core.errors import DataError
 
 VEHICLE = synthetic.vehicle()
@@ -53,7 +53,7 @@ def vehicle_log():
 @pytest.mark.parametrize(("spoil", "columns"), WRONG)
 def test_columns_that_mean_something_else_are_told_and_put_right(spoil, columns):
     raw = log()
-    found = sound(VEHICLE, spoil(raw))
+    found = cleaned(VEHICLE, spoil(raw))
     assert {name for fault in found.faults for name in fault.columns} == columns
     told = found.raw.select(*POSE, *VELOCITY).to_numpy()
     true = raw.select(*POSE, *VELOCITY).to_numpy()
@@ -65,15 +65,15 @@ def test_columns_that_mean_something_else_are_told_and_put_right(spoil, columns)
 
 @pytest.mark.parametrize(("spoil", "columns"), [WRONG[i] for i in (2, 6, 7, 13, 15, 18, 19)])
 def test_so_they_are_in_the_log_of_a_vehicle(vehicle_log, spoil, columns):
-    found = sound(damped(), spoil(vehicle_log))
+    found = cleaned(damped(), spoil(vehicle_log))
     assert {name for fault in found.faults for name in fault.columns} == columns
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sound_log_is_left_alone(seed):
-    assert sound(VEHICLE, log(seed=seed)).raw.equals(log(seed=seed))
+    assert cleaned(VEHICLE, log(seed=seed)).raw.equals(log(seed=seed))
     raw = noisy(moved(damped(), seed=seed), seed)
-    assert sound(damped(), raw).raw.equals(raw)
+    assert cleaned(damped(), raw).raw.equals(raw)
 
 
 def level(depth: float) -> pl.DataFrame:
@@ -88,15 +88,15 @@ def level(depth: float) -> pl.DataFrame:
 
 def test_depth_tells_whether_z_or_w_is_reversed_where_the_vehicle_keeps_level():
     raw = level(depth=5.0)
-    assert not sound(VEHICLE, raw).faults
+    assert not cleaned(VEHICLE, raw).faults
     for name in ("z", "w"):
-        (fault,) = sound(VEHICLE, reverse(name)(raw)).faults
+        (fault,) = cleaned(VEHICLE, reverse(name)(raw)).faults
         assert fault.columns == (name,)
 
 
 def test_where_depth_does_not_tell_the_diagnosis_stops_and_names_both():
     with pytest.raises(DataError, match=r"does not show which.*import it") as told:
-        sound(VEHICLE, reverse("w")(level(depth=0.0)))
+        cleaned(VEHICLE, reverse("w")(level(depth=0.0)))
     assert "column w" in str(told.value)
     assert "column z" in str(told.value)
 
@@ -105,15 +105,15 @@ def test_where_depth_does_not_tell_the_diagnosis_stops_and_names_both():
 def test_a_velocity_that_was_never_measured_stops_the_diagnosis(name):
     raw = log()
     with pytest.raises(DataError, match=f"^{name} is 0.1 .* in every row.*import"):
-        sound(VEHICLE, spoilt(raw, **{name: np.full(raw.height, 0.1)}))
+        cleaned(VEHICLE, spoilt(raw, **{name: np.full(raw.height, 0.1)}))
 
 
 def test_velocities_of_axes_along_which_nothing_moves_may_be_zero():
     raw = level(depth=5.0)
     zero = {name: np.zeros(raw.height) for name in ("p", "q", "r")}
-    assert not sound(VEHICLE, spoilt(raw, **zero)).faults
+    assert not cleaned(VEHICLE, spoilt(raw, **zero)).faults
 
 
 def test_a_log_without_velocities_has_nothing_to_hold_its_columns_to():
     raw = log().with_columns(pl.lit(None, pl.Float64).alias(name) for name in ("u", "v", "w"))
-    assert not sound(VEHICLE, raw).faults
+    assert not cleaned(VEHICLE, raw).faults

@@ -10,6 +10,7 @@ import synthetic
 from hypothesis import given
 from hypothesis import strategies as st
 
+import hydro
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.errors import DataError
 from hydro.core.evaluation import failure_regimes
@@ -22,6 +23,7 @@ from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.io import schema
+from hydro.io import vehicle as files
 
 DAMPING = (
     {"name": "linear_damping", "diagonal": synthetic.LINEAR.tolist()},
@@ -343,3 +345,15 @@ def test_a_motion_without_bounds_counts_at_its_bound():
     for one in both:
         assert np.isfinite(one.squares).all()
         assert (np.sqrt(one.squares.sum(axis=0) / one.rows.sum()) <= BEYOND.max()).all()
+
+
+@pytest.mark.parametrize("pitch", [0.2, 0.4])
+def test_a_loop_through_the_vertical_has_no_error_of_the_files_own(datasets, pitch):
+    """Roll and heading jump by half a turn there; smoothed as angles they would begin predictions askew."""
+    known, _ = files.read(datasets / "logs" / "rov.toml")
+    t, levels = np.arange(400) * 0.05, [0.0] * 4 + [pitch, pitch, -pitch, -pitch]
+    commands = {f"cmd_{i + 1}": np.full(400, level) for i, level in enumerate(levels)}
+    looped = simulate(known, pl.DataFrame({"session": ["a"] * 400, "t": t, **commands}))
+    assert looped["q"].abs().max() > 1.0
+    errors = hydro.compare(known, looped).filter(level="replay", by="all")
+    assert errors.filter(pl.col("axis").is_in(["p", "r", "phi", "psi"]))["rmse"].max() < 1e-3

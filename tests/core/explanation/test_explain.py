@@ -160,7 +160,7 @@ def staged(monkeypatch, known):
             fitted = tuple({"name": n, "standard_error": {}} | given.get(n, {}) for n in names)
             return SimpleNamespace(tables=lambda: fitted, estimates=lambda: None)
 
-        def compare(vehicle, raw, yardstick, progress):
+        def compare(vehicle, raw, record, yardstick, progress):
             row = dict.fromkeys(("low", "high", "noise_floor"), 0.1) | {"level": "replay", "by": "all"}
             row |= {"axis": "all", "horizon": 5.0, "rmse": errors.pop(0), "unit": "m/s"}
             return pl.DataFrame([row])

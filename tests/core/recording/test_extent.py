@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hydro.core.recording.extent import diagnosis_seconds
+from hydro.core.recording.extent import above_surface, diagnosis_seconds
 
 MEASURED = (
     (2_000, 0, 23.4),
@@ -34,3 +35,10 @@ def test_more_takes_longer_and_more_processors_never_do(rows: int, values: int, 
     assert diagnosis_seconds(rows, values + 1, processors) > seconds
     assert diagnosis_seconds(rows, values, 2 * processors) < seconds
     assert diagnosis_seconds(rows, values, 1) / seconds <= 3.0
+
+
+def test_a_simulated_vehicle_that_leaves_the_water_is_told():
+    z = pl.DataFrame({"session": ["a", "a", "b"], "t": [0.0, 0.1, 0.0], "z": [0.0, -0.3, 2.0]})
+    assert above_surface(z) == ""
+    told = above_surface(z.with_columns(pl.col("z") - 2.5))
+    assert told.startswith("the vehicle leaves the water in session a at 0 s, and rises 2.8 m")

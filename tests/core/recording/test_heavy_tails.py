@@ -163,3 +163,36 @@ def test_samples_of_a_slow_sensor_stay_samples(flight):
         assert corrected.raw[name].is_null().equals(slow[name].is_null())
         error = corrected.raw[name].drop_nulls() - flight[name].filter(sampled)
         assert error.std() < 0.9 * (slow[name] - flight[name]).drop_nulls().std()
+
+
+def sparse(seed, rate, held):
+    """Five minutes of a vehicle whose surge follows random steps, at a few samples a second."""
+    rng, rows, dt = seeds(seed), 15_000, 0.02
+    force = rng.choice([-0.75, -0.5, 0.0, 0.5, 0.75], rows)
+    edges = np.cumsum(rng.uniform(*held, rows) / dt).astype(int)
+    force = force[np.searchsorted(edges, np.arange(rows), side="right")]
+    u = np.zeros(rows)
+    for k in range(rows - 1):
+        u[k + 1] = u[k] + dt * (85.0 * force[k] - 14.0 * u[k] - 140.0 * abs(u[k]) * u[k]) / 20.0
+    u, every = u[:: round(1.0 / (rate * dt))], round(1.0 / (rate * dt))
+    raw = moved(damped(), rows=rows)[::every]
+    raw = raw.with_columns(pl.Series("u", u + 0.003 * rng.standard_normal(len(u))))
+    return noisy(raw, seed).with_columns(raw["u"])
+
+
+@pytest.mark.parametrize("rate", [2, 5, 10])
+@pytest.mark.parametrize("held", [(0.3, 1.5), (1.0, 5.0), (3.0, 12.0)])
+def test_corners_of_a_motion_between_sparse_samples_are_no_outliers(rate, held):
+    for seed in range(2):
+        raw = sparse(seed, rate, held)
+        corrected = without_faults(damped(), raw)
+        assert corrected.tails == ()
+        assert corrected.raw["u"].equals(raw["u"])
+
+
+def test_a_jump_beyond_all_motion_is_found_between_sparse_samples():
+    raw = sparse(0, 5, (0.3, 1.5))
+    spike = np.zeros(raw.height)
+    spike[400] = 5.0
+    (fault,) = without_faults(damped(), raw.with_columns(pl.col("u") + pl.Series(spike))).faults
+    assert fault.columns == ("u",)

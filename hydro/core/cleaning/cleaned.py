@@ -1,0 +1,85 @@
+"""The cleaned recording that compare, diagnose, explain and fit work on, and what was changed in it.
+
+The order matters.  Readings that no motion makes go first, for they would hide what columns mean.  Columns
+that mean something else are put right next.  A gyro's bias and the tails of the noise come last.
+
+Everything that is changed is a line in `Cleaned.changes`.  Outliers of a channel with heavy tails are weighed
+down in the observation model (`Cleaned.record`), and stay in the table as they were logged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import polars as pl
+
+from hydro.core.errors import DataError
+from hydro.core.logs.axis_faults import axis_faults
+from hydro.core.recording.arrays import Recording
+from hydro.core.recording.heavy_tails import Tail
+from hydro.core.recording.sensor_faults import (
+    Corrected,
+    Fault,
+    without_bad_readings,
+    without_bias,
+    without_faults,
+    without_outliers,
+)
+from hydro.core.vehicle.description import Vehicle
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """A recording without the faults of its log.
+
+    Attributes:
+        raw: Raw table; rows and columns without faults are as they were logged.
+        record: The same as arrays, with the observation model of channels whose noise has heavy tails.
+        faults: Faults of the log, one of each kind.
+        tails: Noise of the channels with heavy tails.
+    """
+
+    raw: pl.DataFrame
+    record: Recording
+    faults: tuple[Fault, ...] = ()
+    tails: tuple[Tail, ...] = ()
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """One sentence for each change."""
+        return (*(fault.message for fault in self.faults), *heavy_tails_told(self.tails))
+
+
+def cleaned(vehicle: Vehicle, raw: pl.DataFrame, *, put_right: bool = True) -> Cleaned:
+    """Clean a recording.
+
+    Args:
+        vehicle: The vehicle.
+        raw: Raw table.
+        put_right: Whether columns that mean something else are put right; otherwise they are refused.
+
+    Raises:
+        DataError: The recording does not fit the vehicle, columns contradict each other and it does not show
+            which is wrong, or a column is wrong and is not to be put right.
+    """
+    readings = without_bad_readings(vehicle, raw)
+    found = axis_faults(readings.raw, readings.record)
+    if found is None:
+        return _of(without_outliers(vehicle, without_bias(vehicle, readings)))
+    if not put_right:
+        raise DataError("; ".join(fault.message for fault in found.wrong))
+    log = without_faults(vehicle, found.put_right(raw))
+    return _of(replace(log, faults=(*found.faults, *log.faults)))
+
+
+def heavy_tails_told(tails: tuple[Tail, ...]) -> tuple[str, ...]:
+    """Return the sentence on channels whose noise has heavy tails; empty without any."""
+    if not tails:
+        return ()
+    names = ", ".join(f"{tail.channel} ({tail.freedom:g})" for tail in tails)
+    return (f"noise with heavy tails, Student's t (degrees of freedom): {names}; outliers count for less",)
+
+
+def _of(log: Corrected) -> Cleaned:
+    """Return the cleaned recording of one whose sensors were corrected."""
+    return Cleaned(log.raw, log.record, log.faults, log.tails)

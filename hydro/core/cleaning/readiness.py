@@ -1,0 +1,178 @@
+"""Whether a recording can answer a question about the vehicle, asked before anything is stated.
+
+The thrusters must have run, or the vehicle must have sunk or risen freely.  It must have moved beyond the
+noise of its sensors, and under water.  Its commands must be sampled faster than the vehicle responds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hydro.core.columns import Array
+from hydro.core.errors import DataError
+from hydro.core.recording.arrays import Recording, channels, noise
+from hydro.core.recording.filling import unshown
+from hydro.core.recording.jumps import is_sparse
+
+LEAST_COMMAND = 0.02
+"""Share of full thrust up to which a command is an offset of the neutral pulse [1]."""
+WINDOW = 1.0
+"""Length over which velocities are averaged before they are compared with their noise [s]."""
+MOVES = 0.02
+"""Smallest root mean square velocity that is motion [m/s, rad/s]: drift of a sensor at rest is less."""
+ABOVE_NOISE = 3.0
+"""Multiple of its noise that the mean velocity of a window must reach."""
+BEYOND_NOISE = 1.5
+"""Multiple of its noise that the depth must vary by to be in motion; 1 of noise alone."""
+TRAVEL = 0.3
+"""Change of position or attitude that counts as motion however slow it is [m, rad]."""
+SURFACE = 0.3
+"""Depth up to which a vehicle floats at the surface [m]: half the height of a small vehicle."""
+MOSTLY = 0.95
+"""Share of the rows that must lie within SURFACE."""
+SLOW_COMMANDS = 1.0
+"""Longest sample time of commands [s]: a small vehicle reaches its speed within one second."""
+LEVELS, LEAST_TICKS = 20, 10
+"""Distinct values, and number of changes, from which commands are judged to be samples of a curve."""
+EVEN = 0.9
+"""Share of the changes that must lie at multiples of the sample time of the commands."""
+SMOOTH = 0.5
+"""Correlation of successive values from which commands are samples of a curve and not steps."""
+NOTHING = "nothing can be told of the vehicle"
+
+
+def unready(record: Recording) -> str:
+    """Return why a recording cannot show anything of the vehicle, in one sentence; empty where it can."""
+    runs, still, floats = ran(record), not moved(record), at_surface(record)
+    if not runs and still:
+        return f"the thrusters never ran and the vehicle did not move: {NOTHING}; record it under way"
+    if still:
+        return (
+            "the vehicle did not move beyond the noise of its sensors, although thrusters were commanded: "
+            f"{NOTHING}; check that it was armed, in the water and free to move"
+        )
+    if not runs and (floats or not _depth_known(record)):
+        where = "stayed at the surface" if floats else "has no depth"
+        return (
+            f"the thrusters never ran and the vehicle {where}: {NOTHING}; run the thrusters, or let it sink "
+            "or rise freely with a depth sensor"
+        )
+    if floats and _heaves(record):
+        return (
+            f"the depth stayed within {SURFACE:g} m of the surface, where waves and air act that no effect "
+            f"describes: {NOTHING}; record it under water"
+        )
+    if (step := command_step(record)) > SLOW_COMMANDS:
+        return (
+            f"the commands are sampled every {step:.2g} s, slower than the vehicle responds: {NOTHING}; log "
+            "them at 5 Hz or more"
+        )
+    return ""
+
+
+def require_ready(record: Recording) -> None:
+    """Refuse a recording that cannot show anything of the vehicle.
+
+    Raises:
+        DataError: It cannot; the line says why.
+    """
+    if why := unready(record):
+        raise DataError(why)
+
+
+def ran(record: Recording) -> bool:
+    """Return whether any thruster was commanded, or there is none to command."""
+    return not record.commands.shape[1] or bool((np.abs(record.commands) > LEAST_COMMAND).any())
+
+
+def moved(record: Recording) -> bool:
+    """Return whether any axis moved beyond its noise."""
+    sigma, every = noise(record), list(channels(record))
+    blind = np.zeros(12, bool)
+    if record.seen is not None:
+        blind = np.all([unshown(record.seen[a:b]) for a, b in record.segments], axis=0)
+    if any(_moves(record, i, every[6 + i], sigma) for i in range(6) if not blind[6 + i]):
+        return True
+    return any(_travels(record, i, every[i], sigma[i]) for i in range(6))
+
+
+def at_surface(record: Recording) -> bool:
+    """Return whether the depth was measured and stayed within SURFACE."""
+    z = _depth(record)
+    return bool(z.size) and float(np.mean(np.abs(z) <= SURFACE)) >= MOSTLY
+
+
+def command_step(record: Recording) -> float:
+    """Return the sample time of the commands [s]; the recording's own where they are steps."""
+    steps = [_held(record, column) for column in record.commands.T]
+    return max(steps, default=0.0) or record.dt
+
+
+def _depth(record: Recording) -> Array:
+    """Return the samples of the depth [m]."""
+    return record.eta[:, 2] if record.seen is None else record.eta[record.seen[:, 2], 2]
+
+
+def _depth_known(record: Recording) -> bool:
+    """Return whether the depth was measured."""
+    return bool(_depth(record).size)
+
+
+def _heaves(record: Recording) -> bool:
+    """Return whether the depth changes beyond its noise."""
+    z = _depth(record)
+    return bool(np.std(z) > BEYOND_NOISE * noise(record)[2])
+
+
+def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bool:
+    """Return whether mean velocities of windows are beyond what noise makes of them.
+
+    Between sparse samples the noise cannot be told from the motion: then the pose alone decides.
+    """
+    rows = max(round(WINDOW / record.dt), 1)
+    measured = record.seen is None or bool(record.seen[:, 6 + axis].any())
+    if is_sparse(record.dt) and measured:
+        return False
+    means = np.array([piece.mean() for part in parts for piece in _pieces(part, rows)])
+    if not means.size:
+        return False
+    if measured:  # a sensor's bias is no motion
+        share = 1.0 if record.seen is None else float(record.seen[:, 6 + axis].mean())
+        size, least = float(np.std(means)), sigma[6 + axis] / np.sqrt(max(rows * share, 1.0))
+    else:  # the slope of the pose
+        pose = sigma[:3].max() if axis < 3 else sigma[3:6].max()
+        size, least = float(np.sqrt(np.mean(means**2))), np.sqrt(2.0) * pose / WINDOW
+    return bool(size > max(MOVES, ABOVE_NOISE * least))
+
+
+def _travels(record: Recording, channel: int, parts: list[Array], sigma: float) -> bool:
+    """Return whether the pose changes by more than TRAVEL within a segment, and plainly beyond its noise."""
+    if record.seen is not None and not record.seen[:, channel].any():
+        return False
+    rows = max(round(WINDOW / record.dt), 1)
+    means = [np.array([piece.mean() for piece in _pieces(part, rows)]) for part in parts]
+    widest = max((float(np.ptp(part)) for part in means if part.size), default=0.0)
+    return bool(widest > max(TRAVEL, 2.0 * ABOVE_NOISE * sigma))
+
+
+def _pieces(part: Array, rows: int) -> Iterator[Array]:
+    """Return the pieces of so many rows, end to end; the whole of a shorter part."""
+    for start in range(0, max(len(part) - rows + 1, min(len(part), 1)), rows):
+        yield part[start : start + rows]
+
+
+def _held(record: Recording, column: Array) -> float:
+    """Return the time for which a command column holds each of its samples [s]; 0 of steps by a pilot."""
+    changes = np.flatnonzero(np.diff(column) != 0.0)
+    if len(changes) < LEAST_TICKS or len(np.unique(column)) < LEVELS:
+        return 0.0
+    gaps = np.diff(changes)
+    step = int(np.median(gaps))
+    values = column[changes]
+    even = np.mean(np.abs(gaps / step - np.round(gaps / step)) * step <= 1.0)
+    if even < EVEN or not np.std(values) > 0.0:
+        return 0.0
+    smooth = np.corrcoef(values[1:], values[:-1])[0, 1]
+    return step * record.dt if smooth > SMOOTH else 0.0
