@@ -295,6 +295,8 @@ def numbers(log: Log, name: str, where: str) -> Array:
         text = stripped(values)
         values = text.cast(pl.Float64, strict=False)
         refuse(log, name, text, values, "numbers", f"correct the log or name another column in {where}")
+    elif isinstance(values.dtype, pl.Duration):
+        values = seconds(values)
     elif not (values.dtype.is_numeric() or values.dtype == pl.Boolean):
         raise DataError(
             f"{log.name}: column {shown(name)} must be numbers, but is {values.dtype}: convert it"
@@ -306,9 +308,14 @@ def numbers(log: Log, name: str, where: str) -> Array:
 def numeric(values: pl.Series) -> bool:
     """Whether a column holds numbers, as text or typed, in its first entry at least."""
     if values.dtype != pl.String:
-        return values.dtype.is_numeric() or values.dtype == pl.Boolean
+        return values.dtype.is_numeric() or values.dtype in (pl.Boolean, pl.Duration)
     first = stripped(values.drop_nulls().head(1))
     return bool(first.len()) and not first.cast(pl.Float64, strict=False).null_count()
+
+
+def seconds(values: pl.Series) -> pl.Series:
+    """Return a column of durations in seconds."""
+    return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 
 def stripped(values: pl.Series) -> pl.Series:

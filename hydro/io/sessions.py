@@ -28,6 +28,8 @@ from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, require, stripped
 from hydro.io.readers.tables import TIME, Numbers, Table, Tables
 
+NOT_A_NUMBER = ("nan", "NaN", "NAN")
+"""What a cell of text says that holds no number."""
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
 
@@ -101,7 +103,9 @@ def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
     Whole numbers stay whole: nanoseconds since 1970 have more digits than a double keeps.
     """
     values, per_second = column(log, time.column, "time.column"), _PER_SECOND[time.unit]
-    if values.dtype.is_temporal() or time.unit == "iso":
+    if isinstance(values.dtype, pl.Duration):
+        values, per_second = values.dt.total_nanoseconds(), _PER_SECOND["ns"]
+    elif values.dtype.is_temporal() or time.unit == "iso":
         values, per_second = _timestamps(log, time.column, values), _PER_SECOND["ns"]
     elif values.dtype == pl.String:
         text = stripped(values)
@@ -119,7 +123,9 @@ def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
     """Nanoseconds since 1970 of ISO text or a column of times."""
     if values.dtype == pl.String:
         text = stripped(values)
+        text = text.set(text.is_in(NOT_A_NUMBER), None)
         zoned = text.str.replace("T", " ", literal=True).str.replace(r"[Zz]$", "+00:00")
+        zoned = zoned.str.replace(r":(\d\d),(\d)", ":$1.$2")
         zoned = zoned.str.replace(r"([+-]\d\d):(\d\d)$", "$1$2")
         plain = zoned.str.contains(r"[+-]\d\d\d\d$").fill_null(True)
         universal = zoned.zip_with(plain, zoned + "+0000")
@@ -161,7 +167,7 @@ def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows
         yield meaning.session.name or "log", np.arange(len(rows))
         return
     values = column(log, meaning.session.column, "session.column").cast(pl.String).gather(rows)
-    unnamed = values.is_null() | (values == "")
+    unnamed = values.is_null() | values.is_in(["", *NOT_A_NUMBER])
     if unnamed.any():
         first = log.row(int(rows[unnamed.arg_true()[0]]))
         raise DataError(
