@@ -18,7 +18,7 @@ from hydro.io.files import shown
 from hydro.io.joining import joined
 from hydro.io.log import Log, LogFile, Reading, together
 from hydro.io.log_import import declared
-from hydro.io.readers.tables import CLOCKS
+from hydro.io.readers.tables import CLOCKS, Tables
 from hydro.io.sessions import clock
 
 Progress = Callable[[LogFile], AbstractContextManager[Reading | None]]
@@ -118,12 +118,28 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     for group in groups:
         frame = pl.concat([parts[place][0] for place in group], how="diagonal_relaxed")
         order = np.argsort(np.concatenate([parts[place][1] for place in group]), kind="stable")
-        rows.append(frame[order].with_columns(pl.lit(_title(names, groups, group)).alias(column)))
+        times = np.concatenate([parts[place][1] for place in group])[order]
+        title = _title(names, groups, group)
+        rows.append(frame[order].with_columns(_numbered(title, times, _begins(logs, group)).alias(column)))
     frame = pl.concat(rows, how="diagonal_relaxed")
     if meaning.session.column is None:
         session = Session(column=column, gap=meaning.session.gap)
         meaning = msgspec.structs.replace(meaning, session=session)
     return together(logs, frame), meaning
+
+
+def _begins(logs: Sequence[Log], group: Sequence[int]) -> Array:
+    """Return the times at which a clock begins again in one of some logs [s]."""
+    found = [log.table.begins for log in (logs[place] for place in group) if isinstance(log.table, Tables)]
+    return np.unique(np.concatenate([np.empty(0), *found]))
+
+
+def _numbered(title: str, times: Array, begins: Array) -> pl.Series:
+    """Return the session of each row: the title alone, or numbered where a clock begins again."""
+    if not len(begins):
+        return pl.repeat(title, len(times), eager=True)
+    titles = [f"{title}-{number}" for number in range(1, len(begins) + 2)]
+    return pl.Series(titles).gather(np.searchsorted(begins, times, side="right"))
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -33,15 +33,18 @@ class ImportReport:
         imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
         verdict: What the kinematics of the log say of the map's frames, units and signs.
         clocks: How late its sensors are on the pose, and the motion on the commands.
+        cuts: Sessions that begin where the log's clock jumped, a line each.
     """
 
     map: LogMap
     imported: Imported
     verdict: Verdict
     clocks: Clocks
+    cuts: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
         """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
+        yield from (f"note: {line}" for line in self.cuts)
         yield from _account(self.imported)
         yield from _judged(self.verdict)
         yield from self.clocks.lines()
@@ -105,7 +108,8 @@ def import_log(
     if strict and against:
         more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""
         raise DataError(f"{source.name}: {against[0]}{more}")
-    return ImportReport(meaning, imported, verdict, offsets)
+    cuts = tuple(f"session {log.name} begins where {log.cut}" for log in logs if log.cut)
+    return ImportReport(meaning, imported, verdict, offsets, cuts)
 
 
 def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:

@@ -82,12 +82,14 @@ class SessionLog:
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
         clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
             not fall from one sample to the next.
+        cut: Why the session begins where it does, if the clock of the log jumped there; else empty.
     """
 
     name: str
     t: Array
     columns: Mapping[str, Array]
     clocks: Mapping[str, Array] = field(default_factory=dict)
+    cut: str = ""
 
     def time_of(self, name: str) -> Array:
         """Times of the rows of a column [s]."""

@@ -21,11 +21,20 @@ CLOCKS = (TIME, RECEIVED)
 """Columns that every log of messages has beside those of its topics [s]."""
 
 
+class Undecoded(Exception):
+    """A message that does not fit the definition of its type."""
+
+
 class Buffer:
-    """The wanted fields of a topic, one number each for every message."""
+    """The wanted fields of a topic, one number each for every message.
+
+    Attributes:
+        again: Rows from which on the clock of receipt begins again.
+    """
 
     def __init__(self, topic: Topic, paths: Sequence[str], spill: Spill) -> None:
         self.topic, self.paths = topic, paths
+        self.again: list[int] = []
         self._numbers = Columns(len(CLOCKS) + len(paths), spill)
         self._received, self._stamped, *self._values = self._numbers.open
         self._there = [False] * len(paths)
@@ -35,9 +44,16 @@ class Buffer:
         return self._numbers.rows
 
     def add(self, received: float, raw: object) -> None:
-        """Keep the numbers of a message."""
+        """Keep the numbers of a message.
+
+        Raises:
+            Undecoded: it cannot be decoded; the buffer stays as it was.
+        """
         assert self.topic.decode is not None
-        message = self.topic.decode(raw)
+        try:
+            message = self.topic.decode(raw)
+        except Exception as error:
+            raise Undecoded(str(error) or type(error).__name__) from error
         if self._pick is None:
             self._pick = picker(self.paths, message)
         self._received.append(received)
@@ -59,7 +75,8 @@ class Buffer:
 
     def stamps(self) -> Stamps:
         """Its times."""
-        return Stamps(self.topic.name, self.received, self._numbers.column(1), self.topic.wraps)
+        received, stamped = self.received, self._numbers.column(1)
+        return Stamps(self.topic.name, received, stamped, self.topic.wraps, tuple(self.again))
 
     @property
     def columns(self) -> dict[str, int]:
@@ -134,14 +151,17 @@ class Tables:
 
     Attributes:
         notes: What was done to their clocks, a line each.
+        begins: Times at which a clock begins again, and a session with it [s], rising.
 
     Args:
         buffers: Those with messages, in the order in which the log has them.
+        notes: What is to be told of their messages, a line each.
     """
 
-    def __init__(self, buffers: Sequence[Buffer]) -> None:
+    def __init__(self, buffers: Sequence[Buffer], notes: Sequence[str] = ()) -> None:
         self._buffers = buffers
-        self._times, self.notes = one_clock([each.stamps() for each in buffers])
+        self._times, moved, self.begins = one_clock([each.stamps() for each in buffers])
+        self.notes = [*notes, *moved]
 
     @property
     def height(self) -> int:
