@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
 from hydro.io.files import Source, explained, name_of, refuse_device, shown
 from hydro.io.logmap import listed
@@ -24,6 +24,8 @@ from hydro.io.readers import collect, registry
 from hydro.io.readers.messages import Options, Selection
 from hydro.io.readers.tables import Tables
 
+NOT_A_NUMBER = ("nan", "NaN", "NAN")
+"""What a cell of text says that holds no number."""
 Reading = Callable[[float], None]
 """What is called with the share of a file that is read."""
 
@@ -303,6 +305,16 @@ def numbers(log: Log, name: str, where: str) -> Array:
         )
     found = values.cast(pl.Float64).fill_null(np.nan).to_numpy()
     return np.where(np.isfinite(found), found, np.nan)
+
+
+def unset(log: Log, name: str) -> Mask:
+    """Return the rows in which a column says NaN, (n,); empty cells say nothing."""
+    values = column(log, name, "commands")
+    if values.dtype == pl.String:
+        return stripped(values).is_in(NOT_A_NUMBER).fill_null(False).to_numpy()
+    if not values.dtype.is_float():
+        return np.zeros(len(values), bool)
+    return values.is_nan().fill_null(False).to_numpy()
 
 
 def numeric(values: pl.Series) -> bool:

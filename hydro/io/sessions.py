@@ -25,15 +25,13 @@ from hydro.core.logs.logmap import (
     sensors_of,
 )
 from hydro.io.files import shown
-from hydro.io.log import Log, column, numbers, refuse, require, stripped
+from hydro.io.log import NOT_A_NUMBER, Log, column, numbers, refuse, require, stripped, unset
 from hydro.io.readers.tables import TIME, Numbers, Table, Tables
 
 A_DAY = 86400.0
 """Silence or jump of a clock after which another session begins in any case [s]: no vehicle dives on."""
 STRETCH = 20
 """Rows that each stretch between falls of the clock must have to be a session of its own."""
-NOT_A_NUMBER = ("nan", "NaN", "NAN")
-"""What a cell of text says that holds no number."""
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
 
@@ -56,8 +54,10 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
         values = columns.pop(key)  # of a long log no column is held twice for longer than this
         for own, (_, _, taken, _) in zip(owned, parts, strict=True):
             own[key] = values[taken]
-    named = zip(owned, parts, strict=True)
-    return [SessionLog(name, t, own, cut=cut) for own, (name, t, _, cut) in named]
+    none = {name: rows for name in _driven(meaning) if (rows := unset(log, name)).any()}
+    silent = [{name: values[taken] for name, values in none.items()} for _, _, taken, _ in parts]
+    every = zip(owned, parts, silent, strict=True)
+    return [SessionLog(name, t, own, unset=off, cut=cut) for own, (name, t, _, cut), off in every]
 
 
 def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
@@ -81,8 +81,16 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
             clocks[number] |= dict.fromkeys(columns, own[start:stop] - begun[number])
             owned[number] |= dict.fromkeys(columns, (table, start, stop))
     cuts = ["", *(_jump(float(t[k] - t[k - 1])) for k in starts[1:].tolist())]
-    parts = zip(names, owned, clocks, cuts, strict=True)
-    return [SessionLog(name, np.empty(0), Numbers(own), clock, cut) for name, own, clock, cut in parts]
+    silent = [{name: own[name][0].unset(name, *own[name][1:]) for name in _driven(meaning)} for own in owned]
+    parts = zip(names, owned, clocks, silent, cuts, strict=True)
+    return [
+        SessionLog(name, np.empty(0), Numbers(own), clock, off, cut) for name, own, clock, off, cut in parts
+    ]
+
+
+def _driven(meaning: LogMap) -> list[str]:
+    """Return the columns of the commands."""
+    return columns_of(meaning.commands)
 
 
 def _sharing(meaning: LogMap) -> list[list[str]]:

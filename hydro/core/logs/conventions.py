@@ -82,6 +82,7 @@ class SessionLog:
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
         clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
             not fall from one sample to the next.
+        unset: Rows of command columns in which the log says NaN, (n,) each; an empty cell says nothing.
         cut: Why the session begins where it does, if the clock of the log jumped there; else empty.
     """
 
@@ -89,6 +90,7 @@ class SessionLog:
     t: Array
     columns: Mapping[str, Array]
     clocks: Mapping[str, Array] = field(default_factory=dict)
+    unset: Mapping[str, Mask] = field(default_factory=dict)
     cut: str = ""
 
     def time_of(self, name: str) -> Array:

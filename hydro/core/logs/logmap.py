@@ -174,11 +174,16 @@ class PulseWidths(_Part, frozen=True):
 
 
 class Commands(_Sensor, frozen=True):
-    """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths."""
+    """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths.
+
+    `off`: what NaN and a pulse width of 0 mean, which autopilots write while they are disarmed: "stop" is no
+    thrust, "hold" the last thrust before.
+    """
 
     columns: tuple[str | Command, ...]
     unit: Literal["1", "percent", "pwm"] = "1"
     pwm: PulseWidths = PulseWidths()
+    off: Literal["stop", "hold"] = "stop"
 
 
 class Voltage(_Sensor, frozen=True):

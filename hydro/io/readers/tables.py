@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.io.readers.clocks import Stamps, one_clock
 from hydro.io.readers.messages import Topic, number, picker
 from hydro.io.readers.spill import Columns, Spill
@@ -125,6 +125,17 @@ class Table:
         return self._placed(None if place is None else each.values(place) for each, place in found)[
             start:stop
         ]
+
+    def unset(self, name: str, start: int = 0, stop: int | None = None) -> Mask:
+        """Return the rows in which a message of its topic says NaN, (n,)."""
+        if self._places is None:
+            own = np.ones(len(self.time), bool)
+        else:
+            own = np.zeros(len(self.time), bool)
+            for rows, each in zip(self._places, self._buffers, strict=True):
+                if name in each.columns:
+                    own[rows] = True
+        return np.asarray(own[start:stop] & np.isnan(self.column(name, start, stop)))
 
     def wide(self) -> pl.DataFrame:
         """All columns, and the clocks."""
