@@ -97,7 +97,7 @@ def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
             buffer = buffers[topic] = Buffer(topic, selection.paths(topic.name) or [], spill)
             if buffer.paths and topic.decode is None:
                 raise DataError(f"{name}: {topic.name} ({topic.kind}) is not read: {topic.unread}")
-        receipt.see(received)
+        receipt.see(topic, received)
         if buffer.paths:
             try:
                 buffer.add(received, raw)
@@ -123,27 +123,31 @@ class _Receipt:
 
     def __init__(self, buffers: Mapping[Topic, Buffer]) -> None:
         self._buffers = buffers
-        self._latest = -np.inf
-        self._low: list[float] = []
+        self._latest: dict[Topic, float] = {}
+        self._behind = 0
         self._rows: dict[Topic, int] = {}
         self._count = 0
 
-    def see(self, received: float) -> None:
-        """Take the time of the next message [s]; a single one that lies behind is late, and no restart."""
-        if received >= self._latest - BACK:
-            self._latest = max(self._latest, received)
-            self._low.clear()
+    def see(self, topic: Topic, received: float) -> None:
+        """Take the time of a topic's next message [s].
+
+        A clock begins again where many messages in a row lie behind those of their own topics.  A single one
+        is late; and topics that are written one after the other fall among each other alone.
+        """
+        latest = self._latest.get(topic, -np.inf)
+        if received >= latest - BACK:
+            self._latest[topic] = max(latest, received)
+            self._behind = 0 if np.isfinite(latest) else self._behind
             return
-        if not self._low:
-            self._rows = {topic: len(each) for topic, each in self._buffers.items()}
-        self._low.append(received)
-        if len(self._low) == BEHIND:
+        if not self._behind:
+            self._rows = {own: len(each) for own, each in self._buffers.items()}
+        self._behind += 1
+        if self._behind == BEHIND:
             self._count += 1
-            for topic, each in self._buffers.items():
+            for own, each in self._buffers.items():
                 each.again += [0] * (self._count - 1 - len(each.again))
-                each.again.append(self._rows.get(topic, 0))
-            self._latest = max(self._low)
-            self._low.clear()
+                each.again.append(self._rows.get(own, 0))
+            self._latest, self._behind = {topic: received}, 0
 
     def finish(self) -> None:
         """Tell the topics that came after a restart that they have nothing before it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ _SHORT = "/SERVO_OUTPUT_RAW"
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     """The messages of an MCAP file, or of all those in a ROS 2 recording's folder, in order of the file."""
     if path.is_dir():
-        for part in sorted(path.glob("*.mcap")):
+        for part in sorted(path.glob("*.mcap"), key=_in_turn):
             yield from messages(part, selection, options)
         return
     from mcap.records import Channel, Footer, Message, Schema
@@ -54,6 +55,11 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
     raise DataError(
         f"{options.name}: this MCAP file is cut short: copy it again, or run `mcap recover` on it"
     )
+
+
+def _in_turn(part: Path) -> list[tuple[str, int]]:
+    """Return what sorts the files of a recording by their numbers: `dive_2` before `dive_10`."""
+    return [(word, int(each or -1)) for word, each in re.findall(r"(\D*)(\d*)", part.name)]
 
 
 class _Topics:

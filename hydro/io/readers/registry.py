@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from hydro.core.errors import DataError
-from hydro.io.readers import ardupilot, arrays, columnar, delimited, mcap_file, ros
+from hydro.io.readers import ardupilot, arrays, columnar, dataflash_text, delimited, mcap_file, ros, ulog
 from hydro.io.readers.collect import Listed, collect, inventory
 from hydro.io.readers.damage import reading
 from hydro.io.readers.messages import Options, Selection, Stream
@@ -47,6 +47,8 @@ READERS = (
     Reader("ROS 2 recording", _magic(b"SQLite format 3\0"), messages=ros.sqlite),
     Reader("MCAP file", _magic(b"\x89MCAP0\r\n"), messages=mcap_file.messages),
     Reader("DataFlash log", _magic(b"\xa3\x95"), messages=ardupilot.dataflash),
+    Reader("DataFlash log in text", dataflash_text.begins, messages=dataflash_text.dataflash_text),
+    Reader("PX4 ULog", _magic(ulog.MAGIC), messages=ulog.ulog),
     Reader("MAVLink log", ardupilot.is_telemetry, messages=ardupilot.telemetry, suffix=".tlog"),
     Reader("Parquet file", _magic(b"PAR1"), table=columnar.parquet),
     Reader("MATLAB file", _magic(b"MATLAB 5.0 MAT-file"), table=arrays.mat),
@@ -57,7 +59,6 @@ READERS = (
 _FOREIGN = (
     (b"#ROSBAG V1", "a ROS bag of version 1", "rosbag migrate"),
     (b"#ROSLOG", "a ROS bag of version 1", "rosbag migrate"),
-    (b"ULog\x01\x12", "a PX4 ULog", "ulog2csv"),
     (b"MATLAB 7.3", "a MATLAB file of version 7.3", "save(..., '-v7') in MATLAB"),
     (b"\x89HDF", "an HDF5 file", "save(..., '-v7') in MATLAB, or numpy.savez"),
     (b"\x1f\x8b", "compressed with gzip", "gunzip"),
@@ -69,7 +70,8 @@ _FOREIGN = (
 _POINTER = b"version https://git-lfs.github.com/spec/"
 """How Git LFS begins the small file that it puts in the place of a large one."""
 FORMATS = (
-    "CSV, Parquet, .npz, .mat, ROS 1 bag, ROS 2 (.db3, .mcap or their folder), DataFlash .bin, MAVLink .tlog"
+    "CSV, Parquet, .npz, .mat, ROS 1 bag, ROS 2 (.db3, .mcap or their folder), DataFlash .bin or its .log, "
+    "PX4 .ulg, MAVLink .tlog"
 )
 
 
