@@ -307,6 +307,18 @@ def numbers(log: Log, name: str, where: str) -> Array:
     return np.where(np.isfinite(found), found, np.nan)
 
 
+def values(log: Log, name: str) -> Array | None:
+    """Return a column as numbers in the order of the log, NaN in empty cells; None without numbers."""
+    if name not in log.table.columns:
+        return None
+    if isinstance(log.table, Tables):
+        return log.table.values(name)
+    try:
+        return numbers(log, name, "guess")
+    except DataError:
+        return None
+
+
 def unset(log: Log, name: str) -> Mask:
     """Return the rows in which a column says NaN, (n,); empty cells say nothing."""
     values = column(log, name, "commands")

@@ -27,8 +27,8 @@ from hydro.core.logs.mixer import PRESETS
 from hydro.io import mistaken, toml
 from hydro.io.files import read_bytes, shown
 
-TABLES = ("time", *BLOCKS, "commands")
-"""The blocks that a guess must find: it cannot tell a sensor that is not there from one of another name."""
+NEEDED = ("time", "commands")
+"""The blocks that a guess must find, besides one of those of pose and velocity."""
 
 ORTHOGONAL = 1e-3
 """How far a matrix may be from a rotation, for it is written by hand."""
@@ -109,9 +109,11 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
     """The map that guessed blocks make.
 
     Raises:
-        DataError: some blocks are missing; the line says which, and what the log has.
+        DataError: clock, commands or all of pose and velocity are missing; the line says what the log has.
     """
-    missing = [name for name in TABLES if name not in blocks]
+    missing = [name for name in NEEDED if name not in blocks]
+    if not any(name in blocks for name in BLOCKS):
+        missing[1 if "time" in missing else 0 : 0] = BLOCKS
     if missing:
         raise DataError(
             f"the columns' names do not identify {', '.join(missing)}: write a map (hydro import LOG "

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
+from hydro.core.logs.angles import in_degrees
 from hydro.core.logs.logmap import (
     Attitude,
     Command,
@@ -185,6 +186,24 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
                 f"{drive[np.abs(drive).argmax()]:g} times full thrust if commands.unit is {block.unit!r}; "
                 "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
             )
+
+
+def require_radians(log: SessionLog, block: Attitude) -> None:
+    """Refuse angles that cannot be radians, as the map says.
+
+    Raises:
+        DataError: an angle is beyond a whole turn and does not count turns.
+    """
+    if block.columns is None or block.unit == "deg":
+        return
+    angles = [log.channel(source).values for source in block.columns]
+    if in_degrees(angles):
+        most = [float(np.abs(each).max(initial=0.0)) for each in angles]
+        source = named(block.columns[int(np.argmax(most))])
+        raise DataError(
+            f"column {source.column} reaches {max(most):.4g} if attitude.unit is 'rad', more than a whole "
+            'turn: set attitude.unit = "deg"'
+        )
 
 
 def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:

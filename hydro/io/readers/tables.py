@@ -184,6 +184,11 @@ class Tables:
         """All columns, as `wide` has them."""
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
 
+    def values(self, name: str) -> Array:
+        """Return the numbers of one column in the order of its messages, (n,)."""
+        parts = [each.values(each.columns[name]) for each in self._buffers if name in each.columns]
+        return np.concatenate([np.empty(0), *parts])
+
     def times(self) -> Array:
         """Times of all messages [s], in their order."""
         return np.sort(np.concatenate([np.empty(0), *self._times]), kind="stable")
