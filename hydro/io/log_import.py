@@ -225,8 +225,8 @@ def _judged(verdict: Verdict) -> Iterator[str]:
     names = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))
     tested = [
         f"{name} to {error:.2g} {unit}"
-        for (name, unit), error in zip(names, verdict.agreement, strict=True)
-        if not math.isnan(error)
+        for (name, unit), error, wrong in zip(names, verdict.agreement, verdict.disagree, strict=True)
+        if not math.isnan(error) and not wrong
     ]
     if tested and not verdict.contradictions:
         yield f"pose and velocity agree: {', '.join(tested)}"

@@ -188,22 +188,19 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
             )
 
 
-def require_radians(log: SessionLog, block: Attitude) -> None:
-    """Refuse angles that cannot be radians, as the map says.
-
-    Raises:
-        DataError: an angle is beyond a whole turn and does not count turns.
-    """
+def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
+    """Return what is to be told of angles that cannot be radians, as the map says; empty where they can."""
     if block.columns is None or block.unit == "deg":
-        return
+        return ""
     angles = [log.channel(source).values for source in block.columns]
-    if in_degrees(angles):
-        most = [float(np.abs(each).max(initial=0.0)) for each in angles]
-        source = named(block.columns[int(np.argmax(most))])
-        raise DataError(
-            f"column {source.column} reaches {max(most):.4g} if attitude.unit is 'rad', more than a whole "
-            'turn: set attitude.unit = "deg"'
-        )
+    if not in_degrees(angles):
+        return ""
+    most = [float(np.abs(each).max(initial=0.0)) for each in angles]
+    source = named(block.columns[int(np.argmax(most))])
+    return (
+        f"{source.column} reaches {max(most):.4g} rad if attitude.unit is right, more than a whole turn: "
+        'set attitude.unit = "deg"'
+    )
 
 
 def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:

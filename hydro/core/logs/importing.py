@@ -195,8 +195,6 @@ def _part(
 ) -> tuple[pl.DataFrame, NDArray[np.int64]]:
     """The rows of one session, and how many commands of each thruster were clipped."""
     conventions.require_shares(log, meaning.commands, t, dt)
-    if meaning.attitude is not None:
-        conventions.require_radians(log, meaning.attitude)
     seen = None if fill else _sampled(log, t, meaning, dt) & _heard(log, t, meaning, gated)
     size = max(LEAST_ROWS, -(-len(t) // PIECES))
     pieces = [slice(start, start + size) for start in range(0, len(t), size)]

@@ -43,12 +43,13 @@ def test_angles_beyond_a_turn_are_degrees_unless_they_count_turns(roll, pitch, y
     assert in_degrees([roll, pitch, yaw]) is expected
 
 
-def test_a_map_that_calls_degrees_radians_is_refused():
+def test_a_map_that_calls_degrees_radians_is_contradicted():
+    """Also where no rates stand beside the attitude."""
     frame = pl.DataFrame({"t": T, "roll": SWING, "pitch": 20.0 * SWING, "yaw": FLAT, "c": SWING})
     text = '[time]\ncolumn = "t"\n[attitude]\ncolumns = ["roll", "pitch", "yaw"]\n'
     text += '[commands]\ncolumns = ["c"]\n'
-    with pytest.raises(DataError, match=r'column pitch reaches 20 .* set attitude.unit = "deg"'):
-        hydro.import_log(io.BytesIO(frame.write_csv().encode()), logmap.parse(text))
+    with pytest.raises(DataError, match=r'pitch reaches 20 rad .* set attitude.unit = "deg"'):
+        hydro.import_log(io.BytesIO(frame.write_csv().encode()), logmap.parse(text), strict=True)
 
 
 def test_a_guess_takes_angles_beyond_a_turn_for_degrees():
