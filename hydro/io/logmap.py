@@ -139,6 +139,14 @@ def json_schema() -> dict[str, Any]:
 
 def _check_position(block: Position) -> None:
     vertical = (block.depth is not None) + (block.height is not None)
+    if block.latitude is not None or block.longitude is not None:
+        if None in (block.latitude, block.longitude) or block.columns or vertical != 1:
+            raise DataError(
+                "position: latitude and longitude stand together, with a depth or height and without columns"
+            )
+        if block.world != "NED":
+            raise DataError("position.world: latitude and longitude become north and east; leave it out")
+        return
     if len(block.columns) + vertical != (3 if block.columns else 1) or vertical > 1:
         raise DataError(
             "position: give three columns, or two and either depth or height, or one of these alone"

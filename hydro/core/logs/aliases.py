@@ -44,6 +44,11 @@ _FLAT = [
     _Family(("east", "north"), {"world": "ENU"}),
     _Family(("easting", "northing"), {"world": "ENU"}),
 ]
+_GEODETIC = [
+    _Family(("latitude", "longitude")),
+    _Family(("lat", "lon")),
+    _Family(("lat", "lng")),
+]
 _VERTICAL = {
     "depth": "depth",
     "height": "height",
@@ -207,7 +212,14 @@ def _position(plain: dict[str, str]) -> Block | None:
     flat = _vector(plain, _FLAT, {"": "m", "_m": "m"})
     if vertical is not None and flat is not None:
         return {**flat, vertical[0]: vertical[1]}
-    return _vector(plain, _POSITION, _LENGTHS) or _depth(plain)
+    if (block := _vector(plain, _POSITION, _LENGTHS)) is not None:
+        return block
+    alone = _depth(plain)
+    globe = _vector(plain, _GEODETIC, {"": "deg", "_deg": "deg"})
+    if globe is not None and alone is not None:
+        latitude, longitude = globe["columns"]
+        return {"latitude": latitude, "longitude": longitude, **alone}
+    return alone
 
 
 def _depth(plain: dict[str, str]) -> Block | None:

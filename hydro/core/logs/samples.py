@@ -13,7 +13,8 @@ import numpy as np
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.clocks import bunched, evened
-from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.conventions import UNITS, SessionLog
+from hydro.core.logs.geodesy import EAST, NORTH, metres
 from hydro.core.logs.logmap import (
     Commands,
     LogMap,
@@ -94,11 +95,11 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
             _unheld(works, name, names, demanded=block.held is True)  # type: ignore[union-attr]
         for work in works:
             _stamp(work, name, block, names)
-    given = _mounted(works, meaning)
+    given, placed = _located(works, _mounted(works, meaning))
     return Prepared(
         logs=tuple(work.now() for work in works),
         meaning=given,
-        notes=tuple(_notes(works, meaning)),
+        notes=(*_notes(works, meaning), *placed),
         gated=tuple(work.gated for work in works),
     )
 
@@ -254,6 +255,30 @@ def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
         for work in works:
             work.columns.update(mounted_velocity(work.now(), meaning.velocity, given.rates, meaning.attitude))
     return given
+
+
+def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]]:
+    """Put metres about the first fix in the place of latitude and longitude; say where that was."""
+    block = meaning.position
+    if block is None or block.latitude is None or block.longitude is None:
+        return meaning, []
+    told = []
+    for work in works:
+        sources = named(block.latitude), named(block.longitude)
+        degrees = [each.scale * work.columns[each.column] + each.offset for each in sources]
+        clocks = [work.now().time_of(each.column) for each in sources]
+        if np.array_equal(*clocks):
+            none = (degrees[0] == 0.0) & (degrees[1] == 0.0)  # what receivers write without a fix
+            degrees = [np.where(none, np.nan, each) for each in degrees]
+        first = [float(each[np.isfinite(each)][0]) if np.isfinite(each).any() else np.nan for each in degrees]
+        found = metres(*degrees, (first[0], first[1]))
+        for name, values, clock in zip((NORTH, EAST), found, clocks, strict=True):
+            work.columns[name] = values / UNITS[block.unit]
+            work.clocks[name] = clock
+        told.append(f"{work.log.name} {first[0]:.7f}, {first[1]:.7f}")
+    read = msgspec.structs.replace(block, columns=(NORTH, EAST), latitude=None, longitude=None)
+    note = f"position: north and east of the first fix [deg] of {'; '.join(told[:4])}"
+    return msgspec.structs.replace(meaning, position=read), [note]
 
 
 def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
