@@ -43,6 +43,7 @@ LEVELS = {
         ("prediction",),
         ("distillation",),
         ("simulation",),
+        ("guessing",),
         ("logs",),
         ("recording", "geometry"),
         ("effects",),

@@ -14,9 +14,9 @@ import polars as pl
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
+from hydro.core.guessing.refining import refined
 from hydro.core.logs.logmap import LogMap, Session
-from hydro.core.logs.refining import refined
 from hydro.io.files import shown
 from hydro.io.joining import joined
 from hydro.io.log import Log, LogFile, Reading, together, values

@@ -13,11 +13,11 @@ import msgspec
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
 from hydro.core.evaluation.thruster_order import rewired
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
+from hydro.core.guessing.refining import refined
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured, named
-from hydro.core.logs.refining import refined
 from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap

@@ -54,8 +54,8 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
         values = columns.pop(key)  # of a long log no column is held twice for longer than this
         for own, (_, _, taken, _) in zip(owned, parts, strict=True):
             own[key] = values[taken]
-    none = {name: rows for name in _driven(meaning) if (rows := unset(log, name)).any()}
-    silent = [{name: values[taken] for name, values in none.items()} for _, _, taken, _ in parts]
+    none = {name: said for name in _driven(meaning) if (said := unset(log, name)).any()}
+    silent = [{name: said[taken] for name, said in none.items()} for _, _, taken, _ in parts]
     every = zip(owned, parts, silent, strict=True)
     return [SessionLog(name, t, own, unset=off, cut=cut) for own, (name, t, _, cut), off in every]
 

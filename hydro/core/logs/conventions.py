@@ -6,7 +6,7 @@ of the same columns is the same call with another block.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
-from hydro.core.logs.angles import in_degrees
 from hydro.core.logs.logmap import (
     Attitude,
     Command,
@@ -69,6 +68,8 @@ UNITS = {
 VOLTS = {"V": 1.0, "mV": 1e-3}
 LEAST_VOLTS, MOST_VOLTS = 1.0, 1000.0
 """Supply of any vehicle's thrusters [V]; the middle of a log's readings lies above the least."""
+TURN = 2.0 * np.pi * 1.01
+"""A whole turn [rad], with a hundredth for noise."""
 FAR_OUT = 2.0
 """A command this far beyond -1 to 1 is of another unit, not a little too high."""
 
@@ -186,6 +187,23 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
                 f"{drive[np.abs(drive).argmax()]:g} times full thrust if commands.unit is {block.unit!r}; "
                 "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
             )
+
+
+def in_degrees(angles: Sequence[Array]) -> bool:
+    """Return whether roll, pitch and yaw cannot be radians.
+
+    Roll and pitch in radians are never beyond a turn.  Yaw in radians may count turns: it begins within one
+    and goes on in steps below half a turn.
+
+    Args:
+        angles: Roll, pitch and yaw, (n,) each; NaN where there is no number.
+    """
+    roll, pitch, yaw = (each[np.isfinite(each)] for each in angles)
+    if max(np.abs(roll).max(initial=0.0), np.abs(pitch).max(initial=0.0)) > TURN:
+        return True
+    if np.abs(yaw).max(initial=0.0) <= TURN:
+        return False
+    return bool(abs(yaw[0]) > TURN or np.abs(np.diff(yaw)).max(initial=0.0) > np.pi)
 
 
 def beyond_a_turn(log: SessionLog, block: Attitude) -> str:

@@ -267,11 +267,11 @@ def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]
         sources = named(block.latitude), named(block.longitude)
         degrees = [each.scale * work.columns[each.column] + each.offset for each in sources]
         clocks = [work.now().time_of(each.column) for each in sources]
-        if np.array_equal(*clocks):
+        if np.array_equal(clocks[0], clocks[1]):
             none = (degrees[0] == 0.0) & (degrees[1] == 0.0)  # what receivers write without a fix
             degrees = [np.where(none, np.nan, each) for each in degrees]
         first = [float(each[np.isfinite(each)][0]) if np.isfinite(each).any() else np.nan for each in degrees]
-        found = metres(*degrees, (first[0], first[1]))
+        found = metres(degrees[0], degrees[1], (first[0], first[1]))
         for name, values, clock in zip((NORTH, EAST), found, clocks, strict=True):
             work.columns[name] = values / UNITS[block.unit]
             work.clocks[name] = clock

@@ -96,7 +96,8 @@ def _tree(columns: Mapping[str, Any]) -> Tree:
         for step in steps[:-1]:
             at = at.setdefault(step, {})
         at[steps[-1]] = values
-    return _listed(root)
+    found: Tree = _listed(root)
+    return found
 
 
 def _listed(tree: Any) -> Any:

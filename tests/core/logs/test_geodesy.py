@@ -10,7 +10,7 @@ import pytest
 
 import hydro
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
 from hydro.core.logs.geodesy import EQUATOR, FLATTENING, metres
 from hydro.io import logmap
 

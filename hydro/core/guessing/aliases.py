@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from hydro.core.logs.presets import MOST_THRUSTERS, preset_blocks, vertical_block
+from hydro.core.guessing.presets import MOST_THRUSTERS, preset_blocks, vertical_block
 
 Block = dict[str, Any]
 

@@ -13,9 +13,9 @@ import pytest
 import hydro
 from hydro import cli
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
-from hydro.core.logs.angles import in_degrees
-from hydro.core.logs.refining import refined
+from hydro.core.guessing.aliases import guess
+from hydro.core.guessing.refining import refined
+from hydro.core.logs.conventions import in_degrees
 from hydro.io import logmap
 
 T = np.arange(400) * 0.05

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from hydro.core.columns import Array
-from hydro.core.logs.angles import in_degrees
-from hydro.core.logs.conventions import FAR_OUT
-from hydro.core.logs.presets import ATMOSPHERE, PRESSURE_UNITS, depth_of_pressure
+from hydro.core.guessing.presets import ATMOSPHERE, PRESSURE_UNITS, depth_of_pressure
+from hydro.core.logs.conventions import FAR_OUT, in_degrees
 
 Block = dict[str, Any]
 Values = Callable[[str], Array | None]
