@@ -32,7 +32,7 @@ _NOTES = {
     "position": (
         'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
         'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too; and',
-        "a depth or height alone, without columns.",
+        "a depth or height alone; or latitude and longitude [deg] beside a depth or height.",
     ),
     "attitude": (
         'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',
