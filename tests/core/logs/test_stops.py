@@ -32,9 +32,7 @@ def sometimes(value: float | None, start: int = 40, stop: int = 80) -> pl.Series
 def test_nan_is_no_thrust_and_said():
     found = imported(c=sometimes(np.nan))
     np.testing.assert_allclose(found.frame["cmd_1"], sometimes(0.0))
-    assert found.notes[-1].startswith(
-        "commands: 40 samples of NaN or a pulse width of 0 are taken for no thrust"
-    )
+    assert found.notes[-1].startswith("commands: 40 samples of NaN or a pulse width of 0 are no thrust")
     assert (found.frame["cmd_2"] == 0.25).all()
 
 
