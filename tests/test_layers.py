@@ -43,7 +43,7 @@ LEVELS = {
         ("prediction",),
         ("distillation",),
         ("simulation",),
-        ("cleaning",),
+        ("cleaning", "guessing"),
         ("logs",),
         ("recording", "geometry"),
         ("effects",),
