@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from benchmarks.hidden_effects.scoring import interval
 from numpy.typing import NDArray
 
-from benchmarks.hidden_effects.scoring import interval
 from benchmarks.kept_tables import markdown
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.recording.sensor_faults import without_faults

@@ -269,11 +269,9 @@ def _why_lost(study: Study, file: Vehicle, errors: pl.DataFrame) -> list[str]:
     """Return what least squares gains from on each axis that the chosen step loses to it."""
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.yardsticks import Yardstick
-    from hydro.core.prediction.tracking import tracked
-    from hydro.core.recording.arrays import recording
     from hydro.report import yardsticks
 
-    record = tracked(file, recording(file, preprocess(file, study.measured.frame).raw))
+    record = preprocess(file, study.measured.frame).observed
     return yardsticks.explained(errors, Yardstick.fitted(file, record), record)
 
 

@@ -107,7 +107,7 @@ class Yardstick:
 
     @classmethod
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
-        """Fit to a recording whose own predictions are to be measured.
+        """Fit to a recording whose own predictions are to be measured; see `of_others` for any other.
 
         Each session is predicted by a fit to the others, or each half of a single session by the other half.
         """
@@ -115,6 +115,11 @@ class Yardstick:
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
         left_out = tuple(_fitted(part, tau) for part in parts)
         return replace(cls.fitted(vehicle, record), left_out=left_out, fold=fold)
+
+    @property
+    def of_others(self) -> Yardstick:
+        """The yardstick for recordings that it was not fitted to."""
+        return replace(self, left_out=(), fold=np.zeros(0, np.int64))
 
     def misfits(
         self, record: Recording, motion: Motion, pieces: Pieces, horizon: float, velocity: Misfit
@@ -155,9 +160,8 @@ class Yardstick:
         self, record: Recording, starts: Rows, rows: Rows, first: Array, tau: Array
     ) -> Array:
         """Predict by damped axes, each start by a fit that its fold had no part in, (S, K, 6)."""
-        own = len(self.fold) == record.rows
-        fits = self.left_out if own else (self.damped,)
-        fold = self.fold[starts] if own else np.zeros(len(starts), np.int64)
+        fits = self.left_out or (self.damped,)
+        fold = self.fold[starts] if self.left_out else np.zeros(len(starts), np.int64)
         out = np.empty((*rows.shape, 6))
         for number, damped in enumerate(fits):
             here = fold == number

@@ -80,7 +80,7 @@ class Recordings:
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
-        return cls(log, other, Yardstick.fitted(vehicle, log.record), hull)
+        return cls(log, other, Yardstick.crossed(vehicle, log.observed), hull)
 
     @cached_property
     def problem(self) -> OutputError:
@@ -106,7 +106,8 @@ class Recordings:
 
     def compared(self, vehicle: Vehicle, log: Preprocessed, progress: Progress) -> pl.DataFrame:
         """A vehicle against one of them, with the hull's rows where there is a hull."""
-        found = compare(vehicle, log.raw, record=log.observed, yardstick=self.yardstick, progress=progress)
+        yardstick = self.yardstick if log is self.log else self.yardstick.of_others
+        found = compare(vehicle, log.raw, record=log.observed, yardstick=yardstick, progress=progress)
         return found if self.hull is None else with_hull(found, vehicle, log, self.hull)
 
     def error_ahead(self, vehicle: Vehicle) -> float:

@@ -331,9 +331,7 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
     )
 
 
-def _void(
-    evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Sequence[str]
-) -> Iterable[str]:
+def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool], resting: Sequence[str]) -> Iterable[str]:
     """Say what the test could not show: signs of axes that hardly moved, and velocities that made the pose.
 
     Of sides that disagree under every reading nothing is said: there is nothing that a sign could mend.
