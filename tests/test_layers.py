@@ -51,7 +51,8 @@ LEVELS = {
         ("columns",),
         ("toml_text", "seeds"),
         ("threads",),
-        ("errors", "compiled", "progress"),
+        ("compiled",),
+        ("errors", "nesting", "progress"),
     ),
     "hydro.sim": (
         ("film", "gpu", "replay", "stonefish", "teacher_plant"),

@@ -250,6 +250,20 @@ def test_a_draft_is_a_map_that_says_what_was_guessed(tmp_path):
     assert (found.time.unit, found.commands.unit) == ("ms", "pwm")
 
 
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("log; touch x.csv", "# How `hydro import 'log; touch x.csv' --map THIS` reads that log."),
+        ("a\nb", "# How `hydro import 'a\\nb' --map THIS` reads that log."),
+    ],
+)
+def test_the_command_in_a_draft_names_any_file_as_one_word(name, line):
+    names = ["time_ms", "roll_deg", "a\nevil = 1"]
+    text = mapdraft.draft(guess(names), names, name)
+    assert line in text.splitlines()
+    assert "evil = 1" not in text.splitlines()
+
+
 def test_a_draft_of_unknown_names_is_still_a_map_with_blanks():
     text = mapdraft.draft({}, ["a", "b"], "log.csv")
     assert "# The log has: a, b" in text
