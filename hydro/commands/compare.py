@@ -143,7 +143,8 @@ def _print(frame: pl.DataFrame, earlier: Earlier | None, console: Console) -> No
     print_table(comparison.predictions(frame), title, console)
     simple = yardsticks.of_comparison(frame)
     if not simple.is_empty():
-        title = f"The model beside simple predictors, {yardsticks.ahead(simple)}: least squares fitted to other sessions"
+        ahead = yardsticks.ahead(simple)
+        title = f"The model beside simple predictors, {ahead}: least squares fitted to other sessions"
         print_table(yardsticks.table(simple), title, console)
     ranked, former = comparison.failures(frame), comparison.former_failures(frame)
     if not ranked.is_empty():

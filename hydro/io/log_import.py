@@ -60,9 +60,12 @@ def declared(file: str | Path | LogMap, name: str) -> LogMap:
         name: What a session is called that nobody names.
 
     Raises:
-        DataError: the file is not a map.
+        DataError: the file or the map breaks a rule of maps.
     """
-    return _titled(file if isinstance(file, LogMap) else logmap.read(file), name)
+    if not isinstance(file, LogMap):
+        return _titled(logmap.read(file), name)
+    logmap.check(file)
+    return _titled(file, name)
 
 
 def guessed(

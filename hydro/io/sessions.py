@@ -26,7 +26,7 @@ from hydro.core.logs.logmap import (
 )
 from hydro.io.files import shown
 from hydro.io.log import NOT_A_NUMBER, Log, column, numbers, refuse, require, stripped, unset
-from hydro.io.readers.tables import TIME, Numbers, Table, Tables
+from hydro.io.readers.tables import CLOCKS, TIME, Numbers, Table, Tables
 
 A_DAY = 86400.0
 """Silence or jump of a clock after which another session begins in any case [s]: no vehicle dives on."""
@@ -64,6 +64,10 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
     """The same of messages on one clock: each sensor in the rows of its own topics, read when wanted."""
     for where, name in named_columns(meaning):
         require(log, name, where)
+        if name in CLOCKS:
+            raise DataError(
+                f"{log.name}: {where} names {name}, which is the log's clock: name a measured column there"
+            )
     every = tables.times()
     if not len(every):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
