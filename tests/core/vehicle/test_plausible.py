@@ -62,9 +62,9 @@ def test_every_parameter_has_a_range_with_a_source_and_absence_lies_within():
     ("low", "high", "fault"), [(1.0, -1.0, "finite"), (0.5, 9.0, "absent"), (-9.0, -2.0, "outside")]
 )
 def test_a_range_that_is_wrong_is_seen(low, high, fault):
-    parameter = CATALOGUE["linear_damping"].parameter("diagonal")
+    parameter = CATALOGUE["cross_axis_drag"].parameter("D01")
     wrong = replace(parameter, plausible=replace(parameter.plausible, at=lambda *_: (low, high)))
-    faults = list(faults_of_range("linear_damping", wrong, preset()))
+    faults = list(faults_of_range("cross_axis_drag", wrong, preset()))
     assert any(fault in one for one in faults)
 
 
