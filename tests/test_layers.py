@@ -36,7 +36,7 @@ LEVELS = {
         ("difference",),
         ("experiment",),
         ("sea",),
-        ("evaluation",),
+        ("evaluation", "audit"),
         ("preprocessing",),
         ("residual",),
         ("identification",),

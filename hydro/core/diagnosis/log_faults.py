@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
+from hydro.core.audit.thrusters import ThrusterAudit, audit
+from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
-from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
 from hydro.core.logs.axis_faults import axis_faults
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
@@ -39,13 +40,29 @@ class Preprocessed:
         record: The same as arrays.
         faults: A finding for each kind of fault.
         wiring: The order of the command columns, where it is another than the vehicle file's.
+        audit: Audit of the thrusters, before anything was put in order; None of a recording too short for it.
     """
 
     raw: pl.DataFrame
     record: Recording
     faults: tuple[Finding, ...]
     wiring: Wiring | None = None
+    audit: ThrusterAudit | None = None
     _shots: dict[float, Shots] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def misdirected(self) -> bool:
+        """Whether directions or order of the thrusters differ from the file."""
+        return self.audit is not None and self.audit.wrong
+
+    def require_directions(self) -> None:
+        """Refuse a recording that contradicts the directions or the order of the file's thrusters.
+
+        Raises:
+            DataError: It does; the line says how to mend it.
+        """
+        if self.audit is not None and self.audit.wrong:
+            raise DataError(f"{self.audit.headline()}; or go on as it is with --correct-thrusters")
 
     @property
     def track(self) -> Array:
@@ -99,12 +116,13 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     log = sound(vehicle, raw)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
     plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults)
-    found = rewired(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
-    if found is None:
-        return plain
+    found = audit(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
+    if found is None or not found.wrong:
+        return replace(plain, audit=found)
     raw = in_order(log.raw, found.wiring)
     record = replace(recording(vehicle, raw), sigma=log.record.sigma)
-    return Preprocessed(raw, tracked(vehicle, record), (*faults, _exchanged(found)), found.wiring)
+    wiring = None if found.wiring.is_plain else found.wiring
+    return Preprocessed(raw, tracked(vehicle, record), (*faults, _misdirected(found)), wiring, found)
 
 
 def sound(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
@@ -144,11 +162,8 @@ def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
         return None
 
 
-def _exchanged(found: Rewired) -> Finding:
-    """That commands are exchanged or reversed."""
-    message = (
-        f"it looks as if {found.wiring.words()}: then the forces leave {found.left:.2g} of what they leave "
-        "unexplained now; run each thruster alone and put the columns, or the [[thruster]] tables, in "
-        "order. All else here is reported as if they were so"
+def _misdirected(found: ThrusterAudit) -> Finding:
+    """Return the finding that directions or order of the thrusters differ from the file."""
+    return Finding(
+        "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
     )
-    return Finding("log_fault", members=found.wiring.columns(), confidence=found.confidence, advice=message)
