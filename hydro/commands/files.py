@@ -59,7 +59,7 @@ def check(files: Files, map_: MapFile = None, msg: Definitions = None) -> None:
     for file in files:
         try:
             if map_ is not None and file not in vehicles:
-                artefact = Logs(map_, msg, Path(vehicles[0]) if len(vehicles) == 1 else None).read([file])
+                artefact = Logs(map_, msg).read([file])
                 told = _told(file, artefact)
             else:
                 told, artefact = _check(file)

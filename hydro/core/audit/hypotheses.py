@@ -3,9 +3,9 @@
 By a hypothesis, column pi(i) drives thruster i with effectiveness g_i, and axis a answers with a factor s_a
 of what the file's inertia says. Then c_aj = s_a h_ai g_i with j = pi(i), where h are the file's accelerations
 per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior about sigma_i m with
-standard deviation SPREAD m, where m is the scale common to all thrusters. A thruster that does not push therefore says
-nothing about its sign, and a weak one little. Marginal likelihoods are exact in g; m is summed over a grid, s
-is at its mode.
+standard deviation SPREAD m, where m is the scale common to all thrusters. A thruster that does not push
+therefore says nothing about its sign, and a weak one little. Marginal likelihoods are exact in g; m is summed
+over a grid, s is at its mode.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ FREE = 3.0
 """Prior standard deviation of an effectiveness of unknown sign, for intervals: no thruster has more."""
 SCALES = np.exp(np.linspace(np.log(0.2), np.log(5.0), 21))
 """Common scales that are tried; a curve or voltage that is wrong by more is not a matter of scale."""
-SCALE_SPREAD = 0.7
-"""Prior standard deviation of the logarithm of the common scale: a factor of two either way."""
+SCALE_SPREAD = 0.5
+"""Prior standard deviation of the logarithm of the common scale: a factor of 1.6 either way."""
 INERTIA = 0.3
 """Prior standard deviation of an axis factor: a first-day file has its inertia to a third or so."""
 FACTORS = (0.2, 5.0)
@@ -136,7 +136,7 @@ def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...],
             for column in Wiring(current.column, (1,) * len(current.column)).exchanges()
         ]
         best = max(nearby, key=lambda order: order.best, default=current)
-        if best.best <= current.best:
+        if not best.best > current.best:
             return
         current = best
 

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
+from scipy.signal import lfilter
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.effects.inertia import ADDED_MASS
@@ -39,12 +40,16 @@ AXES = 6
 MIXED = tuple(product(range(3), range(3, 6)))
 LINEAR, ANGULAR = tuple(combinations(range(3), 2)), tuple(combinations(range(3, 6), 2))
 """Pairs of velocities: a linear and an angular one, two linear, two angular ones."""
-WINDOW_SECONDS = 1.0
-"""Length of a window [s]: long against the noise of a velocity, short against changes of a disturbance."""
+WINDOW_SECONDS = (1.0, 0.5, 0.25)
+"""Lengths of a window [s]: long against the noise of a velocity, short against changes of a disturbance."""
+LEAST_POWER = 0.8
+"""Share of the variance of the thrusts that the integrals over a window keep at least; else it is shorter."""
 MOST_WINDOWS, RUN = 1200, 60
 """Largest number of windows (ten minutes of motion), and of consecutive windows kept together."""
 LEAST_WINDOWS, LEAST_ROWS = 24, 8
 """Smallest number of windows that a regression uses, and of sample times in one."""
+LEAK_SECONDS = 20.0
+"""Time constant of the sum of rates [s]: several periods of a vehicle's roll and pitch."""
 IDLE = 0.01
 """Standard deviation of a thrust, as a share of the largest, below which a thruster did not run."""
 DELAYS = np.arange(-0.1, 0.81, 0.05)
@@ -127,12 +132,13 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     """
     driven = np.array([i for i, one in enumerate(vehicle.thruster) if one.pushes], np.int64)
     rows = int(np.diff(record.segments, axis=1).max(initial=0))
-    if not driven.size or rows <= max(round(WINDOW_SECONDS / record.dt), LEAST_ROWS):
+    if not driven.size or rows <= max(round(WINDOW_SECONDS[0] / record.dt), LEAST_ROWS):
         return None
-    windows = Windows.of(record, most=MOST_WINDOWS, seconds=WINDOW_SECONDS, run=RUN)
+    record, model = _tilted(record), candidate(vehicle)
+    kinds, forces = _forces(model.thrusters[driven], record, driven)
+    windows = _windows(record, forces)
     if len(windows.starts) < LEAST_WINDOWS:
         return None
-    model = candidate(vehicle)
     inverse = constants_of(model.program.flat)[INVERSE_MASS_MATRIX:][:36].reshape(AXES, AXES)
     table = model.thrusters[driven]
     arms = inverse @ table[:, UNIT_WRENCH].T
@@ -142,7 +148,6 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     shown = np.array([axis.shown for axis in axes])
     if not shown.any():
         return None
-    kinds, forces = _forces(table, record, driven)
     pushed = [windows.sums(_shifted(forces, windows, delay)) for delay in DELAYS]
     best = _cheapest(axes, pushed)
     axes = [axis.whitened(pushed[best]) for axis in axes]
@@ -161,6 +166,17 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
     return Balance(gram, score, arms, kinds, shown, _inertia_errors(vehicle, inverse), driven, idle, delay)
 
 
+def _windows(record: Recording, forces: Array) -> Windows:
+    """Windows as long as the changes of the thrusts allow."""
+    for seconds in WINDOW_SECONDS:
+        windows = Windows.of(record, most=MOST_WINDOWS, seconds=seconds, run=RUN)
+        held = np.var(forces[windows.rows], axis=0).sum()
+        kept = np.var(windows.sums(forces[windows.rows]) / windows.test.sum(), axis=0).sum()
+        if kept >= LEAST_POWER * held:
+            break
+    return windows
+
+
 def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
     """Standard errors of the file's added mass, 0 without any, as shares of the whole inertia, (6,)."""
     errors = np.zeros(AXES)
@@ -168,6 +184,24 @@ def _inertia_errors(vehicle: Vehicle, inverse: Array) -> Array:
         given = np.asarray(table.get("standard_error", {}).get("diagonal", errors), float)
         errors = np.hypot(errors, given)
     return errors * np.diagonal(inverse)
+
+
+def _tilted(record: Recording) -> Recording:
+    """The recording with an attitude from the rates where none is measured.
+
+    Rates are summed with a leak: their errors add up, and a vehicle with a restoring moment comes back. A
+    restoring moment that nobody knows of makes thrusters look reversed: below its natural frequency a vehicle
+    turns with the derivative of the moment.
+    """
+    if record.seen is None:
+        return record
+    eta = record.eta.copy()
+    for start, stop in record.segments:
+        rates, seen = record.nu[start:stop, 3:], record.seen[start:stop]
+        if not seen[:, 3:5].any() and seen[:, 9:11].any(axis=0).all():
+            keep = float(np.exp(-record.dt / LEAK_SECONDS))
+            eta[start:stop, 3:5] = lfilter([record.dt], [1.0, -keep], rates[:, :2], axis=0)
+    return replace(record, eta=eta)
 
 
 def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]:

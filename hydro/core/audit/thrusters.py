@@ -189,20 +189,23 @@ class ThrusterAudit:
                 f"{_thrusters(group)} act alike in this recording and cannot be told apart: "
                 "nothing is said about one of them; run each of them alone"
             )
-        rest = tuple(i for i in np.flatnonzero(~self.seen) if i not in grouped)
+        rest = tuple(i for i in np.flatnonzero(~self.clear) if i not in grouped and not self._weak(i))
         if rest:
             yield f"the direction of {_thrusters(rest, 'thruster')} is not visible in this recording"
+
+    def _weak(self, i: int) -> bool:
+        """Whether a thruster hardly pushes, by its whole interval."""
+        ends = (self.wiring.sign[i] * self.low[i], self.wiring.sign[i] * self.high[i])
+        return bool(self.seen[i] and max(ends) < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
         """Common scale, and thrusters that differ from it."""
         scale, low, high = self.scale
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL * np.log(high / scale):
-            yield f"common factor: {words}; check supply voltage, thrust curve and command scale"
-        for i in np.flatnonzero(self.seen & ~self.idle):
-            sign = self.wiring.sign[i]
-            ends = sorted((sign * self.low[i], sign * self.high[i]))
-            if ends[1] < WEAK * scale:
+            yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
+        for i in np.flatnonzero(self.seen):
+            if self._weak(i):
                 yield (
                     f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
                     f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
