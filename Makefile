@@ -48,6 +48,7 @@ types: $(STAMP)       ## static types: strict in hydro/core and hydro/io
 docs: $(STAMP)        ## regenerate the pages that are made from code, result tables and the tutorial's commands
 	$(BIN)/python docs/generate_cli.py
 	$(BIN)/python docs/generate_theory.py
+	$(BIN)/python docs/draw_layouts.py
 	$(BIN)/python docs/generate_benchmarks.py
 	$(BIN)/python docs/generate_tutorial.py
 

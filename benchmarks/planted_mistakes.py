@@ -91,7 +91,7 @@ MISTAKES: dict[str, Mistake] = {
         lambda log, spec: declared("commands", columns=_commands(spec)[::-1])(log, spec),
         ("drives thruster",),
     ),
-    "thruster 2 reversed": Mistake(written(-pl.col("cmd_2")), ("minus cmd_2 drives thruster 2",)),
+    "thruster 2 reversed": Mistake(written(-pl.col("cmd_2")), ("thruster 2 pushes opposite to the file",)),
 }
 
 
@@ -123,7 +123,7 @@ def said(vehicle: Vehicle, log: pl.DataFrame, spec: Spec) -> list[str]:
         report = log_import.import_log(source, logmap.parse(_toml(spec)))
     except DataError as error:
         return [f"error: {error}"]
-    lines = [*report.lines(), *log_import.wiring(report.imported, vehicle)]
+    lines = [*report.lines(), *log_import.audited(report, vehicle, "vehicle.toml")]
     return [line for line in lines if line.startswith("warning")]
 
 

@@ -25,8 +25,9 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.explanation": "explain",
     "hydro.core.experiment": "advice manoeuvres",
     "hydro.core.preprocessing": "sensor_tests coloured",
-    "hydro.core.evaluation": "evidence:score_test wiring:thruster_order compare misfit metrics "
+    "hydro.core.evaluation": "evidence:score_test compare misfit metrics "
     "conditions:regimes places:failure_regimes restarts:rolling_prediction",
+    "hydro.core.audit": "wiring",
     "hydro.core.identification": "fit descent:levenberg_marquardt suspects passive:passivity "
     "beginnings:initial_guess given:prior",
     "hydro.core.prediction": "parameters shooting:multiple_shooting sensitivity weakform:weak_form "

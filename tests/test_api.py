@@ -131,7 +131,7 @@ def test_every_moved_module_is_where_the_table_says() -> None:
     [
         ("import hydro.core.frames", "hydro.core.frames", "hydro.core.vehicle.frames"),
         ("from hydro.core import errors, labels", "hydro.core.labels", "hydro.core.distillation.labels"),
-        ("from hydro.core.wiring import rewired", "hydro.core.wiring", "evaluation.thruster_order"),
+        ("from hydro.core.wiring import Wiring", "hydro.core.wiring", "hydro.core.audit.wiring"),
         ("from hydro.core.vehicle import Vehicle", "hydro.core.vehicle.Vehicle", "description.Vehicle"),
         ("from hydro.core.recording import recording", "hydro.core.recording.recording", "arrays.recording"),
     ],

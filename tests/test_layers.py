@@ -35,7 +35,7 @@ LEVELS = {
         ("difference",),
         ("experiment",),
         ("sea",),
-        ("evaluation",),
+        ("evaluation", "audit"),
         ("preprocessing",),
         ("residual",),
         ("identification",),

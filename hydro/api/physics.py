@@ -136,6 +136,7 @@ def diagnose(
     before: pl.DataFrame | None = None,
     model: Model | None = None,
     discover: bool = False,
+    correct_thrusters: bool = False,
     progress: Progress | None = None,
 ) -> pl.DataFrame:
     """Find which physical effects are missing in a vehicle, or what has changed, and how sure that is.
@@ -147,6 +148,8 @@ def diagnose(
         model: with `before`: a network of `hydro.train` in the place of the built-in regression.
         discover: whether a formula of sparse terms is looked for where no effect of the catalogue explains
             the recording; not with `before`.
+        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
+            directions and order as it states them; by default that is the only finding.
         progress: called with a few words and the share of the work done.
 
     Returns:
@@ -163,8 +166,8 @@ def diagnose(
 
     hull = _hull(vehicle, before, model, discover=discover)
     log = preprocess(vehicle, raw, hull)
-    found = diagnose_log(vehicle, log, hull=hull, progress=progress)
-    if discover:
+    found = diagnose_log(vehicle, log, hull=hull, corrected=correct_thrusters, progress=progress)
+    if discover and (correct_thrusters or not log.misdirected):
         found = discovered(vehicle, log, found, progress)
     return conform("diagnosis", found.frame())
 
@@ -207,6 +210,7 @@ def explain(
     before: pl.DataFrame | None = None,
     model: Model | None = None,
     discover: bool = False,
+    correct_thrusters: bool = False,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what a vehicle lacks, or what has changed in it, step by step, until nothing more is found.
@@ -220,6 +224,8 @@ def explain(
         model: with `before`: a network of `hydro.train` in the place of the built-in regression.
         discover: whether a formula of sparse terms is added where no effect of the catalogue explains what
             is left; not with `before`.
+        correct_thrusters: whether to go on where the audit of the thrusters contradicts the vehicle, with
+            directions and order as it states them.
         progress: called with a few words and the share of the present step that is done.
 
     Yields:
@@ -227,7 +233,8 @@ def explain(
         vehicle, its comparison and diagnosis, and its errors as rows of the ladder table.
 
     Raises:
-        hydro.core.errors.DataError: a table does not fit the vehicle, or is too short.
+        hydro.core.errors.DataError: a table does not fit the vehicle, is too short, or contradicts the
+            directions or the order of its thrusters.
     """
     from dataclasses import replace
 
@@ -236,7 +243,8 @@ def explain(
     from hydro.io.table import conform
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
-    for step in steps(vehicle, raw, holdout=holdout, hull=hull, beyond=beyond, progress=progress):
+    how = {"hull": hull, "beyond": beyond, "corrected": correct_thrusters, "progress": progress}
+    for step in steps(vehicle, raw, holdout=holdout, **how):
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),

@@ -58,6 +58,14 @@ if TYPE_CHECKING:
     from hydro.study.engine import Engine
 
 
+CorrectThrusters = Annotated[
+    bool,
+    typer.Option(
+        "--correct-thrusters",
+        help="Where the audit of the thrusters contradicts the file, go on with directions and order as the "
+        "audit states them; by default nothing else is examined.",
+    ),
+]
 CHI2 = ("given", "own_effects", "found")
 """Mean squared residuals in units of the noise: of the file, of its own effects anew, with what was found."""
 
@@ -69,6 +77,7 @@ def diagnose(
     before: Before = None,
     model: Network = None,
     discover: Discover = False,
+    correct_thrusters: CorrectThrusters = False,
     map_: MapFile = None,
     msg: Definitions = None,
     each: Annotated[
@@ -109,6 +118,9 @@ def diagnose(
     ] = 120.0,
 ) -> None:
     """Find the physical effects that a vehicle file lacks.
+
+    First the thrusters are audited, as by hydro check VEHICLE LOG: where directions or the order of the
+    columns contradict the file, that is the only finding, because every other one would bend to it.
 
     The file's own effects are re-estimated first; then every effect of the catalogue is tested on what they
     leave unexplained. A finding gives the share of the error that it explains, the confidence in its name and
@@ -172,7 +184,7 @@ def diagnose(
     if each:
         _refuse_beside_each(before=before, model=model, discover=discover, fly=fly, json=as_json)
         connect = partial(engine_for, engine, address, threads)
-        _diagnose_each(vehicle, dataset(measured), known, output, connect)
+        _diagnose_each(vehicle, dataset(measured), known, output, connect, correct_thrusters)
         return
     refuse_engine(engine, "sessions are shared out where each is diagnosed by itself: add --each")
     limits = Limits(depth=depth, space=space, thrust=thrust, seconds=seconds)
@@ -191,8 +203,8 @@ def diagnose(
 
         hull = earlier.hull if earlier else None
         log = preprocess(start, source.frame, hull)
-        found = diagnose_log(start, log, hull=hull, progress=advance)
-        if discover:
+        found = diagnose_log(start, log, hull=hull, corrected=correct_thrusters, progress=advance)
+        if discover and (correct_thrusters or not log.misdirected):
             found = discovered(start, log, found, advance)
     changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))
@@ -239,6 +251,7 @@ def _diagnose_each(
     known: list[str] | None,
     output: str,
     connect: Callable[[], AbstractContextManager[Engine]],
+    corrected: bool,
 ) -> None:
     """Diagnose every session of a dataset by itself."""
     from hydro.io import partitions
@@ -248,7 +261,8 @@ def _diagnose_each(
         raise UsageError(f"--each needs a folder of sessions ({partitions.LAYOUT}), and -o FOLDER")
     data = partitions.opened(folder, ("raw",))
     start, text = vehicle_held(file, known)
-    tasks, failed, console = [(part, Path(output), start, text) for part in data.parts], 0, person()
+    tasks = [(part, Path(output), start, text, corrected) for part in data.parts]
+    failed, console = 0, person()
     with connect() as engine, progress("diagnose") as update:
         engine.prepare(partial(warm, data.parts[0], start))
         for number, one in enumerate(engine.each(diagnose_part, tasks)):

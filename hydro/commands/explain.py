@@ -10,6 +10,7 @@ import typer
 
 from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
+from hydro.commands.diagnose import CorrectThrusters
 from hydro.commands.places import FOLDER
 from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
 from hydro.commands.shell import (
@@ -63,11 +64,15 @@ def explain(
     before: Before = None,
     model: Network = None,
     discover: Discover = False,
+    correct_thrusters: CorrectThrusters = False,
     map_: MapFile = None,
     msg: Definitions = None,
     as_json: Json = False,
 ) -> None:
     """Find missing effects, add them one by one and show the errors.
+
+    First the thrusters are audited, as by hydro check VEHICLE LOG: where directions or the order of the
+    columns contradict the file, nothing is added.
 
     Step 0 is the file as given. Each later step adds the finding that explains most, re-estimates it together
     with the file's own effects and all that was added before, and compares the new file with the recording
@@ -145,6 +150,7 @@ def explain(
             done=done,
             recordings=recordings,
             beyond=discovered if discover else None,
+            corrected=correct_thrusters,
             progress=advance,
         )
         for step in () if study.has_ended(steps) else found:

@@ -1,4 +1,4 @@
-"""`check` and `show`: is a file sound, and what is in it."""
+"""`check` and `show`: check files and audit thrusters, and show what is in a file."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.diagnose import print_findings
+from hydro.commands.recordings import Definitions, Logs, MapFile
 from hydro.commands.shell import STREAM, read
 from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
@@ -35,21 +36,37 @@ WHOLE = ("metrics", "ladder", "evaluations")
 """Kinds of small tables, whose rows are shown instead of their columns."""
 
 
-def check(files: Files) -> None:
-    """Check that tables, vehicle files and log maps are valid.
+def check(files: Files, map_: MapFile = None, msg: Definitions = None) -> None:
+    """Check that tables, vehicle files and log maps are valid, and audit the thrusters.
 
     Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,
     types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise
     one line for each file that does not. Of a recording with nulls, a line says how many samples each such
     column has; of a vehicle file, which values lie beyond what physics leaves to them, and which are likely
     in another unit. Of a folder of sessions each is checked by itself.
+
+    With one vehicle file and recordings, the thrusters are audited: the thrust of each as a multiple of the
+    file's with its 95 % interval, negative where it pushes opposite to the file; which directions are wrong
+    and which columns are swapped; a factor common to all thrusters; and thrusters that the recording cannot
+    tell apart. The exit code is 1 where directions or order contradict the file. With --map, recordings may
+    be logs.
+
+        hydro check vehicle.toml raw.parquet
+        hydro check vehicle.toml dive.bag --map map.toml
     """
     unsound = 0
+    vehicles = [file for file in files if _is_vehicle(file)]
     for file in files:
         try:
-            told = _check(file)
+            if map_ is not None and file not in vehicles:
+                artefact = Logs(map_, msg).read([file])
+                told = _told(file, artefact)
+            else:
+                told, artefact = _check(file)
             if sys.stdout.isatty():
                 typer.echo(f"{file}: sound: {told}")
+            if artefact is not None and artefact.kind == "raw" and len(vehicles) == 1:
+                unsound += _audit(vehicles[0], file, artefact)
         except DataError as error:
             typer.echo(f"hydro: {error}", err=True)
             unsound += 1
@@ -57,7 +74,34 @@ def check(files: Files) -> None:
         raise typer.Exit(1)
 
 
-def _check(file: str) -> str:
+def _is_vehicle(file: str) -> bool:
+    """Whether a file is taken for a vehicle file, by its suffix."""
+    from hydro.io import logmap
+
+    return Path(file).suffix == ".toml" and not logmap.is_map(file)
+
+
+def _audit(vehicle: str, file: str, artefact: Artefact) -> bool:
+    """Print the audit of a vehicle's thrusters by a recording; return whether it contradicts the file."""
+    from hydro.core.diagnosis.log_faults import preprocess
+    from hydro.io import vehicle as vehicles
+
+    try:
+        found = preprocess(vehicles.read(vehicle)[0], artefact.frame).audit
+    except DataError as error:
+        typer.echo(f"{file}: the thrusters are not audited: {error}", err=True)
+        return False
+    if found is None:
+        typer.echo(f"{file}: too short, or no thrusters: the thrusters are not audited", err=True)
+        return False
+    if sys.stdout.isatty():
+        print_table(found.table(), f"thrust as a multiple of {vehicle}")
+    for line in found.lines(vehicle):
+        typer.echo(f"{file}: {line}", err=not sys.stdout.isatty())
+    return found.wrong
+
+
+def _check(file: str) -> tuple[str, Artefact | None]:
     """Read one file as what it is, by its suffix a vehicle file or a map, else an artefact; say which."""
     from hydro.core import effects
     from hydro.core.effects.catalogue import implausible
@@ -66,20 +110,25 @@ def _check(file: str) -> str:
     if Path(file).suffix == ".toml":
         if logmap.is_map(file):
             logmap.read(file)
-            return "a map of a log"
+            return "a map of a log", None
         known = vehicle.read(file)[0]
         effects.validate(known)
         for words in implausible(known):
             typer.echo(f"{file}: {words}", err=True)
         named = ", ".join(str(table["name"]) for table in known.effect) or "none"
-        return f"the vehicle {known.name}, {len(known.thruster)} thrusters; effects: {named}"
+        return f"the vehicle {known.name}, {len(known.thruster)} thrusters; effects: {named}", None
     if partitions.is_dataset(file):
         data = partitions.opened(file)
         for part in data.parts:
             _check_table(str(part.path), table.read_part(part))
         rows = sum(part.rows for part in data.parts)
-        return f"{len(data.parts)} sessions of kind {data.kind}, {rows:,} rows"
+        return f"{len(data.parts)} sessions of kind {data.kind}, {rows:,} rows", None
     artefact = read(file)
+    return _told(file, artefact), artefact
+
+
+def _told(file: str, artefact: Artefact) -> str:
+    """Check the rows of a table; return what it is."""
     _check_table(file, artefact)
     return f"a table of kind {artefact.kind}, {artefact.frame.height:,} rows"
 

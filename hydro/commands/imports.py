@@ -86,8 +86,8 @@ def import_(
     Then the frames, units and signs of the map are checked by kinematics: d(position)/dt must equal the
     velocity rotated into the world frame, and the attitude must change at the measured rates. Every other
     plausible frame, unit and sign is tried; where the data contradict the map, a warning says what to write
-    instead. So it does where the stamps of a sensor are late, or those of the commands; with --vehicle also
-    where the accelerations ask for another order of the thrusters.
+    instead. So it does where the stamps of a sensor are late, or those of the commands. With --vehicle the
+    thrusters are audited, as by hydro check VEHICLE LOG.
 
     The format is told by the first bytes. A log of messages has the columns topic.field, such as
     /dvl/data.velocity.x or XKF1[0].PN, and time [s]; --topics lists them. Several files are merged by time;

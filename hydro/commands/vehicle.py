@@ -1,4 +1,4 @@
-"""`vehicle new`: a vehicle file from what its user knows, asked for where it is not given."""
+"""`vehicle new` and `vehicle flip`: make a vehicle file, and reverse thrusters of one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from hydro.commands.places import FILE
+from hydro.commands.places import FILE, Output
 from hydro.commands.shell import STREAM
 from hydro.core.errors import DataError, UsageError, shown
 
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Thruster, Vector3
 
 NAME = "vehicle"
-HELP = "Write a vehicle file from mass, dimensions and thrusters."
+HELP = "Write a vehicle file from mass, dimensions and thrusters, or reverse its thrusters."
 NEUTRAL = "neutral"
+T200, VOLTAGE = "t200", 16.0
+"""Curve by the maker's table, and its supply voltage [V] by default: four charged lithium cells."""
 UNEVEN = 0.2
 """Of the weight: buoyancy that differs more is told."""
 
 Shape = Literal["torpedo", "ellipsoid", "box"]
-Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
-Curve = Literal["linear", "quadratic"]
+Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8", "bluerov2", "bluerov2_heavy"]
+Curve = Literal["linear", "quadratic", "t200"]
 Number = float | None
 Text = str | None
 
@@ -46,6 +48,12 @@ class Asked:
     thrusters: list[str]
     layout: str | None
     thrust: float | None
+    curve: str | None = None
+
+    @property
+    def needs_thrust(self) -> bool:
+        """Whether the largest thrust of a layout has to be given; the T200's curve has its own."""
+        return not self.thrusters and self.layout != "none" and self.thrust is None and self.curve != T200
 
     def missing(self, mesh: bool) -> list[str]:
         """Options that have to be given, and are not."""
@@ -55,7 +63,7 @@ class Asked:
             lacking += [name for name, value in zip(names, self.sides, strict=True) if value is None]
         if not self.thrusters and self.layout is None:
             lacking.append("--thruster (or --layout with --thrust)")
-        elif not self.thrusters and self.layout != "none" and self.thrust is None:
+        elif self.needs_thrust:
             lacking.append("--thrust")
         return lacking
 
@@ -89,13 +97,24 @@ def new(
         Layout | None,
         typer.Option(
             help="Instead of --thruster, a usual layout: one propeller, that and four tunnels, four at 45 "
-            "degrees and two or four vertical ones, none."
+            "degrees and two or four vertical ones, none; bluerov2 and bluerov2_heavy have the numbers and "
+            "directions of ArduSub's vectored frames of six and eight thrusters."
         ),
     ] = None,
     thrust: Annotated[
         Number, typer.Option(metavar="N", help="Greatest thrust of each thruster of --layout [N].")
     ] = None,
-    curve: Annotated[Curve | None, typer.Option(help="Thrust by command; default: linear, a guess.")] = None,
+    curve: Annotated[
+        Curve | None,
+        typer.Option(
+            help="Thrust by command; default: linear, a guess. t200 is the maker's table, with thrust by "
+            "supply voltage, and needs no --thrust."
+        ),
+    ] = None,
+    voltage: Annotated[
+        Number,
+        typer.Option(metavar="V", help="Nominal supply voltage for --curve t200 [V]; default: 16."),
+    ] = None,
     time_constant: Annotated[
         Number, typer.Option(metavar="S", help="Of the thrusters' lag [s]; default: 0.1, a guess.")
     ] = None,
@@ -144,7 +163,8 @@ def new(
     (pip install 'deep-hydro-sim[mesh]') the added mass of a mesh is computed by boundary elements.
     """
     asked = Asked(
-        *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust)
+        *(name, mass, [length, width, height], buoyancy, metacentric_height, thruster or [], layout, thrust),
+        curve,
     )
     from hydro.core.geometry.layouts import driven
 
@@ -152,6 +172,8 @@ def new(
         raise UsageError("--thruster and --layout: give one of them")
     if mesh is not None and any(value is not None for value in asked.sides):
         raise UsageError("--mesh has its own length, width and height: leave those options out")
+    if voltage is not None and curve != T200:
+        raise UsageError(f"--voltage: only --curve {T200} depends on it")
     place = _place(output, force)
     if lacking := asked.missing(mesh is not None):
         if not sys.stdin.isatty():
@@ -160,6 +182,8 @@ def new(
     hull, radiated = _mesh(mesh, water_density) if mesh is not None else (None, None)
     known = _known(asked, hull, shape, fins, cg, cb, inertia, water_density, place)
     known = replace(known, thrusters=driven(known.thrusters, curve, time_constant))
+    if curve == T200:
+        known = replace(known, voltage=VOLTAGE if voltage is None else voltage)
     _write(known, hull, mesh, radiated, place)
 
 
@@ -190,7 +214,7 @@ def _ask(asked: Asked, mesh: bool, place: str, force: bool, *, chosen: bool) -> 
         asked.metacentric_height = float(answer) if answer else None
     if not asked.thrusters and asked.layout is None:
         _ask_thrusters(asked)
-    if asked.layout not in (None, "none") and asked.thrust is None:
+    if asked.layout is not None and asked.needs_thrust:
         asked.thrust = _prompt("Greatest thrust of each [N]", above_0)
     if chosen:
         return place
@@ -327,7 +351,8 @@ def _thrusters(asked: Asked, sides: Vector3, hull: Solid | None) -> tuple[Thrust
     if asked.thrusters:
         return parsed(asked.thrusters)
     middle = (0.0, 0.0, 0.0) if hull is None else tuple(hull.middle)
-    return laid_out(asked.layout or "none", asked.thrust or 0.0, sides, middle)  # type: ignore[arg-type]
+    thrust = asked.thrust or (1.0 if asked.curve == T200 else 0.0)  # the curve replaces it
+    return laid_out(asked.layout or "none", thrust, sides, middle)  # type: ignore[arg-type]
 
 
 def _mesh(path: Path, density: float) -> tuple[Solid, Array | None]:
@@ -391,7 +416,58 @@ def _tell(found: Estimate, place: str) -> None:
         typer.echo(f"hydro: {words}", err=True)
 
 
+def flip(
+    vehicle: Annotated[
+        str,
+        typer.Argument(metavar="VEHICLE", show_default=False, help="Vehicle file; nothing or - is stdin."),
+    ] = STREAM,
+    thruster: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="N[,N...]", show_default=False, help="Numbers of the thrusters, from 1. May be repeated."
+        ),
+    ] = None,
+    output: Output = STREAM,
+) -> None:
+    """Reverse the direction of thrusters in a vehicle file.
+
+    Comments and all other values stay. The thrust curve stays, too: a positive command gives max_thrust, now
+    in the opposite direction. hydro check VEHICLE LOG says which thrusters push opposite to the file.
+
+        hydro check vehicle.toml raw.parquet
+        hydro vehicle flip vehicle.toml --thruster 1,2,5 -o flipped.toml
+    """
+    from hydro.io import toml
+    from hydro.io import vehicle as vehicles
+
+    numbers = _numbers(thruster)
+    if vehicle == STREAM:
+        if sys.stdin.isatty():
+            raise UsageError("stdin is a terminal: name a vehicle file, or pipe one in")
+        text, name = sys.stdin.read(), "stdin"
+    else:
+        text, name = toml.read(vehicle), vehicle
+    flipped = vehicles.flip_thrusters(text, numbers, name)
+    if output == STREAM:
+        typer.echo(flipped, nl=False)
+    else:
+        vehicles.write(flipped, output)
+
+
+def _numbers(texts: list[str] | None) -> list[int]:
+    """Numbers of thrusters from texts such as `1,2`.
+
+    Raises:
+        UsageError: There are none, or something else.
+    """
+    parts = [part.strip() for text in texts or () for part in text.split(",")]
+    if not parts or not all(part.isdecimal() for part in parts):
+        raise UsageError("--thruster: give the numbers of the thrusters to reverse, as in --thruster 1,2")
+    return [int(part) for part in parts]
+
+
 COMMANDS = {
     new: "hydro vehicle new --mass 11.5 --length 0.46 --width 0.34 --height 0.25 "
     "--layout vectored6 --thrust 40 -o rov.toml",
+    flip: "hydro vehicle flip datasets/vehicles/bluerov2_heavy.toml --thruster 1,2 -o flipped.toml",
 }

@@ -10,9 +10,9 @@ from typing import Any
 
 import msgspec
 
+from hydro.core.audit.thrusters import audit
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
-from hydro.core.evaluation.thruster_order import rewired
 from hydro.core.guessing.aliases import guess
 from hydro.core.guessing.refining import refined
 from hydro.core.logs.convention_check import Verdict, check
@@ -151,23 +151,26 @@ def import_log(
     return ImportReport(meaning, imported, verdict, offsets, cuts)
 
 
-def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
-    """Command columns that drive other thrusters than the vehicle file says, or drive them in reverse.
+def audited(report: ImportReport, vehicle: Vehicle, file: str) -> Iterator[str]:
+    """Yield what the audit of the thrusters contradicts, and what it cannot see.
 
     Args:
-        imported: The log.
+        report: The import of the log.
         vehicle: The vehicle file, with as many thrusters as there are commands.
+        file: Name of the vehicle file.
     """
     try:
-        found = rewired(vehicle, recording(vehicle, imported.frame))
+        found = audit(vehicle, recording(vehicle, report.imported.frame))
     except DataError as error:
-        yield f"note: the order of the thrusters is not tested: {error}"
+        yield f"note: the thrusters are not audited: {error}"
         return
-    if found is not None:
-        yield (
-            f"warning: by the accelerations {found.wiring.words()} ({100 * found.confidence:.0f} % sure): "
-            "change the order of commands.columns, reverse = true, mixer.directions or the vehicle file"
-        )
+    if found is None:
+        return
+    mixed = report.map.mixer is not None
+    sources = None if mixed else [command(one).column for one in report.map.commands.columns]
+    contradictions = list(found.statements(file, sources))
+    for line in found.lines(file, sources):
+        yield f"{'warning' if line in contradictions else 'note'}: {line}"
 
 
 def described(meaning: LogMap) -> Iterator[str]:

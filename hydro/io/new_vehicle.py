@@ -55,6 +55,12 @@ def text(found: Estimate) -> str:
         lines.append(f"center = {_row(hull.center)}")
     if hull.mesh is not None:
         lines.append(f"mesh = {json.dumps(hull.mesh, ensure_ascii=False)}")
+    if vehicle.battery is not None:
+        lines += [
+            "",
+            "[battery]",
+            f"voltage = {_given(vehicle.battery.voltage)}                 # V, nominal",
+        ]
     lines.append("")
     if vehicle.thruster:
         lines += [
@@ -80,16 +86,21 @@ def _trim(found: Estimate) -> str:
 
 
 def _thruster(thruster: Thruster) -> Iterable[str]:
-    """A thruster with a plain curve."""
-    assert thruster.max_thrust is not None
-    assert thruster.max_reverse_thrust is not None
+    """A thruster with a curve by name."""
+    limits = [
+        f"{key} = {_given(value)}"
+        for key, value in (
+            ("max_thrust", thruster.max_thrust),
+            ("max_reverse_thrust", thruster.max_reverse_thrust),
+        )
+        if value is not None
+    ]
     return (
         "[[thruster]]",
         f"name = {json.dumps(thruster.name, ensure_ascii=False)}",
         f"position = {_row(thruster.position or (), 6)}",
         f"direction = {_row(thruster.direction or (), 9)}",
-        f"max_thrust = {_given(thruster.max_thrust)}",
-        f"max_reverse_thrust = {_given(thruster.max_reverse_thrust)}",
+        *limits,
         f'curve = "{thruster.curve}"',
         f'lag = "{thruster.lag}"',
         f"time_constant = {_given(thruster.time_constant)}",

@@ -71,7 +71,7 @@ def imported(
     for line in report.lines():
         tell(line)
     if known is not None:
-        for line in log_import.wiring(report.imported, known):
+        for line in log_import.audited(report, known, str(vehicle_file)):
             tell(line)
     return _artefact(source, report, text)
 

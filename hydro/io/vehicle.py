@@ -220,6 +220,37 @@ def set_effect(text: str, effect: Mapping[str, Any]) -> str:
     return tomlkit.dumps(document)
 
 
+def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> str:
+    """Return the text with the directions of some thrusters reversed; everything else and comments stay.
+
+    Thrust curves stay as they are: a positive command gives `max_thrust` before and after.
+
+    Args:
+        text: A vehicle file.
+        numbers: Thrusters, from 1, in the order of the file.
+        name: Name of the file, for errors.
+
+    Raises:
+        DataError: There is no thruster of a number, or it has no direction (a servo).
+    """
+    import tomlkit
+
+    thrusters = parse(text, name).thruster
+    document = tomlkit.parse(text)
+    for number in dict.fromkeys(numbers):
+        if not 1 <= number <= len(thrusters):
+            raise DataError(f"{name}: there is no thruster {number}: it has {len(thrusters)}")
+        thruster = thrusters[number - 1]
+        key = "direction" if thruster.wrench is None else "wrench"
+        values = getattr(thruster, key)
+        if values is None:
+            raise DataError(f"{name}: thruster {number} ({thruster.name}) has no direction to reverse")
+        written = document["thruster"][number - 1][key]  # type: ignore[index]
+        for i, value in enumerate(written):
+            written[i] = -float(value) if value else value
+    return tomlkit.dumps(document)
+
+
 def hold_known(text: str, names: Sequence[str]) -> str:
     """The text with effects, or some of their parameters (`effect.parameter`), held as known.
 

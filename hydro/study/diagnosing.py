@@ -37,7 +37,7 @@ class Diagnosed:
     error: str = ""
 
 
-def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str) -> Diagnosed:
+def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str, corrected: bool = False) -> Diagnosed:
     """Diagnose one session; its findings, and their covariance beside them, go into another folder.
 
     What is wrong with a session is said of it and ends nothing: other dives have their diagnosis.
@@ -47,9 +47,10 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str) -> Diagno
         folder: Where findings go, into a folder for each session.
         start: The vehicle, with what is known of its values.
         text: Its file.
+        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
     """
     try:
-        findings = _written(part, partitions.place(folder, part.session), start, text)
+        findings = _written(part, partitions.place(folder, part.session), start, text, corrected)
     except DataError as error:
         where, words = name_of(part.path), str(error)
         return Diagnosed(part.session, error=words if words.startswith(where) else f"{where}: {words}")
@@ -57,12 +58,12 @@ def diagnose_part(part: Part, folder: Path, start: Vehicle, text: str) -> Diagno
     return Diagnosed(part.session, findings)
 
 
-def _written(part: Part, target: Path, start: Vehicle, text: str) -> pl.DataFrame:
+def _written(part: Part, target: Path, start: Vehicle, text: str, corrected: bool) -> pl.DataFrame:
     """Diagnose a session and write what is found."""
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
     log = preprocess(known, source.frame)
-    found = diagnose_log(known, log)
+    found = diagnose_log(known, log, corrected=corrected)
     changes = {"cleaning": list(log.changes)} if log.changes else {}
     made = table.make(
         "diagnosis",

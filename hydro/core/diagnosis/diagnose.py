@@ -50,6 +50,7 @@ from hydro.core.diagnosis.model import (
     ALPHA,
     Diverges,
     Model,
+    as_it_is,
     gone_on,
 )
 from hydro.core.diagnosis.search import Search, candidates
@@ -67,6 +68,7 @@ from hydro.core.residual.hull import Hull, Law, known_by, learnt
 from hydro.core.sea.sea_state import shown
 from hydro.core.vehicle.description import Vehicle
 
+NOTHING_ELSE = "Nothing else was examined: mend this first, or add --correct-thrusters"
 DIVERGED_TOGETHER = "the last fit of all together diverged: values are of the one before"
 
 
@@ -75,6 +77,7 @@ def diagnose(
     raw: pl.DataFrame,
     *,
     before: pl.DataFrame | None = None,
+    corrected: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find what is missing in a vehicle file, or what has changed since an earlier recording.
@@ -84,6 +87,7 @@ def diagnose(
         raw: Raw table of the measured motion and commands.
         before: Another one, of the same vehicle before a change.  What its hull does beside the file is
             learnt from it and held fixed, see `diagnosis.before`.
+        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
         progress: Called with a few words and the share of the work done.
 
     Returns:
@@ -98,7 +102,8 @@ def diagnose(
     if before is not None:
         (progress or silent)("the recording before", 0.0)
         hull = hull_of(vehicle, before)
-    return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull, progress=progress)
+    log = preprocess(vehicle, raw, hull)
+    return diagnose_log(vehicle, log, hull=hull, corrected=corrected, progress=progress)
 
 
 def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
@@ -126,6 +131,7 @@ def diagnose_log(
     further: bool = False,
     file: Vehicle | None = None,
     in_vain: bool = False,
+    corrected: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
@@ -134,9 +140,14 @@ def diagnose_log(
     What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
     With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
     times the noise is left, what transfers is asked at once.
+    Where the thruster audit contradicts the file, no effect is named: that is the only finding. With
+    `corrected` the search goes on with the columns as the audit states them. It always does with a hull,
+    which was learnt from a recording whose columns were in order.
     """
     require_ready(log.observed)
     progress = progress or silent
+    if log.misdirected and hull is None and not corrected:
+        return _misdirected(vehicle, log)
     progress("shots", 0.0)
     if hull is not None:
         return diagnose_change(vehicle, log, stable_shots(vehicle, log), hull, progress, further)
@@ -148,6 +159,17 @@ def diagnose_log(
     if _waves_explained(baseline, found):
         return _searched_for(calm, progress, in_vain)
     return with_waves(found, baseline)
+
+
+def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
+    """Return the diagnosis of a recording that contradicts the file's thrusters: its faults and nothing else.
+
+    Residuals are those of the file with the columns as the audit states them.
+    """
+    chi2 = as_it_is(vehicle, stable_start(vehicle, log)[1]).normal.chi2
+    *others, thrusters = log.faults
+    told = replace(thrusters, advice=f"{thrusters.advice}. {NOTHING_ELSE}")
+    return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
 
 
 def _waves_explained(baseline: Baseline, found: Diagnosis) -> bool:

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 import polars as pl
 
+from hydro.core.audit.thrusters import ThrusterAudit, audit
+from hydro.core.audit.wiring import Wiring
 from hydro.core.cleaning.cleaned import cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
-from hydro.core.evaluation.thruster_order import Rewired, Wiring, rewired
 from hydro.core.prediction.tracking import tracked
 from hydro.core.preprocessing.sensor_tests import KinematicTest, kinematic_tests
 from hydro.core.recording.arrays import Recording, noise, recording
@@ -35,6 +36,7 @@ class Preprocessed:
         wiring: The order of the command columns, where it is another than the vehicle file's.
         tails: Noise of channels with heavy tails.
         sampled: The recording before a model filled the channels without samples; None where it is `record`.
+        audit: Audit of the thrusters, before anything was put in order; None of a recording too short for it.
     """
 
     raw: pl.DataFrame
@@ -43,6 +45,7 @@ class Preprocessed:
     wiring: Wiring | None = None
     tails: tuple[Tail, ...] = ()
     sampled: Recording | None = None
+    audit: ThrusterAudit | None = None
     _shots: dict[float, Shots] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -54,6 +57,20 @@ class Preprocessed:
     def observed(self) -> Recording:
         """The recording without anything that a model filled in."""
         return self.record if self.sampled is None else self.sampled
+
+    @property
+    def misdirected(self) -> bool:
+        """Whether directions or order of the thrusters differ from the file."""
+        return self.audit is not None and self.audit.wrong
+
+    def require_directions(self) -> None:
+        """Refuse a recording that contradicts the directions or the order of the file's thrusters.
+
+        Raises:
+            DataError: It does; the line says how to mend it.
+        """
+        if self.audit is not None and self.audit.wrong:
+            raise DataError(f"{self.audit.headline()}; or go on as it is with --correct-thrusters")
 
     @property
     def track(self) -> Array:
@@ -107,17 +124,18 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
     log = cleaned(vehicle, raw)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
     plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults, tails=log.tails, sampled=log.record)
-    found = rewired(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
-    if found is None:
-        return plain
+    found = audit(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
+    if found is None or not found.wrong:
+        return replace(plain, audit=found)
     record = _ordered(vehicle, log.raw, log.record, found.wiring)
     return replace(
         plain,
         raw=in_order(log.raw, found.wiring),
         record=tracked(vehicle, record),
-        faults=(*faults, _exchanged(found)),
-        wiring=found.wiring,
+        faults=(*faults, _misdirected(found)),
+        wiring=None if found.wiring.is_plain else found.wiring,
         sampled=record,
+        audit=found,
     )
 
 
@@ -164,11 +182,8 @@ def _beside(vehicle: Vehicle, log: Preprocessed, hull: Hull) -> Array | None:
         return None
 
 
-def _exchanged(found: Rewired) -> Finding:
-    """That commands are exchanged or reversed."""
-    message = (
-        f"it looks as if {found.wiring.words()}: then the forces leave {found.left:.2g} of what they leave "
-        "unexplained now; run each thruster alone and put the columns, or the [[thruster]] tables, in "
-        "order. All else here is reported as if they were so"
+def _misdirected(found: ThrusterAudit) -> Finding:
+    """Return the finding that directions or order of the thrusters differ from the file."""
+    return Finding(
+        "log_fault", members=found.columns(), confidence=found.probability, advice=found.headline()
     )
-    return Finding("log_fault", members=found.wiring.columns(), confidence=found.confidence, advice=message)

@@ -12,7 +12,7 @@ import numpy as np
 from hydro.core.columns import Array
 from hydro.core.compiled import kernel
 from hydro.core.effects.layout import ADDED_MASS, BUOYANCY, CENTER_OF_BUOYANCY, GRAVITY, ROTATION, VELOCITY
-from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Role, Table
+from hydro.core.effects.record import Advice, Effect, Identification, Parameter, Table
 from hydro.core.effects.restoring import push_at
 from hydro.core.effects.words import DEPTHS, DISTANCES, HEADINGS, PASSES
 from hydro.core.vehicle.description import Vehicle
@@ -156,7 +156,6 @@ EFFECTS = (
                 for north, east in ((1, 0), (-1, 0), (0, 1), (0, -1))
             )
         ),
-        roles=frozenset({Role.OFTEN_LACKING}),
     ),
     Effect(
         name="current_shear",

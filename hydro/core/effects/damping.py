@@ -366,7 +366,7 @@ EFFECTS = (
         ),
         kernel=coupled,
         advice=Advice(parted_by=(DRIFT,)),
-        roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING, Role.COUPLING}),
+        roles=frozenset({Role.HULL_WATER, Role.COUPLING}),
     ),
     Effect(
         name="cross_axis_drag",

@@ -123,7 +123,7 @@ ADDED_MASS = Effect(
     inertia=symmetric_or_diagonal,
     identification=Identification(absorbs=SLIGHTLY_ABSORBED),
     advice=Advice(parted_by=(CHIRP,)),
-    roles=frozenset({Role.HULL_WATER, Role.OFTEN_LACKING}),
+    roles=frozenset({Role.HULL_WATER}),
 )
 
 ADDED_MASS_COUPLING = Effect(

@@ -115,7 +115,6 @@ class Role(Enum):
 
     HULL_WATER = "force of the water on the hull, which the teacher's panels and ellipsoid stand in for"
     COMMANDED = "its force may depend on the commands, which jump at a row"
-    OFTEN_LACKING = "often lacking in a file, and so free while the order of the thrusters is tested"
     DRAG = "drag that grows faster than speed: every hull has it, whether its file says so or not"
     COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
 

@@ -22,7 +22,6 @@ from hydro.core.effects.record import (
     Index,
     Parameter,
     Rest,
-    Role,
     Shape,
     Shapes,
     Table,
@@ -225,7 +224,6 @@ BUOYANCY_OFFSET = Effect(
     ),
     kernel=buoyancy_offset,
     advice=Advice(parted_by=(TILTS,)),
-    roles=frozenset({Role.OFTEN_LACKING}),
 )
 PAYLOAD = Effect(
     name="payload",
@@ -336,7 +334,6 @@ EFFECTS = (
         ),
         kernel=net_buoyancy,
         advice=Advice(parted_by=(TILTS,)),
-        roles=frozenset({Role.OFTEN_LACKING}),
     ),
     BUOYANCY_OFFSET,
     PAYLOAD,

@@ -45,6 +45,7 @@ def explain(
     done: Sequence[Step] = (),
     beyond: Beyond | None = None,
     recordings: Recordings | None = None,
+    corrected: bool = False,
     progress: Progress | None = None,
 ) -> Iterator[Step]:
     """Add what is missing until nothing more is found.
@@ -58,13 +59,15 @@ def explain(
         done: First steps of the same study that are known already.
         recordings: Both recordings cleaned already, see `explanation.trials`.
         beyond: Looks further where a diagnosis names nothing, see `core.discovery`.
+        corrected: Go on where the thrusters contradict the file, with the columns as the audit states them.
         progress: Called with a few words and the share of the present step that is done.
 
     Yields:
         Each step that was not done, once it is; `ending` says why the last is the last.
 
     Raises:
-        DataError: A recording or the vehicle is at fault, or a recording is too short.
+        DataError: A recording or the vehicle is at fault, a recording is too short, or the directions or the
+            order of the thrusters contradict the file.
     """
     for recorded in (raw, holdout):
         if recorded is not None:
@@ -74,6 +77,8 @@ def explain(
         return
     recordings = recordings or Recordings.of(vehicle, raw, holdout, hull)
     progress = progress or silent
+    if hull is None and not corrected:
+        recordings.log.require_directions()
     while not (steps and over(steps)):
         step = _next(steps, vehicle, recordings, progress, beyond)
         if step is None:
@@ -147,7 +152,7 @@ def _next(
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
     diagnosis = diagnose_log(
-        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, progress=rest
+        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, corrected=True, progress=rest
     )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))

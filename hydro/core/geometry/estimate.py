@@ -23,6 +23,7 @@ from hydro.core.geometry.hull_form import Form, Shape, form_of, uniform_inertia
 from hydro.core.geometry.solid import Solid
 from hydro.core.vehicle import ellipsoid
 from hydro.core.vehicle.description import (
+    Battery,
     Buoyancy,
     Environment,
     Hull,
@@ -64,6 +65,7 @@ class Known:
         fins: Whether a torpedo has tail fins of usual size.
         density: Water density [kg/m^3].
         gravity: [m/s^2].
+        voltage: Nominal supply voltage [V] where thrust curves depend on it; None of others.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Known:
     fins: bool = True
     density: float = 1025.0
     gravity: float = 9.81
+    voltage: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,7 @@ def estimate(
         rigid_body=RigidBody(known.mass, gravity_center, _matrix3(inertia)),
         buoyancy=Buoyancy(displaced * known.gravity, buoyancy_center),
         hull=Hull(length, width, height, _vector3(middle), mesh),
+        battery=None if known.voltage is None else Battery(known.voltage),
         thruster=known.thrusters,
         effect=tuple(tables),
     )
@@ -137,6 +141,8 @@ def _check(known: Known) -> None:
     positive = {"mass": known.mass, "water density": known.density, "gravity": known.gravity}
     if known.buoyancy is not None:
         positive["buoyancy"] = known.buoyancy
+    if known.voltage is not None:
+        positive["voltage"] = known.voltage
     for name, value in positive.items():
         if not np.isfinite(value) or value <= 0.0:
             raise DataError(f"{name}: must be a positive, finite number, got {value:g}")

@@ -11,7 +11,7 @@ import msgspec
 from hydro.core.errors import DataError
 from hydro.core.vehicle.description import Thruster
 
-Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8"]
+Layout = Literal["none", "single", "tunnel5", "vectored6", "vectored8", "bluerov2", "bluerov2_heavy"]
 LAYOUTS: tuple[Layout, ...] = get_args(Layout)
 GUESSED_LAG = 0.1
 """Time constant [s] of a thruster that nothing is known of; small electric ones have 0.03 to 0.2."""
@@ -26,6 +26,26 @@ HORIZONTAL: tuple[Placed, ...] = (
     ((-1 / 3, -1 / 3, 0.0), TO_PORT),
 )
 """Four at 45 degrees in the corners, all of which push ahead with a positive command."""
+TO_PORT_ASTERN, TO_STARBOARD_ASTERN = (
+    (-math.sqrt(0.5), -math.sqrt(0.5), 0.0),
+    (-math.sqrt(0.5), math.sqrt(0.5), 0.0),
+)
+
+
+def _ardusub_horizontal(x: float, y: float) -> tuple[Placed, ...]:
+    """Return motors 1 to 4 of ArduSub's vectored frames: front right, front left, rear right, rear left.
+
+    The directions are those of a positive output with MOT_n_DIRECTION = 1, as the signs of the mixer say
+    (AP_Motors6DOF, setup_motors): motors 1 and 2 push astern, 3 and 4 ahead, and the vertical ones down.
+    """
+    return (
+        ((x, y, 0.0), TO_STARBOARD_ASTERN),
+        ((x, -y, 0.0), TO_PORT_ASTERN),
+        ((-x, y, 0.0), TO_STARBOARD),
+        ((-x, -y, 0.0), TO_PORT),
+    )
+
+
 PLACES: dict[Layout, tuple[Placed, ...]] = {
     "none": (),
     "single": (((-0.5, 0.0, 0.0), AHEAD),),
@@ -35,6 +55,11 @@ PLACES: dict[Layout, tuple[Placed, ...]] = {
     ),
     "vectored6": (*HORIZONTAL, ((0.0, 1 / 3, 0.0), DOWN), ((0.0, -1 / 3, 0.0), DOWN)),
     "vectored8": (*HORIZONTAL, *(((x, y, 0.0), DOWN) for x in (1 / 4, -1 / 4) for y in (1 / 3, -1 / 3))),
+    "bluerov2": (*_ardusub_horizontal(1 / 3, 1 / 3), ((0.0, 1 / 3, 0.0), DOWN), ((0.0, -1 / 3, 0.0), DOWN)),
+    "bluerov2_heavy": (
+        *_ardusub_horizontal(1 / 3, 1 / 5),
+        *(((x, y, 0.0), DOWN) for x in (1 / 4, -1 / 4) for y in (3 / 8, -3 / 8)),
+    ),
 }
 """Position in lengths of the box about its centre, and direction of the thrust."""
 
@@ -96,14 +121,20 @@ def numbers_of(text: str, what: str, counts: Sequence[int], example: str) -> lis
 
 
 def driven(
-    thrusters: Sequence[Thruster], curve: Literal["linear", "quadratic"] | None, time_constant: float | None
+    thrusters: Sequence[Thruster],
+    curve: Literal["linear", "quadratic", "t200"] | None,
+    time_constant: float | None,
 ) -> tuple[Thruster, ...]:
     """The thrusters with another curve and time constant [s]; None leaves the guess.
+
+    The T200's curve has its own largest thrusts.
 
     Raises:
         DataError: The time constant is negative or not finite.
     """
     changes: dict[str, Any] = {} if curve is None else {"curve": curve}
+    if curve == "t200":
+        changes |= {"max_thrust": None, "max_reverse_thrust": None}
     if time_constant is not None:
         if not 0.0 <= time_constant < math.inf:
             raise DataError(f"time constant: must be 0 s or more, got {time_constant:g}")

@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
@@ -71,18 +72,28 @@ class Windows:
     known: Array | None = None
 
     @classmethod
-    def of(cls, record: Recording, sigma: Array | None = None, most: int | None = None) -> Windows:
+    def of(
+        cls,
+        record: Recording,
+        sigma: Array | None = None,
+        most: int | None = None,
+        *,
+        seconds: float = WINDOW_SECONDS,
+        run: int = 1,
+    ) -> Windows:
         """Lay windows over a recording.
 
         Args:
             record: The recording.
             sigma: Noise of the twelve channels; by default found from the recording.
             most: Windows to keep of a long recording, see `shooting.evenly`; by default all.
+            seconds: Length of a window; at least nine rows.
+            run: Number of consecutive windows that are kept or left out together.
 
         Raises:
             DataError: No segment is as long as a window.
         """
-        length = max(round(WINDOW_SECONDS / record.dt), 8) + 1
+        length = max(round(seconds / record.dt), 8) + 1
         step = length // 2
         room = np.concatenate(
             [np.arange(a, b - length + 1, step, dtype=np.int64) for a, b in record.segments]
@@ -97,7 +108,7 @@ class Windows:
         known = noise(record) if sigma is None else np.asarray(sigma, float)
         spread = np.concatenate([known[6:], known[:3]]) * np.linalg.norm(slope)
         eta, nu = smoothed(record)
-        first = room[evenly(room.size, most)]
+        first = room[_runs(room.size, most, run)]
         rows = np.unique(first[:, None] + np.arange(length))
         overlapping = float(np.mean(np.diff(first) == step)) if first.size > 1 else 0.0
         freedom = round(EQUATIONS - SHARED * overlapping)
@@ -136,6 +147,37 @@ class Windows:
             "l,wli->wi", self.test, rates[window]
         )
         return self.counted(error @ self.whitener.T)
+
+    @property
+    def consecutive(self) -> Mask:
+        """Which windows overlap the window before them by half, (W,)."""
+        first, step = self.rows[self.starts], self.test.size // 2
+        return np.diff(first, prepend=-1 - step) == step
+
+    def sums(self, values: Array) -> Array:
+        """Integrals of signals times the test function, (W, k).
+
+        Args:
+            values: Signals at the rows of the windows, (K, k).
+        """
+        count, length = len(self.starts), self.test.size
+        window = (self.starts[:, None] + np.arange(length)).ravel()
+        weights = (np.tile(self.test, count), window, np.arange(count + 1) * length)
+        found: Array = csr_array(weights, shape=(count, len(values))) @ values
+        return found
+
+    def unpropelled(self, model: Candidate) -> Array:
+        """Acceleration that a vehicle with its thrusters at rest leaves unexplained, integrated, (W, 6).
+
+        The residuals are in m/s and rad/s, not whitened.
+        """
+        record, rows = self.record, self.rows
+        nu = true_velocity(model, record, self.nu)
+        at_rest = np.zeros((rows.size, record.commands.shape[1]))
+        rates = accelerations_at(rows, model, record, self.eta, nu, at_rest)
+        window = self.starts[:, None] + np.arange(self.test.size)
+        states = true_velocity(model, record, record.nu)[rows]
+        return -np.einsum("l,wli->wi", self.slope, states[window]) - self.sums(rates)
 
     @property
     def shown(self) -> Mask:
@@ -191,6 +233,15 @@ class Windows:
         if (rms < 1.15).all():
             return self, False
         return replace(self, whitener=np.diag(1.0 / np.maximum(rms, 1.0)) @ self.whitener), True
+
+
+def _runs(count: int, most: int | None, run: int) -> Rows:
+    """Indices of the windows to keep, at most `most`, in runs of consecutive ones."""
+    if most is None or count <= most or run == 1:
+        return evenly(count, most)
+    kept = evenly(count // run, most // run) * run
+    found: Rows = (kept[:, None] + np.arange(run)).ravel()
+    return found
 
 
 def _known(record: Recording, rows: Rows) -> Array:

@@ -146,13 +146,13 @@ def test_a_velocity_log_that_was_turned_is_told_by_kinematics(before):
         (42, {"cmd_6": -pl.col("cmd_6")}, "minus cmd_6 drives thruster 6"),
     ],
 )
-def test_an_order_of_the_commands_that_the_hull_hides_is_told(drag, seed, columns, words):
+def test_an_order_of_the_commands_is_told_with_the_drag_of_the_hull_known_or_not(drag, seed, columns, words):
     raw = flown(seed=seed).with_columns(**columns)
-    assert preprocess(synthetic.vehicle(), raw).wiring is None, "the drag is most of what there is"
-    log = preprocess(synthetic.vehicle(), raw, drag)
-    assert log.wiring is not None
-    assert log.wiring.words() == words
-    assert log.raw.equals(flown(seed=seed).select(log.raw.columns))
+    for hull in (None, drag):
+        log = preprocess(synthetic.vehicle(), raw, hull)
+        assert log.wiring is not None
+        assert log.wiring.words() == words
+        assert log.raw.equals(flown(seed=seed).select(log.raw.columns))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,242 @@
+"""Posterior probabilities of assignments of command columns to thrusters, with any signs.
+
+By a hypothesis, column pi(i) drives thruster i with effectiveness g_i, and axis a answers with a factor s_a
+of what the file's inertia says. Then c_aj = s_a h_ai g_i with j = pi(i), where h are the file's accelerations
+per newton (`momentum_balance`). Given its sign sigma_i, g_i has a Gaussian prior about sigma_i m with
+standard deviation SPREAD m, where m is the scale common to all thrusters. A thruster that does not push
+therefore says nothing about its sign, and a weak one little. Marginal likelihoods are exact in g; m is summed
+over a grid, s is at its mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.special import logsumexp
+
+from hydro.core.audit.momentum_balance import AXES, Balance
+from hydro.core.audit.wiring import Wiring
+from hydro.core.columns import Array
+
+SPREAD = 0.5
+"""Prior standard deviation of an effectiveness, as a share of the common scale: sound thrusters differ by
+less."""
+FREE = 3.0
+"""Prior standard deviation of an effectiveness of unknown sign, for intervals: no thruster has more."""
+SCALES = np.exp(np.linspace(np.log(0.2), np.log(5.0), 21))
+"""Common scales that are tried; a curve or voltage that is wrong by more is not a matter of scale."""
+SCALE_SPREAD = 0.5
+"""Prior standard deviation of the logarithm of the common scale: a factor of 1.6 either way."""
+INERTIA = 0.3
+"""Prior standard deviation of an axis factor: a first-day file has its inertia to a third or so."""
+FACTORS = (0.2, 5.0)
+"""Range of an axis factor."""
+REVERSED, EXCHANGED = 0.1, 0.1
+"""Prior probability that a thruster is reversed, and that one more pair of columns is exchanged."""
+ENUMERATED = 10
+"""Number of thrusters up to which all combinations of signs are tried: 1,024 of them."""
+ROUNDS = 8
+"""Alternations between effectiveness and axis factors at most."""
+WORTH = 12.0
+"""Logarithm of the odds against an order below which no exchange of its columns is tried."""
+MOST_ORDERS = 400
+"""Number of orders of the columns that are tried at most."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """One order of the columns with all signs.
+
+    Attributes:
+        column: Column of each thruster, (n,).
+        factors: Factor of each axis, (6,).
+        gram: Curvature of the effectivenesses, (n, n).
+        score: Their gradient at 0, (n,).
+        signs: Combinations of signs, (S, n).
+        evidence: Logarithm of the posterior, not normalised, for each of them and of SCALES, (S, M).
+    """
+
+    column: tuple[int, ...]
+    factors: Array
+    gram: Array
+    score: Array
+    signs: Array
+    evidence: Array
+
+    @property
+    def best(self) -> float:
+        """Logarithm of its whole posterior, not normalised."""
+        return float(logsumexp(self.evidence))
+
+    def effectiveness(self) -> tuple[Array, Array]:
+        """Effectiveness (n,) with no sign given, and its covariance (n, n)."""
+        covariance = np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2)
+        return covariance @ self.score, covariance
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """All orders that were tried.
+
+    Attributes:
+        orders: The likeliest first.
+    """
+
+    orders: tuple[Order, ...]
+    _norm: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Normalise."""
+        object.__setattr__(self, "_norm", float(logsumexp([order.best for order in self.orders])))
+
+    def wirings(self) -> list[tuple[Wiring, float]]:
+        """Hypotheses and their probabilities, the likeliest first; none below 1 in 1,000."""
+        found = []
+        for order in self.orders:
+            chances = np.exp(logsumexp(order.evidence, axis=1) - self._norm)
+            for i in np.flatnonzero(chances > 1e-3):
+                signs = tuple(int(sign) for sign in order.signs[i])
+                found.append((Wiring(order.column, signs), float(chances[i])))
+        return sorted(found, key=lambda each: -each[1])
+
+    def scales(self, wiring: Wiring) -> Array:
+        """Probability of each of SCALES given a hypothesis, (M,)."""
+        for order in self.orders:
+            if order.column == wiring.column:
+                row = order.evidence[(order.signs == np.array(wiring.sign)).all(axis=1)][0]
+                return np.asarray(np.exp(row - logsumexp(row)))
+        raise ValueError(wiring)
+
+
+def posterior(found: Balance) -> Posterior:
+    """Weigh all signs of the file's order, and of orders that a search from several starts comes by.
+
+    Args:
+        found: Sufficient statistics of the regression.
+    """
+    count = found.arms.shape[1]
+    tried: dict[tuple[int, ...], Order] = {}
+    for start in _starts(found):
+        _search(found, start, tried)
+    ranked = sorted(tried.values(), key=lambda order: -order.best)
+    assert tuple(range(count)) in tried
+    return Posterior(tuple(ranked))
+
+
+def _search(found: Balance, start: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> None:
+    """Exchange the pair of columns that gains most until none gains."""
+    current = _remembered(found, start, tried)
+    while len(tried) < MOST_ORDERS:
+        nearby = [
+            _remembered(found, column, tried)
+            for column in Wiring(current.column, (1,) * len(current.column)).exchanges()
+        ]
+        best = max(nearby, key=lambda order: order.best, default=current)
+        if not best.best > current.best:
+            return
+        current = best
+
+
+def _remembered(found: Balance, column: tuple[int, ...], tried: dict[tuple[int, ...], Order]) -> Order:
+    if column not in tried:
+        tried[column] = _order(found, column)
+    return tried[column]
+
+
+def _starts(found: Balance) -> Iterator[tuple[int, ...]]:
+    """Orders to begin from: the file's, the opposite one, and the one whose directions match best."""
+    count = found.arms.shape[1]
+    yield tuple(range(count))
+    yield tuple(reversed(range(count)))
+    likeness = np.zeros((count, count))
+    for i in range(count):
+        own = found.kinds[i] * count + np.arange(count)
+        for axis in range(AXES):
+            squares = np.maximum(np.diagonal(found.gram[axis])[own], 1e-300)
+            likeness[i] += found.arms[axis, i] * found.score[axis, own] / np.sqrt(squares)
+    rows, columns = linear_sum_assignment(-np.abs(likeness))
+    yield tuple(int(columns[i]) for i in np.argsort(rows))
+
+
+def _order(found: Balance, column: tuple[int, ...]) -> Order:
+    """Weigh the signs of one order of the columns."""
+    count = len(column)
+    at = found.kinds * count + np.array(column)
+    arms = found.arms
+    gram = found.gram[:, at[:, None], at[None, :]] * arms[:, :, None] * arms[:, None, :]
+    score = found.score[:, at] * arms
+    factors = _factors(gram, score)
+    whole = np.einsum("a,aij->ij", factors**2, gram)
+    slope = factors @ score
+    signs = _signs(whole, slope)
+    chance = _evidence(whole, slope, signs)
+    exchanged = count - _cycles(column)
+    prior = (signs < 0).sum(axis=1) * np.log(REVERSED / (1.0 - REVERSED))
+    prior += exchanged * np.log(EXCHANGED / max(count * (count - 1) / 2, 1))
+    prior -= 0.5 * float((((factors - 1.0) / INERTIA) ** 2)[found.shown].sum())
+    weighed = chance + prior[:, None] - 0.5 * (np.log(SCALES) / SCALE_SPREAD) ** 2
+    return Order(column, factors, whole, slope, signs, weighed)
+
+
+def _factors(gram: Array, score: Array) -> Array:
+    """Most probable factor of each axis, alternating with the effectivenesses, (6,)."""
+    count = score.shape[1]
+    factors = np.ones(AXES)
+    for _ in range(ROUNDS):
+        whole = np.einsum("a,aij->ij", factors**2, gram) + np.eye(count) / FREE**2
+        g = np.linalg.solve(whole, factors @ score)
+        curved, slope = np.einsum("i,aij,j->a", g, gram, g), score @ g
+        updated = np.clip((slope + INERTIA**-2) / (curved + INERTIA**-2), *FACTORS)
+        close = np.abs(updated - factors).max() < 1e-3
+        factors = updated
+        if close:
+            break
+    return factors
+
+
+def _signs(gram: Array, score: Array) -> Array:
+    """Combinations of signs to weigh, (S, n): all, or of many thrusters those near the best fit."""
+    count = len(score)
+    if count <= ENUMERATED:
+        return np.array(list(product((1.0, -1.0), repeat=count))).reshape(-1, count)
+    fitted = np.linalg.solve(gram + np.eye(count) / FREE**2, score)
+    centres = [np.where(fitted < 0.0, -1.0, 1.0), np.ones(count)]
+    turned = [np.ones(count)]
+    for i in range(count):
+        for k in range(i, count):
+            one = np.ones(count)
+            one[[i, k]] = -1.0
+            turned.append(one)
+    return np.unique(np.vstack([centre * one for centre in centres for one in turned]), axis=0)
+
+
+def _evidence(gram: Array, score: Array, signs: Array) -> Array:
+    """Logarithm of the marginal likelihood for each combination of signs and each of SCALES, (S, M)."""
+    count = len(score)
+    out = np.empty((len(signs), len(SCALES)))
+    for k, scale in enumerate(SCALES):
+        precision = 1.0 / (SPREAD * scale) ** 2
+        curved = gram + precision * np.eye(count)
+        inverse = np.linalg.inv(curved)
+        linear = score[None, :] + precision * scale * signs
+        quadratic = np.einsum("si,ij,sj->s", linear, inverse, linear, optimize=True)
+        constant = precision * scale**2 * count
+        volume = np.linalg.slogdet(curved)[1] - count * np.log(precision)
+        out[:, k] = 0.5 * (quadratic - constant - volume)
+    return out
+
+
+def _cycles(column: tuple[int, ...]) -> int:
+    """Number of cycles of a permutation; n less it is the number of exchanges that make it."""
+    left, found = set(range(len(column))), 0
+    while left:
+        at = left.pop()
+        found += 1
+        while column[at] in left:
+            at = column[at]
+            left.remove(at)
+    return found

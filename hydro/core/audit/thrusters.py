@@ -1,0 +1,372 @@
+"""Thruster audit: directions, order and effectiveness of all thrusters, from one recording.
+
+The audit runs before any effect is considered: a thruster that pushes opposite to the file, or a command
+column that belongs to another thruster, is imitated by no effect, and every fit bends to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+import polars.selectors as cs
+
+from hydro.core.audit.hypotheses import INERTIA, Posterior, posterior
+from hydro.core.audit.momentum_balance import Balance, balance
+from hydro.core.audit.wiring import Wiring
+from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
+from hydro.core.recording.arrays import Recording
+from hydro.core.vehicle.description import Vehicle
+
+FILE = "vehicle.toml"
+"""Name of the vehicle file in advice, where it is not known."""
+SURE = 0.95
+"""Probability from which a hypothesis about directions and order is stated."""
+NORMAL = 1.96
+"""Half width of a 95 % interval in standard deviations."""
+STATED = 3.0
+"""Standard errors from which a common scale other than 1 is stated: one false alarm in 370."""
+TOGETHER = 0.5
+"""Correlation of two effectivenesses, in size, from which thrusters that are not seen singly form a group."""
+WEAK = 0.5
+"""Share of the common scale that a thruster which is called weak does not reach, by its whole interval."""
+MOST_ALTERNATIVES, LIKELY = 3, 0.05
+"""Number of alternatives that are listed, and the least probability of one."""
+
+
+@dataclass(frozen=True)
+class ThrusterAudit:
+    """What a recording says about the thrusters of a file.
+
+    Attributes:
+        wiring: Directions and order that are stated; the file's where nothing is.
+        probability: Of what is stated.
+        plain: Probability that all directions and the order are those of the file.
+        alternatives: Likeliest hypotheses where the file is wrong and none of them is sure.
+        effectiveness: Thrust of each thruster by the column that drives it, as a multiple of the file's,
+            (n,); negative where it pushes opposite to the file.
+        low: Lower end of its 95 % interval, (n,).
+        high: Upper end, (n,).
+        scale: Common scale of all thrusters, with its lower and upper end.
+        seen: Which thrusters are seen singly, (n,).
+        clear: Which of these push in a direction that is sure, (n,): a dead thruster does not.
+        together: Groups of thrusters that cannot be told apart.
+        idle: Which thrusters did not run, (n,).
+        shown: Which accelerations u v w p q r are shown, (6,).
+        delay: From command to motion [s].
+    """
+
+    wiring: Wiring
+    probability: float
+    plain: float
+    alternatives: tuple[tuple[Wiring, float], ...]
+    effectiveness: Array
+    low: Array
+    high: Array
+    scale: tuple[float, float, float]
+    seen: Mask
+    clear: Mask
+    together: tuple[tuple[int, ...], ...]
+    idle: Mask
+    shown: Mask
+    delay: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether directions or order differ from the file, even where it is open which."""
+        return self.plain <= 1.0 - SURE
+
+    def columns(self) -> tuple[str, ...]:
+        """Names of the command columns that are stated, or that an alternative changes."""
+        every = [self.wiring, *(wiring for wiring, _ in self.alternatives)]
+        return tuple(sorted({name for wiring in every for name in wiring.columns()}))
+
+    def lines(self, file: str = FILE, sources: Sequence[str] | None = None) -> Iterator[str]:
+        """Yield the findings, a sentence each, the most important first.
+
+        Args:
+            file: Name of the vehicle file, for the command that mends it.
+            sources: Names of the columns in the log, in the order of the map, where there is one.
+        """
+        yield from self.statements(file, sources) if self.wrong else (self.headline(),)
+        if not self.wrong:
+            yield from self.statements()
+        yield from self._unseen()
+        if not self.shown.all():
+            hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
+            yield f"accelerations of {_listed(hidden)} are not measured and play no part in this"
+
+    def statements(self, file: str = FILE, sources: Sequence[str] | None = None) -> Iterator[str]:
+        """Yield what contradicts the file: directions and order, a common scale, weak thrusters."""
+        if self.wrong:
+            yield self.headline(file, sources)
+        if self.seen.any():
+            yield from self._sizes()
+
+    def headline(self, file: str = FILE, sources: Sequence[str] | None = None) -> str:
+        """Return the sentence on directions and order, with the command or map line that mends them."""
+        if not self.wrong:
+            clear = np.flatnonzero(self.clear)
+            if not len(clear):
+                return "no thruster's direction is visible in this recording"
+            verb = "pushes" if len(clear) == 1 else "push"
+            return f"{_thrusters(clear)} {verb} as the file says"
+        if self.wiring.is_plain:
+            likely = ", or ".join(
+                f"{self._told(wiring)} ({100 * chance:.0f} %)" for wiring, chance in self.alternatives
+            )
+            return (
+                "thruster directions or order differ from the file, but the recording does not tell how: "
+                f"{likely or 'no single change explains it'}; run each thruster alone"
+            )
+        told = f"{self._told(self.wiring)} ({100 * self.probability:.0f} % sure)"
+        advice = []
+        if self.wiring.reversed:
+            numbers = ",".join(str(i + 1) for i in self.wiring.reversed)
+            flip = f"`hydro vehicle flip {file} --thruster {numbers} -o flipped.toml`"
+            advice.append(f"flip {_it(self.wiring.reversed)} with {flip}")
+        if self.wiring.moved:
+            advice.append(self._order(sources))
+        return f"{told}: {'; '.join(advice)}"
+
+    def table(self) -> pl.DataFrame:
+        """Return one row per thruster: effectiveness with its 95 % interval, and whether it is seen."""
+        return pl.DataFrame(
+            {
+                "thruster": range(1, len(self.seen) + 1),
+                "effectiveness": self.effectiveness,
+                "low": self.low,
+                "high": self.high,
+                "seen": self.seen,
+            }
+        ).with_columns(cs.float().fill_nan(None))
+
+    def _told(self, wiring: Wiring) -> str:
+        """Directions and order of a hypothesis in words."""
+        parts = []
+        if wiring.reversed:
+            verb = "pushes" if len(wiring.reversed) == 1 else "push"
+            parts.append(f"{_thrusters(wiring.reversed)} {verb} opposite to the file")
+        moved = wiring.moved
+        if len(moved) == 2 and all(wiring.sign[i] > 0 for i in moved):
+            parts.append(f"columns {moved[0] + 1} and {moved[1] + 1} are swapped")
+        elif moved:
+            each = [
+                f"{command_column(wiring.column[i])} drives thruster {i + 1}"
+                + (" in reverse" if wiring.sign[i] < 0 else "")
+                for i in moved
+            ]
+            parts.append(", ".join(each))
+        return "; ".join(parts) or "all is as the file says"
+
+    def _order(self, sources: Sequence[str] | None) -> str:
+        """Return how to put the columns in order: the line of the map, or the order in words."""
+        turned = {i for i in self.wiring.moved if self.wiring.sign[i] < 0}
+        if sources:
+            columns = [
+                f'{{ column = "{sources[column]}", reverse = true }}'
+                if i in turned
+                else f'"{sources[column]}"'
+                for i, column in enumerate(self.wiring.column)
+            ]
+            return f"write in the map, under [commands]: columns = [{', '.join(columns)}]"
+        order = ", ".join(
+            f"{column + 1}{' reversed' if i in turned else ''}" for i, column in enumerate(self.wiring.column)
+        )
+        return f"put the columns of [commands] in the map in the order {order}"
+
+    def _unseen(self) -> Iterator[str]:
+        """Thrusters of which nothing is stated."""
+        if idle := tuple(np.flatnonzero(self.idle)):
+            yield f"{_thrusters(idle)} did not run: nothing can be said about {_it(idle)}"
+        grouped = set(idle)
+        for group in self.together:
+            grouped |= set(group)
+            yield (
+                f"{_thrusters(group)} act alike in this recording and cannot be told apart: "
+                "nothing is said about one of them; run each of them alone"
+            )
+        rest = tuple(i for i in np.flatnonzero(~self.clear) if i not in grouped and not self._weak(i))
+        if rest:
+            yield f"the direction of {_thrusters(rest, 'thruster')} is not visible in this recording"
+
+    def _weak(self, i: int) -> bool:
+        """Whether a thruster hardly pushes, by its whole interval."""
+        ends = (self.wiring.sign[i] * self.low[i], self.wiring.sign[i] * self.high[i])
+        return bool(self.seen[i] and max(ends) < WEAK * self.scale[0])
+
+    def _sizes(self) -> Iterator[str]:
+        """Common scale, and thrusters that differ from it."""
+        scale, low, high = self.scale
+        words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
+        if abs(np.log(scale)) > STATED / NORMAL * np.log(high / scale):
+            yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
+        for i in np.flatnonzero(self.seen):
+            if self._weak(i):
+                yield (
+                    f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
+                    f"(95 % interval {self.low[i]:.2f} to {self.high[i]:.2f})"
+                )
+
+
+def audit(vehicle: Vehicle, record: Recording, beside: Array | None = None) -> ThrusterAudit | None:
+    """Audit the thrusters of a vehicle file against a recording.
+
+    Args:
+        vehicle: The vehicle.
+        record: The recording.
+        beside: Known wrench of the hull besides the file at every row, (N, 6) [N, N m]; None where unknown.
+
+    Returns:
+        None for a vehicle without thrusters, or a recording that is too short or shows no acceleration.
+    """
+    found = balance(vehicle, record, beside)
+    return None if found is None else _concluded(found, posterior(found), len(vehicle.thruster))
+
+
+def _concluded(found: Balance, tried: Posterior, count: int) -> ThrusterAudit:
+    """Conclude from the probabilities of all hypotheses."""
+    ranked = tried.wirings()
+    likeliest, driven = ranked[0][0], found.driven
+    order = next(order for order in tried.orders if order.column == likeliest.column)
+    strength, covariance = order.effectiveness()
+    signs = np.array(likeliest.sign, float)
+    scale, scale_error = _scale(signs * strength, covariance)
+    common = _common_error(found)
+    errors = np.sqrt(np.diagonal(covariance))
+    seen = (NORMAL * errors < scale) & ~found.idle
+    together = _groups(covariance, seen, found.idle, scale)
+    plain = sum(chance for wiring, chance in ranked if wiring.is_plain)
+    turned = _turned(ranked)
+    clear = seen & (np.abs(turned - 0.5) >= SURE - 0.5)
+    stated, probability, alternatives = _stated(ranked, turned, plain, seen)
+    half = NORMAL * np.hypot(errors, common * np.abs(strength))
+    return ThrusterAudit(
+        wiring=_spread(stated, driven, count),
+        probability=probability,
+        plain=plain,
+        alternatives=tuple((_spread(wiring, driven, count), chance) for wiring, chance in alternatives),
+        effectiveness=_full(strength, driven, count, np.nan),
+        low=_full(strength - half, driven, count, np.nan),
+        high=_full(strength + half, driven, count, np.nan),
+        scale=_interval(scale, np.hypot(scale_error / max(scale, 1e-9), common)),
+        seen=_full(seen, driven, count, False),
+        clear=_full(clear, driven, count, False),
+        together=tuple(tuple(int(driven[i]) for i in group) for group in together),
+        idle=_full(found.idle, driven, count, False),
+        shown=found.shown,
+        delay=found.delay,
+    )
+
+
+def _turned(ranked: Sequence[tuple[Wiring, float]]) -> Array:
+    """Probability that each thruster is reversed, (n,), given the likeliest order of the columns."""
+    column, total = ranked[0][0].column, 0.0
+    found = np.zeros(len(column))
+    for wiring, chance in ranked:
+        if wiring.column == column:
+            found += chance * (np.array(wiring.sign) < 0)
+            total += chance
+    return found / total
+
+
+def _stated(
+    ranked: Sequence[tuple[Wiring, float]], turned: Array, plain: float, seen: Mask
+) -> tuple[Wiring, float, tuple[tuple[Wiring, float], ...]]:
+    """Hypothesis that is stated, its probability, and those left open where the file is surely wrong.
+
+    A thruster is stated as reversed where that has a probability of SURE whatever the others do: a dead
+    thruster, whose sign nothing shows, takes nothing from the statement about the others.
+    """
+    likeliest, probability = ranked[0]
+    file = Wiring.plain(len(likeliest.column))
+    if plain > 1.0 - SURE:
+        return file, plain, ()
+    order = sum(chance for wiring, chance in ranked if wiring.column == likeliest.column)
+    sure = (turned >= SURE) & seen
+    stated = Wiring(likeliest.column, tuple(np.where(sure, -1, 1).tolist()))
+    if order >= SURE and seen[list(likeliest.moved)].all() and not stated.is_plain:
+        return stated, float(min([order, *turned[sure]])), ()
+    open_ = tuple((wiring, chance) for wiring, chance in ranked[:MOST_ALTERNATIVES] if chance >= LIKELY)
+    return file, probability, tuple(one for one in open_ if not one[0].is_plain)
+
+
+def _scale(strength: Array, covariance: Array) -> tuple[float, float]:
+    """Common scale of effectivenesses whose signs are known, and its standard error.
+
+    Thrusters differ from it at random, by an amount that is estimated with it (DerSimonian and Laird 1986).
+    """
+    weights = 1.0 / np.diagonal(covariance)
+    mean = float((weights * strength).sum() / weights.sum())
+    excess = float((weights * (strength - mean) ** 2).sum()) - (len(strength) - 1)
+    room = float(weights.sum() - (weights**2).sum() / weights.sum())
+    between = max(excess / room, 0.0) if room > 0.0 else 0.0
+    inverse = np.linalg.inv(covariance + between * np.eye(len(strength)))
+    total = float(inverse.sum())
+    return max(float((inverse @ strength).sum() / total), 1e-3), float(np.sqrt(1.0 / total))
+
+
+def _common_error(found: Balance) -> float:
+    """Standard error of the logarithm of the scale by the file's inertia.
+
+    Errors that a file states have one cause, the hull's estimate, and are taken as fully correlated.
+    """
+    independent = INERTIA / np.sqrt(found.shown.sum())
+    return float(max(independent, found.inertia[found.shown].mean()))
+
+
+def _interval(middle: float, error: float) -> tuple[float, float, float]:
+    """A positive number with its 95 % interval, from the standard error of its logarithm."""
+    factor = float(np.exp(NORMAL * error))
+    return middle, middle / factor, middle * factor
+
+
+def _groups(covariance: Array, seen: Mask, idle: Mask, scale: float) -> list[tuple[int, ...]]:
+    """Thrusters that are not seen singly and whose effectivenesses are correlated, (connected) together."""
+    spread = np.sqrt(np.diagonal(covariance))
+    alike = np.abs(covariance / np.outer(spread, spread)) > TOGETHER
+    left = [int(i) for i in np.flatnonzero(~seen & ~idle)]
+    found = []
+    while left:
+        group, waiting = [left.pop(0)], [0]
+        while waiting:
+            at = group[waiting.pop()]
+            for other in [i for i in left if alike[at, i]]:
+                left.remove(other)
+                waiting.append(len(group))
+                group.append(other)
+        if len(group) > 1:
+            found.append(tuple(sorted(group)))
+    return found
+
+
+def _spread(wiring: Wiring, driven: Rows, count: int) -> Wiring:
+    """The hypothesis about the thrusters that push, among all entries of the file, servos too."""
+    column, sign = list(range(count)), [1] * count
+    for at, (own, turned) in zip(driven, wiring.drives(), strict=True):
+        column[at], sign[at] = int(driven[own]), turned
+    return Wiring(tuple(column), tuple(sign))
+
+
+def _full(values: Any, driven: Rows, count: int, other: Any) -> Any:
+    """Values of the thrusters that push, (n,) with another one for servos."""
+    out = np.full(count, other)
+    out[driven] = values
+    return out
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names in a sentence: `1, 2 and 5`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:
+    """Numbers in a sentence: `thrusters 1, 2 and 5`."""
+    return f"{word}{'s' if len(indices) > 1 else ''} {_listed([str(i + 1) for i in indices])}"
+
+
+def _it(indices: Sequence[int]) -> str:
+    return "it" if len(indices) == 1 else "them"

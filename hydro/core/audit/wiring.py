@@ -1,0 +1,75 @@
+"""Assignment of command columns to thrusters, with signs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from hydro.core.columns import Array, command_column
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Which command column drives each thruster, and in which direction.
+
+    Attributes:
+        column: Index of the column, from 0, for each thruster.
+        sign: 1, or -1 where the thruster pushes opposite to the file.
+    """
+
+    column: tuple[int, ...]
+    sign: tuple[int, ...]
+
+    @classmethod
+    def plain(cls, count: int) -> Wiring:
+        """Return the assignment of the vehicle file."""
+        return cls(tuple(range(count)), (1,) * count)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is the assignment of the vehicle file."""
+        return self == Wiring.plain(len(self.column))
+
+    @property
+    def reversed(self) -> tuple[int, ...]:
+        """Indices of thrusters that have their own column and push opposite to the file."""
+        return tuple(i for i, drive in enumerate(self.drives()) if drive == (i, -1))
+
+    @property
+    def moved(self) -> tuple[int, ...]:
+        """Indices of thrusters that another column drives."""
+        return tuple(i for i, column in enumerate(self.column) if column != i)
+
+    def drives(self) -> Iterator[tuple[int, int]]:
+        """Yield column and sign of each thruster."""
+        return zip(self.column, self.sign, strict=True)
+
+    def exchanges(self) -> Iterator[tuple[int, ...]]:
+        """Yield the columns after each exchange of the columns of two thrusters."""
+        for i, k in combinations(range(len(self.column)), 2):
+            changed = list(self.column)
+            changed[i], changed[k] = changed[k], changed[i]
+            yield tuple(changed)
+
+    def apply(self, commands: Array) -> Array:
+        """Return commands (N, n) in the order and with the signs that the file expects."""
+        return np.ascontiguousarray(commands[:, list(self.column)] * np.array(self.sign, float))
+
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns that drive another thruster than the file says, or drive it in reverse."""
+        drives = enumerate(self.drives())
+        return tuple(
+            sorted(command_column(column) for i, (column, sign) in drives if (column, sign) != (i, 1))
+        )
+
+    def words(self) -> str:
+        """Differences from the file: `cmd_2 drives thruster 1, minus cmd_4 drives thruster 4`."""
+        changed = [
+            f"{'minus ' if sign < 0 else ''}{command_column(column)} drives thruster {i + 1}"
+            for i, (column, sign) in enumerate(self.drives())
+            if (column, sign) != (i, 1)
+        ]
+        return ", ".join(changed)

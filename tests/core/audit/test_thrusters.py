@@ -1,0 +1,211 @@
+"""Thruster audit on the log of a vehicle that scipy moved: directions, order, scale, and blind spots."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import polars as pl
+import pytest
+import synthetic
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings import damped, moved
+
+from hydro.core.audit.thrusters import audit
+from hydro.core.audit.wiring import Wiring
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.log_faults import in_order, preprocess
+from hydro.core.recording.arrays import recording
+from hydro.core.simulation.sensor_noise import PROFILES, disturb
+from hydro.core.simulation.simulate import simulate
+
+N = 8
+
+
+def noisy(raw: pl.DataFrame) -> pl.DataFrame:
+    logged = disturb(raw.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], np.random.default_rng(0))
+    return raw.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+@pytest.fixture(scope="module")
+def log() -> pl.DataFrame:
+    return noisy(moved(damped(), rows=2500))
+
+
+def drawn(log: pl.DataFrame, column, sign) -> pl.DataFrame:
+    """The log with its columns so that `column[i]`, times `sign[i]`, drives thruster i."""
+    back = np.argsort(column)
+    values = {f"cmd_{j + 1}": sign[i] * log[f"cmd_{i + 1}"] for j, i in enumerate(back)}
+    return log.with_columns(**values)
+
+
+def audited(raw: pl.DataFrame, vehicle=None):
+    vehicle = vehicle or damped()
+    return audit(vehicle, recording(vehicle, raw))
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        [],
+        [{"name": "thruster_gain", "g": [-0.95, 0, 0, 0.2, 0, -0.4, 0, 0]}],
+        [{"name": "ocean_current", "v_N": 0.3, "v_E": -0.2}],
+        [{"name": "payload", "w": 30.0, "x": 0.4, "mass": 10.0}],
+        [{"name": "thruster_asymmetry", "a": 0.4}, {"name": "thruster_deadband", "d": 0.1}],
+    ],
+)
+def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
+    raw = noisy(moved(damped(*beside), rows=2500, seed=1))
+    assert not audited(raw).wrong
+    assert preprocess(damped(), raw).wiring is None
+
+
+def test_values_at_their_bounds_may_be_otherwise(log):
+    """A power of 4, the most that a formula may have, is what a study may end at."""
+    steep = {"name": "formula", "forces": ["X |u|^n sgn(u)"], "force": [-1e-3], "exponents": [4.0]}
+    assert not audited(log, damped(steep)).wrong
+
+
+@settings(max_examples=8)
+@given(data=st.data())
+def test_columns_that_are_exchanged_or_reversed_are_found(log, data):
+    pair = data.draw(st.lists(st.integers(0, N - 1), min_size=2, max_size=3, unique=True))
+    column, sign = list(range(N)), [1] * N
+    for i, k in zip(pair, pair[1:] + pair[:1], strict=True):
+        column[i] = k
+    reversed_ = data.draw(st.integers(0, N - 1))
+    sign[reversed_] = -1
+    raw = drawn(log, column, sign)
+    found = preprocess(damped(), raw)
+    assert found.wiring == Wiring(tuple(column), tuple(sign))
+    commands = [f"cmd_{i + 1}" for i in range(N)]
+    np.testing.assert_array_equal(found.raw.select(commands), log.select(commands))
+    (fault,) = found.faults
+    assert fault.verdict == "log_fault"
+    assert fault.confidence > 0.95
+    assert f"cmd_{column[pair[0]] + 1}" in fault.members
+
+
+@settings(max_examples=8)
+@given(subset=st.sets(st.integers(0, N - 1), min_size=1))
+def test_any_subset_of_reversed_thrusters_is_found(log, subset):
+    sign = [-1 if i in subset else 1 for i in range(N)]
+    found = audited(drawn(log, range(N), sign))
+    assert found.wiring == Wiring(tuple(range(N)), tuple(sign))
+    np.testing.assert_array_equal(np.sign(found.effectiveness), sign)
+    assert ((found.low <= sign) & (sign <= found.high)).all()
+    numbers = ",".join(str(i + 1) for i in sorted(subset))
+    assert f"`hydro vehicle flip a.toml --thruster {numbers} -o" in found.headline("a.toml")
+
+
+def test_the_other_end_first_is_found(log):
+    raw = drawn(log, list(range(N))[::-1], [1] * N)
+    assert preprocess(damped(), raw).wiring == Wiring(tuple(range(N))[::-1], (1,) * N)
+    assert in_order(raw, None) is raw
+
+
+def test_swapped_columns_come_with_the_line_of_the_map(log):
+    found = audited(drawn(log, [0, 1, 3, 2, *range(4, N)], [1] * N))
+    sources = [f"out{i}" for i in range(N)]
+    assert found.headline(sources=sources) == (
+        "columns 3 and 4 are swapped (100 % sure): write in the map, under [commands]: "
+        'columns = ["out0", "out1", "out3", "out2", "out4", "out5", "out6", "out7"]'
+    )
+    assert found.headline().endswith(
+        "put the columns of [commands] in the map in the order 1, 2, 4, 3, 5, 6, 7, 8"
+    )
+
+
+@pytest.mark.parametrize("scale", [0.4, 2.0])
+def test_a_common_scale_is_no_matter_of_single_thrusters(log, scale):
+    vehicle = damped()
+    weaker = tuple(
+        msgspec.structs.replace(
+            one, max_thrust=one.max_thrust / scale, max_reverse_thrust=one.max_thrust / scale
+        )
+        for one in vehicle.thruster
+    )
+    found = audited(log, msgspec.structs.replace(vehicle, thruster=weaker))
+    assert not found.wrong
+    assert found.scale[1] < scale < found.scale[2]
+    (line,) = found.statements()
+    assert line.startswith(f"common factor: {found.scale[0]:.2f} times the thrust of the file")
+
+
+def test_a_dead_thruster_does_not_hide_a_reversed_one():
+    gains = {"name": "thruster_gain", "g": [-1.0, 0, 0, 0, 0, 0, 0, 0]}
+    raw = noisy(moved(damped(gains), rows=2500, seed=1)).with_columns(-pl.col("cmd_5"))
+    found = audited(raw)
+    assert found.wiring.reversed == (4,)
+    assert not found.clear[0]
+    assert any(line.startswith("thruster 1 hardly pushes") for line in found.lines())
+
+
+def test_thrusters_that_always_act_together_are_named_and_nothing_is_said_of_one():
+    """All vertical thrusters have one command: their sum shows, not one of them."""
+    t = np.arange(3000) * 0.02
+    columns = {"session": ["a"] * len(t), "t": t}
+    rng = np.random.default_rng(3)
+    for i in range(4):
+        columns[f"cmd_{i + 1}"] = 0.6 * np.sin(2 * np.pi * rng.uniform(0.05, 0.4) * t + rng.uniform(0, 6))
+    for i in range(4, N):
+        columns[f"cmd_{i + 1}"] = 0.4 * np.sin(0.9 * t)
+    raw = noisy(simulate(damped(), pl.DataFrame(columns)))
+    found = audited(raw)
+    assert not found.wrong
+    assert found.together == ((4, 5, 6, 7),)
+    assert found.clear.tolist() == [True] * 4 + [False] * 4
+    told = list(found.lines())
+    assert told[0] == "thrusters 1, 2, 3 and 4 push as the file says"
+    assert told[1].startswith("thrusters 5, 6, 7 and 8 act alike in this recording and cannot be told apart")
+    upside_down = audited(raw.with_columns(-pl.col(f"cmd_{i + 1}") for i in range(4, N)))
+    assert upside_down.wrong
+    assert upside_down.wiring.is_plain, "nothing is stated of one of them"
+
+
+def test_a_thruster_that_did_not_run_is_not_judged():
+    found = audited(noisy(moved(damped(), rows=2500, thrusters=range(7))))
+    assert not found.wrong
+    assert found.idle.tolist() == [False] * 7 + [True]
+    assert "thruster 8 did not run: nothing can be said about it" in found.lines()
+
+
+def test_only_the_accelerations_that_are_measured_are_used(log):
+    """Attitude, rates and depth: what is not measured is named."""
+    hidden = [*POSE[:2], *VELOCITY[:3]]
+    raw = log.with_columns(pl.lit(None, pl.Float32).alias(name) for name in hidden)
+    found = audited(drawn(raw, range(N), [1, 1, -1, 1, 1, 1, 1, 1]))
+    assert found.shown.tolist() == [False] * 3 + [True] * 3
+    assert found.wiring.reversed in ((2,), ())
+    assert list(found.lines())[-1].startswith("accelerations of u, v and w are not measured")
+
+
+def test_a_log_without_motion_says_nothing():
+    """Commands that move nothing, as on a bench."""
+    raw = moved(damped(), rows=2500)
+    still = {name: pl.lit(0.0) for name in (*POSE, *VELOCITY)}
+    found = audited(noisy(raw.with_columns(**still)))
+    assert found is None or not found.wrong
+
+
+def test_a_recording_too_short_for_it_says_nothing(log):
+    raw = drawn(log, [1, 0, *range(2, N)], [1] * N).head(200)
+    assert audited(raw) is None
+
+
+def test_a_vehicle_without_thrusters_is_no_matter(log):
+    bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
+    raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
+    assert audited(raw, bare) is None
+
+
+def test_a_servo_has_no_direction_to_audit(log):
+    servo = type(synthetic.vehicle().thruster[0])(name="fin", curve="none")
+    vehicle = damped()
+    vehicle = msgspec.structs.replace(vehicle, thruster=(servo, *vehicle.thruster))
+    names = [f"cmd_{i + 1}" for i in range(N)]
+    raw = log.rename({name: f"cmd_{i + 2}" for i, name in enumerate(names)})
+    raw = raw.with_columns(cmd_1=pl.lit(0.3), cmd_4=-pl.col("cmd_4"))
+    found = audited(raw, vehicle)
+    assert found.wiring.reversed == (3,)
+    assert np.isnan(found.effectiveness[0])
