@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
 
-.PHONY: help install demo test fuzz kills browser lint types docs site wheel wheel-test clean
+.PHONY: help install demo quick test fuzz kills browser lint types docs site wheel wheel-test clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -21,6 +21,12 @@ $(STAMP): pyproject.toml
 
 demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo-out
 	@$(BIN)/hydro demo $(DEMO)
+
+# The rules between modules, the schemas, every effect, and one study from a recording to its explanation.
+QUICK := tests/test_layers.py tests/test_effect_names.py tests/io/test_schema.py tests/core/effects tests/core/explanation
+
+quick: $(STAMP)       ## layers, schemas, effects and one study: within two minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(QUICK)
 
 # Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
 test: $(STAMP)        ## the whole test suite on two workers

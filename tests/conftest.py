@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import compile_once
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -12,6 +13,9 @@ from benchmarks import nodes
 
 # TorchRL imports Ray, which reads its environment once: before any test module is collected.
 os.environ.update(nodes.AUTHENTICATION)
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    compile_once.install()
 
 settings.register_profile(
     "ci", derandomize=True, deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow]

@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 import pytest
+from recordings import WEAK, damped, moved, noisy
 
 import hydro
 from hydro import cli
@@ -40,8 +41,11 @@ def test_compare(short: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert printed(capsys, "compare", VEHICLE, short, "--json") == found, "without -o no table goes to stdout"
 
 
-def test_diagnose(short: str, capsys: pytest.CaptureFixture[str]) -> None:
-    found = printed(capsys, "diagnose", VEHICLE, short, "--json")
+def test_diagnose(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hydro.write_vehicle(damped(), tmp_path / "vehicle.toml")
+    raw = noisy(moved(damped(WEAK), rows=1700), 0)
+    hydro.write(raw, tmp_path / "raw.parquet", "raw")
+    found = printed(capsys, "diagnose", f"{tmp_path}/vehicle.toml", f"{tmp_path}/raw.parquet", "--json")
     assert list(found["chi2"]) == ["given", "own_effects", "found"]
     named = found["findings"]
     assert named

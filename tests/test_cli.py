@@ -20,6 +20,7 @@ from typing import Any, get_args, get_type_hints
 
 import polars as pl
 import pytest
+from streams_here import on_terminal, piped
 from tables import shorten
 
 from hydro import cli
@@ -44,8 +45,9 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("line")
     sample = table.read(ROOT / "datasets" / "stonefish" / "replay90.parquet")
     vehicle = ROOT / "datasets" / "stonefish" / "vehicle.toml"
-    short = table.make("raw", sample.frame.head(3000), stage="import", vehicle_text=vehicle.read_text())
-    table.write(short, folder / "raw.parquet")
+    for name, rows in (("raw", 3000), ("shorter", 1700)):
+        cut = table.make("raw", sample.frame.head(rows), stage="import", vehicle_text=vehicle.read_text())
+        table.write(cut, folder / f"{name}.parquet")
     assert cli.main(["labels", str(folder / "raw.parquet"), "-o", str(folder / "labels.parquet")]) == 0
     split = ["split", str(folder / "labels.parquet"), "--blocks", str(folder / "blocks.parquet")]
     assert cli.main([*split, "-o", str(folder / "split.parquet")]) == 0
@@ -127,23 +129,19 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     """Each example runs as printed, in a folder with the files it names, the data a short recording."""
     data = tmp_path / "datasets" / "stonefish"
     data.mkdir(parents=True)
-    for target in (data / "sample.parquet", data / "replay90.parquet"):
-        target.write_bytes((work / "raw.parquet").read_bytes())
+    shutil.copy(work / "raw.parquet", data / "sample.parquet")
+    shutil.copy(work / "shorter.parquet", data / "replay90.parquet")
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
     for folder in ("logs", "hidden"):
         shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
     shorten(data.parent / "hidden", 20.0)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
-    line = re.sub(r"\bhydro\b", shlex.join(HYDRO), COMMANDS[name])
-    done = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", line],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        capture_output=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr.decode()
+    handed_on = b""
+    for part in COMMANDS[name].split("|"):
+        done = piped(*shlex.split(part)[1:], stdin=handed_on, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr.decode()
+        handed_on = done.stdout
     if target := re.search(r"-o (\S+\.(?:parquet|toml))", COMMANDS[name]):
         assert cli.main(["check", str(tmp_path / target[1])]) == 0
 
@@ -174,13 +172,11 @@ def test_findings_go_through_a_pipe_as_artefacts(
 ) -> None:
     line = [str(work / f"{a}.parquet") if not a.startswith("-") else a for a in arguments]
     assert cli.main([name, *line, "-o", str(tmp_path / "file.parquet")]) == 0
-    done = hydro(name, *line)
-    assert done.stdout == (tmp_path / "file.parquet").read_bytes()
-    assert done.stderr == b""
+    assert piped(name, *line) == (0, (tmp_path / "file.parquet").read_bytes(), b"")
 
 
 def test_show_into_a_pipe_is_json_with_lineage_and_columns(work: Path) -> None:
-    shown = json.loads(hydro("show", work / "split.parquet").stdout)
+    shown = json.loads(piped("show", work / "split.parquet").stdout)
     assert (shown["kind"], shown["stage"]) == ("split", "split")
     assert [shown["inputs"][0]["kind"], shown["inputs"][0]["inputs"][0]["kind"]] == ["labels", "raw"]
     surge = next(column for column in shown["columns"] if column["column"] == "u")
@@ -200,8 +196,8 @@ def test_a_closed_pipe_ends_quietly(work: Path) -> None:
 # Terminals.
 
 
-def on_terminal(*arguments: object) -> tuple[int, str]:
-    """Exit code and everything printed of a command whose stdin, stdout and stderr are one terminal."""
+def on_terminal_of_a_process(*arguments: object) -> tuple[int, str]:
+    """Run a process whose streams are one terminal, and return its exit code and everything printed."""
     leader, follower = pty.openpty()
     process = subprocess.Popen(
         [*HYDRO, *map(str, arguments)],
@@ -241,7 +237,7 @@ def test_a_terminal_is_no_input() -> None:
 
 
 def test_show_on_a_terminal_is_a_page(work: Path) -> None:
-    code, printed = on_terminal("show", work / "labels.parquet")
+    code, printed = on_terminal_of_a_process("show", work / "labels.parquet")
     assert code == 0
     assert "labels: 3,000 rows in 1 session" in printed.replace("\x1b[1m", "").replace("\x1b[0m", "")
     assert "X_res" in printed

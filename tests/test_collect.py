@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
-import pty
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from streams_here import on_terminal, piped
 
 from hydro import cli
 from hydro.commands import collect
@@ -22,7 +19,6 @@ from hydro.io.vehicle import parse
 
 ROOT = Path(__file__).resolve().parents[1]
 VEHICLE = ROOT / "datasets" / "vehicles" / "auv151.toml"
-HYDRO = [sys.executable, "-m", "hydro.cli"]
 CURRENT = "ocean_current={v_N=0.31, v_E=0.17}"
 
 
@@ -92,10 +88,8 @@ def test_the_replay_sequence_is_90_seconds(tmp_path):
 
 def test_a_pipe_gives_the_bytes_of_the_file(tmp_path):
     recorded(tmp_path / "raw.parquet")
-    line = [*HYDRO, "collect", "--vehicle", str(VEHICLE), "--rows", "1500"]
-    piped = subprocess.run(line, capture_output=True, cwd=ROOT, timeout=300, check=True)
-    assert piped.stdout == (tmp_path / "raw.parquet").read_bytes()
-    assert piped.stderr == b""
+    done = piped("collect", "--vehicle", VEHICLE, "--rows", 1500)
+    assert done == (0, (tmp_path / "raw.parquet").read_bytes(), b"")
 
 
 def test_a_mesh_stands_beside_the_vehicle_file(tmp_path):
@@ -172,30 +166,12 @@ def test_a_vehicle_is_needed(tmp_path):
 
 
 def test_progress_and_what_is_ignored_go_to_a_terminal(tmp_path):
-    leader, follower = pty.openpty()
-    line = [
-        *HYDRO,
-        "collect",
-        "--vehicle",
-        str(VEHICLE),
-        "--rows",
-        "3000",
-        "-o",
-        str(tmp_path / "raw.parquet"),
-    ]
-    process = subprocess.Popen(
-        line, cwd=ROOT, stdout=follower, stderr=follower, env=os.environ | {"TERM": "xterm", "COLUMNS": "120"}
-    )
-    os.close(follower)
-    printed = b""
-    with contextlib.suppress(OSError):
-        while chunk := os.read(leader, 65536):
-            printed += chunk
-    os.close(leader)
-    assert process.wait() == 0
-    assert b"stands in for the vehicle file's added_mass, linear_damping, quadratic_damping" in printed
-    assert b"of 3,000 rows" in printed
-    assert table.read(tmp_path / "raw.parquet").frame.height == 3000
+    raw = tmp_path / "raw.parquet"
+    code, printed = on_terminal("collect", "--vehicle", VEHICLE, "--rows", 3000, "-o", raw, term="xterm")
+    assert code == 0
+    assert "stands in for the vehicle file's added_mass, linear_damping, quadratic_damping" in printed
+    assert "of 3,000 rows" in printed
+    assert table.read(raw).frame.height == 3000
 
 
 def test_many_rows_tell_how_long_they_take_once_their_pace_is_known(capsys):

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
-import pty
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import polars as pl
 import pytest
+from streams_here import on_terminal, piped
 
 from hydro import cli
 from hydro.io import table
@@ -20,8 +17,6 @@ from hydro.report import comparison
 
 ROOT = Path(__file__).resolve().parents[1]
 VEHICLE = ROOT / "datasets" / "stonefish" / "vehicle.toml"
-HYDRO = [sys.executable, "-m", "hydro.cli"]
-ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1"}
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +51,7 @@ def test_the_artefact_is_sound_and_knows_where_it_comes_from(work: Path) -> None
 
 
 def test_a_pipe_gives_the_bytes_of_files(work: Path) -> None:
-    done = subprocess.run(
-        [*HYDRO, "compare", str(VEHICLE)],
-        input=(work / "raw.parquet").read_bytes(),
-        capture_output=True,
-        env=ENVIRONMENT,
-        timeout=300,
-    )
+    done = piped("compare", VEHICLE, stdin=(work / "raw.parquet").read_bytes())
     assert b"Where it fails" in done.stderr  # for a person, beside the pipe
     assert done.stdout == (work / "before.parquet").read_bytes()
 
@@ -79,33 +68,15 @@ def test_an_earlier_comparison_stands_beside(work: Path) -> None:
     assert (after.filter(axis="all")["rmse"] < after.filter(axis="all")["before"]).all()
 
 
-def on_terminal(*arguments: object) -> tuple[int, str]:
-    """Exit code and stdout of a command whose stdout is a terminal."""
-    leader, follower = pty.openpty()
-    process = subprocess.Popen(
-        [*HYDRO, *map(str, arguments)],
-        stdout=follower,
-        stderr=subprocess.PIPE,
-        env=ENVIRONMENT | {"TERM": "dumb", "COLUMNS": "100"},
-    )
-    os.close(follower)
-    printed = b""
-    with contextlib.suppress(OSError):
-        while chunk := os.read(leader, 65536):
-            printed += chunk
-    os.close(leader)
-    return process.wait(), printed.decode()
-
-
 def test_a_terminal_gets_tables_and_no_file(work: Path) -> None:
-    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet")
+    code, printed = on_terminal("compare", VEHICLE, work / "raw.parquet", columns=100)
     assert code == 0
     assert "PAR1" not in printed
     for words in ("Force that the model leaves out", "1 s", "20 s", "whole run", "Where it fails", "surge"):
         assert words in printed
     assert re.search(r"\d+ % of the unexplained error in \d+ % of the time", printed)
     line = ["compare", work / "damped.toml", work / "raw.parquet", "--against", work / "before.parquet"]
-    code, printed = on_terminal(*line)
+    code, printed = on_terminal(*line, columns=100)
     assert code == 0
     assert " -> " in printed
     assert "Where it failed before" in printed

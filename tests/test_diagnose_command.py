@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
+from streams_here import piped
 from tables import raw
 
 from hydro import cli
@@ -44,11 +42,6 @@ def diagnosis(tmp_path: Path) -> Path:
     )
     table.write(made, tmp_path / "d.parquet")
     return tmp_path / "d.parquet"
-
-
-def hydro(*arguments: object, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    line = [sys.executable, "-m", "hydro.cli", *map(str, arguments)]
-    return subprocess.run(line, input=stdin, capture_output=True, env=os.environ, timeout=300)
 
 
 def test_added_effects_stand_in_the_file_with_its_comments(diagnosis: Path, tmp_path: Path) -> None:
@@ -125,7 +118,7 @@ def test_comments_known_values_and_findings_of_the_same_diagnosis_make_no_other_
 def test_a_pipe_is_as_good_as_a_file(diagnosis: Path, tmp_path: Path) -> None:
     target = tmp_path / "vehicle2.toml"
     assert cli.main(["add", str(VEHICLE), str(diagnosis), "-o", str(target)]) == 0
-    assert hydro("add", VEHICLE, stdin=diagnosis.read_bytes()).stdout == target.read_bytes()
+    assert piped("add", VEHICLE, stdin=diagnosis.read_bytes()).stdout == target.read_bytes()
 
 
 @pytest.mark.parametrize(

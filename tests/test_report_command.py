@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import polars as pl
 import pytest
 import studies
 from PIL import Image
+from streams_here import piped
 
 from hydro import cli
 from hydro.io import table
@@ -114,8 +113,8 @@ def test_pictures_are_drawn(report: Path) -> None:
 
 def test_a_pipe_gives_the_same_page(study: Path, tmp_path: Path) -> None:
     source = study / "comparison-0.parquet"
-    line = [sys.executable, "-m", "hydro.cli", "report"]
-    done = subprocess.run(line, input=source.read_bytes(), capture_output=True, check=True)
+    done = piped("report", stdin=source.read_bytes())
+    assert done.returncode == 0
     assert cli.main(["report", str(source), "-o", str(tmp_path / "page.html")]) == 0
     page = (tmp_path / "page.html").read_text()
     assert done.stdout.decode().replace("<b>stdin</b>", f"<b>{source}</b>") == page

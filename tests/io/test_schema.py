@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -43,30 +45,63 @@ def refused(frame: pl.DataFrame, kind: str = "raw") -> str:
 # The files themselves
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_field_says_all_it_must(kind: str) -> None:
-    content = json.loads((schema.FOLDER / f"{kind}.json").read_text())
-    assert content["name"] == kind
-    assert content["$schema"] == "https://datapackage.org/profiles/2.0/tableschema.json"
-    for field in content["fields"]:
-        described = {"name", "type", "constraints", "arrowType", "unit", "frame", "source", "description"}
-        assert described <= field.keys()
-        assert field["type"] in {"string", "number", "integer", "array", "boolean"}
-        assert field["description"].endswith(".")
-        if field["type"] == "number":
-            assert {"float32", "float64"} == set(field["arrowType"])
-            in_a_column = any(other["name"] == "unit" for other in content["fields"])
-            assert field["unit"] or in_a_column, "a number has its unit here or in the column `unit`"
+def faults_of_field(field: dict[str, Any], fields: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield what a field of a schema file fails to say."""
+    described = {"name", "type", "constraints", "arrowType", "unit", "frame", "source", "description"}
+    if missing := described - field.keys():
+        yield f"has no {', '.join(sorted(missing))}"
+        return
+    if field["type"] not in {"string", "number", "integer", "array", "boolean"}:
+        yield f"has an unknown type {field['type']}"
+    if not field["description"].endswith("."):
+        yield "has a description without a full stop"
+    if field["type"] == "number":
+        if set(field["arrowType"]) != {"float32", "float64"}:
+            yield "must take both float types"
+        if not field["unit"] and not any(other["name"] == "unit" for other in fields):
+            yield "has no unit, neither here nor in the column `unit`"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_names_are_unique_and_keys_exist(kind: str) -> None:
-    rules = load(kind)
-    names = [field.name for field in rules.fields]
-    assert len(names) == len(set(names))
-    assert set(rules.primary_key) <= set(names)
-    if rules.series:
-        assert {*rules.series.key, rules.series.time} <= set(names)
+def test_every_field_says_all_it_must() -> None:
+    contents = {kind: json.loads((schema.FOLDER / f"{kind}.json").read_text()) for kind in KINDS}
+    assert {kind: content["name"] for kind, content in contents.items()} == {kind: kind for kind in KINDS}
+    profiles = {content["$schema"] for content in contents.values()}
+    assert profiles == {"https://datapackage.org/profiles/2.0/tableschema.json"}
+    assert [
+        f"{kind}: {field.get('name')} {fault}"
+        for kind, content in contents.items()
+        for field in content["fields"]
+        for fault in faults_of_field(field, content["fields"])
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"type": "float"}, "unknown type"),
+        ({"description": "Surge"}, "full stop"),
+        ({"arrowType": ["float32"]}, "both float types"),
+        ({"unit": ""}, "no unit"),
+    ],
+)
+def test_a_field_that_says_too_little_is_seen(change: dict[str, Any], fault: str) -> None:
+    fields = json.loads((schema.FOLDER / "raw.json").read_text())["fields"]
+    speed = next(field for field in fields if field["name"] == "u")
+    assert list(faults_of_field(speed, fields)) == []
+    (found,) = faults_of_field(speed | change, fields)
+    assert fault in found
+    (found,) = faults_of_field({"name": "u"}, fields)
+    assert found.startswith("has no arrowType, constraints")
+
+
+def test_names_are_unique_and_keys_exist() -> None:
+    names = {kind: [field.name for field in load(kind).fields] for kind in KINDS}
+    assert [kind for kind, each in names.items() if len(each) != len(set(each))] == []
+    keys = {kind: set(load(kind).primary_key) for kind in KINDS}
+    for kind in KINDS:
+        if series := load(kind).series:
+            keys[kind] |= {*series.key, series.time}
+    assert [(kind, keys[kind] - set(names[kind])) for kind in KINDS if keys[kind] - set(names[kind])] == []
 
 
 def test_versions_of_a_schema_differ_in_what_may_be_null_alone() -> None:

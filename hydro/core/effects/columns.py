@@ -49,7 +49,7 @@ def effect_wrenches(
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
-        np.ascontiguousarray(t, np.float64),
+        np.require(t, np.float64, ["C", "W"]),  # read-only, it would be compiled for again
         np.ascontiguousarray(given, np.float64),
         np.zeros((6, program.states)),
         out,
@@ -80,7 +80,7 @@ def effect_forces(
         np.ascontiguousarray(eta, np.float64),
         np.ascontiguousarray(nu, np.float64),
         np.ascontiguousarray(segments, np.int64).reshape(-1, 2),
-        np.ascontiguousarray(t, np.float64),
+        np.require(t, np.float64, ["C", "W"]),  # read-only, it would be compiled for again
         out,
     )
     return out

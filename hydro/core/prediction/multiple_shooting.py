@@ -89,9 +89,18 @@ class Answers(NamedTuple):
     out: Array
 
     @classmethod
-    def to_beginnings(cls, memory: Array, out: Array) -> Answers:
-        """To the initial states alone, `memory` (S, states) among them; `out` (S, K, 12, 12) is written."""
-        return cls(NO_CHANGES, np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0)), out)
+    def to_beginnings(cls, memory: Array, rows: int) -> Answers:
+        """Return answers to the initial states alone, with room for the deviations in `out`, (S, K, 12, 12).
+
+        The room is laid out as that of `sensitivity.linearise`: numba compiles `shoot` once for both.
+
+        Args:
+            memory: Internal states at the beginnings, (S, states).
+            rows: Rows K of every shot.
+        """
+        columns = np.empty((len(memory), rows, CHANNELS, CHANNELS + 1))
+        ahead, own = np.zeros((*memory.shape, 0)), np.zeros((len(memory), 0))
+        return cls(NO_CHANGES, ahead, own, columns[..., :CHANNELS])
 
 
 def places_of(shots: Shots, part: slice) -> Places:

@@ -213,7 +213,7 @@ def _varied(near: Moved, logged: Sequence[int]) -> Varied:
         np.array(of, np.int64),
         Changes(
             np.array(kinds, np.int64),
-            np.frombuffer(b"".join(programs)),
+            np.frombuffer(b"".join(programs)).copy(),  # writable, as `NO_CHANGES` is
             np.array(where, np.int64).reshape(-1, 4),
             np.array(states_at, np.int64).reshape(-1, 2),
             near.shares[of],

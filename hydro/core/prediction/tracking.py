@@ -117,11 +117,10 @@ class _Segment:
             np.array([row]),
             steps_of_row(self.record.dt, 1.0 / LONGEST_STEP),
         )
-        states, answers = np.empty((1, rows, BODY)), np.empty((1, rows, CHANNELS, CHANNELS))
         begin = InitialStates(state[None], self.rotors[row : row + 1], self.memory[row : row + 1])
-        told = Answers.to_beginnings(begin.memory, answers)
-        shoot(self.model.program.flat, places, begin, states, told)
-        return states[0], answers[0]
+        states, answers = np.empty((1, rows, BODY)), Answers.to_beginnings(begin.memory, rows)
+        shoot(self.model.program.flat, places, begin, states, answers)
+        return states[0], np.ascontiguousarray(answers.out[0])
 
 
 def tracked(vehicle: Vehicle, record: Recording) -> Recording:

@@ -141,6 +141,6 @@ def _one_row(model: Candidate, shots: Shots, rows: Rows, segment: int, begun: In
         rows,
         steps_of_row(record.dt, 1.0 / LONGEST_STEP),
     )
-    states, answers = np.empty((count, 2, BODY)), np.empty((count, 2, CHANNELS, CHANNELS))
-    shoot(model.program.flat, places, begun, states, Answers.to_beginnings(begun.memory, answers))
-    return answers[:, 1]
+    states, answers = np.empty((count, 2, BODY)), Answers.to_beginnings(begun.memory, 2)
+    shoot(model.program.flat, places, begun, states, answers)
+    return np.ascontiguousarray(answers.out[:, 1])

@@ -123,7 +123,8 @@ def trajectory(
         DataError: The commands do not fit the thrusters or the times, or the motion has grown beyond all
         bounds.
     """
-    clock, demand = np.ascontiguousarray(t, np.float64), np.ascontiguousarray(commands, np.float64)
+    # writable: numba would compile the kernels once more for a read-only array
+    clock, demand = (np.require(given, np.float64, ["C", "W"]) for given in (t, commands))
     if not clock.size or demand.shape != (clock.size, program.thrusters) or not np.isfinite(demand).all():
         raise DataError(
             f"commands: expected {clock.size or 'some'} finite rows of {program.thrusters} thrusters, "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -29,21 +30,42 @@ def with_effect(**table):
     return msgspec.structs.replace(preset(), effect=(table,))
 
 
-@pytest.mark.parametrize(("name", "parameter"), EVERY, ids=lambda one: getattr(one, "name", one))
-def test_every_parameter_has_a_range_with_a_source_and_absence_lies_within(name, parameter):
-    assert parameter.plausible is not None
-    assert parameter.plausible.words
-    assert parameter.plausible.source
+def faults_of_range(name, parameter, vehicle):
+    """Yield what is wrong with the plausible range of a parameter."""
+    believed = parameter.plausible
+    if believed is None or not believed.words or not believed.source:
+        yield "has no range with words and a source"
+        return
     neutral = tomllib.loads(describe.toml(CATALOGUE[name], 8))["effect"][0]
     for index in np.ndindex(*(n if isinstance(n, int) else 1 for n in parameter.shape)):
-        low, high = parameter.plausible.at(index, preset("auv151"))
-        assert low < high
-        assert math.isfinite(high - low)
-        assert high > parameter.low
-        assert low < parameter.high
-        if parameter.name in neutral:
-            value = float(np.asarray(neutral[parameter.name], float)[index])
-            assert low <= value <= high
+        low, high = believed.at(index, vehicle)
+        if not (low < high and math.isfinite(high - low)):
+            yield f"{index}: {low} to {high} is no finite range"
+        if not (high > parameter.low and low < parameter.high):
+            yield f"{index}: {low} to {high} lies outside the admissible values"
+        value = np.asarray(neutral[parameter.name], float)[index] if parameter.name in neutral else low
+        if not low <= value <= high:
+            yield f"{index}: {low} to {high} leaves out {value}, where the effect is absent"
+
+
+def test_every_parameter_has_a_range_with_a_source_and_absence_lies_within():
+    vehicle = preset("auv151")
+    assert len(EVERY) > 60
+    assert [
+        f"{name}.{parameter.name} {fault}"
+        for name, parameter in EVERY
+        for fault in faults_of_range(name, parameter, vehicle)
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "fault"), [(1.0, -1.0, "finite"), (0.5, 9.0, "absent"), (-9.0, -2.0, "outside")]
+)
+def test_a_range_that_is_wrong_is_seen(low, high, fault):
+    parameter = CATALOGUE["cross_axis_drag"].parameter("D01")
+    wrong = replace(parameter, plausible=replace(parameter.plausible, at=lambda *_: (low, high)))
+    faults = list(faults_of_range("cross_axis_drag", wrong, preset()))
+    assert any(fault in one for one in faults)
 
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
