@@ -82,7 +82,7 @@ def test_only_what_is_named_is_added(diagnosis: Path, tmp_path: Path) -> None:
 def test_the_diagnosis_of_another_vehicle_is_refused(
     diagnosis: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text, edited, target = VEHICLE.read_text(), tmp_path / "edited.toml", tmp_path / "vehicle2.toml"
+    text, edited, target = VEHICLE.read_text(), tmp_path / "edited; rm.toml", tmp_path / "vehicle2.toml"
     mass = re.search(r"^mass = ([\d.]+)", text, re.MULTILINE)
     assert mass is not None
     more = f'{text}\n[[effect]]\nname = "payload"\nmass = 2.0\nz = 0.1\n'
@@ -90,7 +90,7 @@ def test_the_diagnosis_of_another_vehicle_is_refused(
     for other, part in ((heavier, "rigid_body"), (more, "effect payload")):
         edited.write_text(other)
         assert cli.main(["add", str(edited), str(diagnosis), "-o", str(target)]) == 1
-        again = f"run `hydro diagnose {edited} RECORDING -o {diagnosis}`"
+        again = f"run `hydro diagnose '{edited}' RECORDING -o {diagnosis}`"
         assert capsys.readouterr().err == (
             f"hydro: {diagnosis}: made from another vehicle than {edited}, they differ in {part}: {again}\n"
         )

@@ -51,7 +51,9 @@ LEVELS = {
         ("columns",),
         ("toml_text", "seeds"),
         ("threads",),
-        ("errors", "compiled", "progress"),
+        ("compiled",),
+        ("kernel_cache",),
+        ("errors", "nesting", "progress"),
     ),
     "hydro.sim": (
         ("film", "gpu", "replay", "stonefish", "teacher_plant"),

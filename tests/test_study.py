@@ -137,10 +137,11 @@ def test_an_interrupted_study_goes_on(chain):
     assert run(chain) == ["c", "d"]
 
 
-def test_a_broken_ledger_costs_time_only(chain, capsys):
+@pytest.mark.parametrize("text", ["{", '{"a": ' * 20_000 + "1" + "}" * 20_000])
+def test_a_broken_ledger_costs_time_only(text, chain, capsys):
     folder, _ = chain
     run(chain)
-    (folder / "steps.json").write_text("{")
+    (folder / "steps.json").write_text(text)
     assert run(chain) == ["b", "c", "d"]
     assert "every step is run again" in capsys.readouterr().err
 

@@ -38,7 +38,7 @@ from hydro.commands.shell import (
     write,
 )
 from hydro.commands.tables import person
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError, UsageError, in_shell
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -323,7 +323,8 @@ def _require_of(known: Vehicle, vehicle: Path, source: Artefact, diagnosis: str)
     """
     from hydro.io import vehicle as vehicles
 
-    record, again = source.provenance, f"run `hydro diagnose {vehicle} RECORDING -o {diagnosis}`"
+    record = source.provenance
+    again = f"run `hydro diagnose {in_shell(str(vehicle))} RECORDING -o {in_shell(diagnosis)}`"
     if record.vehicle is None:
         raise DataError(f"{diagnosis}: does not say of which vehicle it is: {again}")
     diagnosed = vehicles.parse(record.vehicle, diagnosis)

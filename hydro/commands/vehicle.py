@@ -13,7 +13,7 @@ import typer
 
 from hydro.commands.places import FILE
 from hydro.commands.shell import STREAM
-from hydro.core.errors import DataError, UsageError
+from hydro.core.errors import DataError, UsageError, shown
 
 if TYPE_CHECKING:
     from hydro.core.columns import Array
@@ -284,6 +284,7 @@ def _known(
         DataError: A number or a thruster is not one.
     """
     from hydro.core.geometry.estimate import Known
+    from hydro.core.vehicle.names import usable_name
 
     force = None
     if asked.buoyancy not in (None, NEUTRAL):
@@ -294,7 +295,7 @@ def _known(
     length, width, height = (float(side or 0.0) for side in (asked.sides if hull is None else hull.sides))
     stem = "vehicle" if place == STREAM else Path(place).stem
     return Known(
-        name=asked.name or stem,
+        name=asked.name or usable_name(stem),
         mass=float(asked.mass or 0.0),
         sides=(length, width, height),
         thrusters=_thrusters(asked, (length, width, height), hull),
@@ -359,9 +360,11 @@ def _write(known: Known, hull: Solid | None, mesh: Path | None, radiated: Array 
     if mesh is not None:
         folder = Path.cwd() if place == STREAM else Path(place).absolute().parent
         beside = Path(os.path.relpath(mesh, folder)).as_posix()
+        if not beside.isprintable():
+            raise DataError(f"{shown(beside)}: a vehicle file cannot name this path: rename the mesh")
     found = estimate(known, hull, beside, radiated)
     text = new_vehicle.text(found)
-    vehicle.parse(text, known.name)
+    vehicle.parse(text, shown(known.name))
     if place == STREAM:
         typer.echo(text, nl=False)
     else:

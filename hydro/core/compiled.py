@@ -12,14 +12,18 @@ import contextlib
 import functools
 import hashlib
 import importlib.metadata
-import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import sigutils
+from numba.core.ccallback import CFunc
 from numba.core.cpu import CPUTargetOptions
+
+from hydro.core import kernel_cache
+from hydro.core.kernel_cache import KernelCache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,18 +39,15 @@ PARTS = ("core", "sim", "rl")
 
 
 @functools.cache
-def _cache_folder(part: str) -> Path:
-    """Folder of compiled kernels for exactly the sources that a layer's kernels can see."""
+def _cache_folder(part: str) -> Path | None:
+    """Return the folder of compiled kernels for exactly the sources that a layer's kernels can see."""
     digest = hashlib.sha256(numba.__version__.encode())
     # sim's kernels hold offsets into MuJoCo's structs
     with contextlib.suppress(importlib.metadata.PackageNotFoundError):
         digest.update(importlib.metadata.version("mujoco").encode())
     for source in kernel_sources((part,) if part in PARTS else PARTS):
         digest.update(source.read_bytes())
-    base = (
-        os.environ.get("HYDRO_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser()
-    )
-    return Path(base) / "hydro" / f"kernels-{digest.hexdigest()[:16]}"
+    return kernel_cache.folder(f"kernels-{digest.hexdigest()[:16]}")
 
 
 def kernel_sources(parts: tuple[str, ...] = PARTS) -> list[Path]:
@@ -84,19 +85,17 @@ def _imported(source: bytes) -> list[Path]:
     return files
 
 
-@contextlib.contextmanager
-def _cache_in_own_folder(function: Callable[..., Any]) -> Iterator[None]:
-    """Point Numba at our folder while a dispatcher sets up its cache; leave other users of Numba alone."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(function.__module__.removeprefix("hydro.").split(".")[0]))
+def _cache(function: Callable[..., Any]) -> KernelCache | None:
+    """Return the cache of a function; None where there is no folder for it, or it stands in no file."""
+    place = _cache_folder(function.__module__.removeprefix("hydro.").split(".")[0])
     try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before
+        return None if place is None else KernelCache(function, place)
+    except RuntimeError:
+        return None
 
 
 def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within: bool = False) -> F:
-    """`numba.njit` with the cache above; runs uncached where no folder is writable.
+    """`numba.njit` with the cache above, or without one where there is no folder for it.
 
     `reorder_sums` lets the compiler add in another, fixed order, so that a long sum uses vector instructions:
     the same bits every time on one machine, rounding that may differ on another.  `counted`: see `kernel`.
@@ -108,8 +107,8 @@ def jit(function: F, *, reorder_sums: bool = False, counted: bool = True, within
     dispatcher = numba.njit(
         function, error_model="numpy", nogil=True, fastmath=fastmath, forceinline=within, **counts
     )
-    with _cache_in_own_folder(function), contextlib.suppress(RuntimeError):
-        dispatcher.enable_caching()
+    if (cache := _cache(function)) is not None:
+        dispatcher._cache = cache
     return dispatcher  # type: ignore[no-any-return]
 
 
@@ -144,8 +143,11 @@ def cfunc(signature: Any, *, counted: bool = True) -> Callable[[F], F]:
     counts = {"_nrt": counted} if hasattr(CPUTargetOptions, "_nrt") else {}
 
     def decorate(function: F) -> F:
-        with _cache_in_own_folder(function):
-            compiled = numba.cfunc(signature, cache=True, error_model="numpy", **counts)
-            return compiled(function)  # type: ignore[no-any-return]
+        types = sigutils.normalize_signature(signature)
+        callback: Any = CFunc(function, types, locals={}, options={"error_model": "numpy", **counts})
+        if (cache := _cache(function)) is not None:
+            callback._cache = cache
+        callback.compile()
+        return callback  # type: ignore[no-any-return]
 
     return decorate

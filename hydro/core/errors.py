@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 
 class HydroError(Exception):
     """Any error with one clear line for the user: what, where, what to do."""
@@ -26,3 +28,8 @@ class UsageError(HydroError):
 def shown(text: str) -> str:
     """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
     return text if text.isprintable() else repr(text)
+
+
+def in_shell(text: str) -> str:
+    """Return a text as one word of a command that an error line suggests."""
+    return shlex.quote(text) if text.isprintable() else shown(text)

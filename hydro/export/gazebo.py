@@ -26,7 +26,7 @@ from hydro.core.effects.program import constants
 from hydro.core.effects.record import Effect
 from hydro.core.errors import DataError
 from hydro.core.simulation.velocity_laws import Law, law
-from hydro.core.vehicle.description import Thruster, Vehicle
+from hydro.core.vehicle.description import Thruster, Vehicle, require_names
 from hydro.core.vehicle.frames import FRD_FLU, HALF_TURN
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import (
@@ -48,6 +48,11 @@ from hydro.export.targets import Lack, Target, lacking, of_sensors
 
 FORCES, VELOCITIES, AXES = "xyzkmn", "UVWPQR", "xyzpqr"
 LINK = "base_link"
+WORDS = (
+    f" Written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "
+    "Thrusters take newtons. "
+)
+"""What stands at the top of the world."""
 PROPELLER_MASS, PROPELLER_RADIUS = 1e-3, 0.02
 """Of the links that carry the thrust [kg, m]: the vehicle's own mass gives it up."""
 PROPELLER = {"propeller_diameter": 0.076, "thrust_coefficient": 0.02}
@@ -67,13 +72,14 @@ def to_sdf(vehicle: Vehicle) -> bytes:
     """The world.
 
     Raises:
-        DataError: An effect or a thruster is at fault, or nothing floats that has no volume.
+        DataError: An effect, a thruster or a name is at fault, or the vehicle has no buoyancy.
     """
+    require_names(vehicle)
     found, listed = _held(vehicle), entries(vehicle)
     total = _law(found, entries(found))
     root = ET.Element("sdf", version="1.11")
     world = _add(root, "world", name=f"{vehicle.name} in water")
-    world.append(ET.Comment(_words(vehicle)))
+    world.append(ET.Comment(WORDS))  # without names: comments are not escaped
     _add(world, "gravity", [0.0, 0.0, -vehicle.environment.gravity])
     for name, system in (
         ("physics", "Physics"),
@@ -313,14 +319,6 @@ def _hydrodynamics(model: ET.Element, total: Law, flow: Array) -> None:
                     _add(plugin, f"{force}{velocity}abs{other}", s[i] * s[j] * total.sized[i, j, k])
                 if total.plain[i, j, k]:
                     _add(plugin, f"{force}{velocity}{other}", s[i] * s[j] * s[k] * total.plain[i, j, k])
-
-
-def _words(vehicle: Vehicle) -> str:
-    """What stands at the top of the world."""
-    return (
-        f" {vehicle.name}, written by hydro: frame {LINK} is the vehicle file's origin, forward, left, up. "
-        "Thrusters take newtons. "
-    )
 
 
 def _plugin(parent: ET.Element, name: str, system: str) -> ET.Element:

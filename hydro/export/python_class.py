@@ -6,13 +6,14 @@ It is the source of `export.craft` with the kernels of the vehicle's effects and
 
 from __future__ import annotations
 
+import keyword
 import re
 from importlib.metadata import version
 
 from hydro.core.vehicle.description import Vehicle
 from hydro.export.craft import Craft
 from hydro.export.numbers import model_of
-from hydro.export.source import Bundle
+from hydro.export.source import Bundle, in_docstring
 from hydro.export.targets import Lack, Target, lacking, of_sensors
 
 HEAD = '''"""{name}: equations of motion, written by hydro {version} from its vehicle file.
@@ -29,20 +30,25 @@ After Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011). 
 
 
 def to_python(vehicle: Vehicle) -> bytes:
-    """The file of a vehicle.
+    """Return the file of a vehicle.
+
+    Its class is called as `class_name` says, with `Vehicle` before it where the file has that name already.
 
     Raises:
         DataError: An effect or a thruster of the vehicle is at fault.
     """
     bundle = Bundle()
-    base, name = bundle.add(Craft), class_name(vehicle.name)
+    base = bundle.add(Craft)
     model = model_of(vehicle, lambda function, effect: _Name(bundle.add(function, effect)))
+    name, called = class_name(vehicle.name), in_docstring(vehicle.name)
+    if name in bundle.definitions or name in bundle.constants:
+        name = f"Vehicle{name}"
     head = HEAD.format(
-        name=vehicle.name, version=version("deep-hydro-sim"), cls=name, thrusters=len(vehicle.thruster)
+        name=called, version=version("deep-hydro-sim"), cls=name, thrusters=len(vehicle.thruster)
     )
     own = (
         f"class {name}({base}):\n"
-        f'    """{vehicle.name}."""\n\n'
+        f'    """{called}."""\n\n'
         f"    name = {vehicle.name!r}\n"
         f"    controls = {tuple(thruster.name for thruster in vehicle.thruster)!r}\n"
         f"    model = Model(\n"
@@ -63,10 +69,10 @@ class _Name(str):
 
 
 def class_name(vehicle: str) -> str:
-    """A class's name for a vehicle's: `bluerov2-heavy` is `Bluerov2Heavy`."""
+    """Return a class's name for a vehicle's: `bluerov2-heavy` is `Bluerov2Heavy`."""
     words = re.findall(r"[A-Za-z0-9]+", vehicle)
     name = "".join(word[:1].upper() + word[1:] for word in words)
-    return name if name[:1].isalpha() else f"Vehicle{name}"
+    return name if name[:1].isalpha() and not keyword.iskeyword(name) else f"Vehicle{name}"
 
 
 def lacks(vehicle: Vehicle) -> list[Lack]:

@@ -47,6 +47,13 @@ def surroundings(thing: Callable[..., Any]) -> dict[str, Any]:
     return around
 
 
+def in_docstring(text: str) -> str:
+    """Return a text as it may stand between triple quotes, where it can neither end them nor the line."""
+    return "".join(
+        f"\\{one}" if one in '\\"' else one if one.isprintable() else repr(one)[1:-1] for one in text
+    )
+
+
 def is_ours(value: Any) -> bool:
     """Whether a value is a function or class of hydro's."""
     callable_ = inspect.isfunction(plain(value)) or inspect.isclass(value)

@@ -57,9 +57,10 @@ def declared(source: Log, file: str | Path | LogMap | None, name: str, preset: s
         preset: Whose names a guess takes the columns to have; by default those of any.
 
     Raises:
-        DataError: the file is not a map, or the names do not suffice for a guess.
+        DataError: the file or the map breaks a rule of maps, or the names do not suffice for a guess.
     """
     if isinstance(file, LogMap):
+        logmap.check(file)
         meaning = file
     elif file is not None:
         meaning = logmap.read(file)

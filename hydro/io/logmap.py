@@ -20,6 +20,7 @@ from hydro.core.logs.logmap import (
     Position,
     blocks_of,
     conditions,
+    measured,
     sensors_of,
     stretches,
 )
@@ -90,6 +91,7 @@ def check(found: LogMap) -> None:
             _check_count(f"{name}.columns", block.columns, 3)
         if block is not None and block.mount is not None:
             _check_mount(f"{name}.mount", block.mount)
+    _check_named_once(found)
     _check_derived(found)
     _check_samples(found)
     _check_mixer(found)
@@ -150,6 +152,19 @@ def _check_attitude(block: Attitude) -> None:
         _check_count("attitude.columns", block.columns, 3)
     if block.quaternion is not None:
         _check_count("attitude.quaternion", block.quaternion, 4)
+
+
+def _check_named_once(found: LogMap) -> None:
+    """Refuse a block of pose or velocity with one column on two axes.
+
+    The check of the conventions tells columns of a block apart by their names.  Commands may repeat a column:
+    one output can drive two thrusters.
+    """
+    for name, block in blocks_of(found).items():
+        columns = [source.column for source in measured(block)]
+        for column in columns:
+            if column and columns.count(column) > 1:  # a draft has blanks
+                raise DataError(f"{name}: column {shown(column)} is named twice: name another for each axis")
 
 
 def _check_mount(path: str, mount: Mount) -> None:

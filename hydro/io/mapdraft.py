@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hydro.io.files import shown
+from hydro.core.errors import in_shell
 from hydro.io.logmap import listed
 
 _EMPTY: dict[str, dict[str, Any]] = {
@@ -72,7 +72,7 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
 
     document = tomlkit.document()
     for line in (
-        f"How `hydro import {shown(log)} --map THIS` reads that log.",
+        f"How `hydro import {in_shell(log)} --map THIS` reads that log.",
         "Guessed from the columns' names: check every line; empty names stand for what could not be guessed.",
         f"The log has: {listed(columns)}",
         'A column may be {column = "NAME", scale = 1.0, offset = 0.0}: scale times its number plus offset.',

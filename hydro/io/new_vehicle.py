@@ -85,7 +85,7 @@ def _thruster(thruster: Thruster) -> Iterable[str]:
     assert thruster.max_reverse_thrust is not None
     return (
         "[[thruster]]",
-        f'name = "{thruster.name}"',
+        f"name = {json.dumps(thruster.name, ensure_ascii=False)}",
         f"position = {_row(thruster.position or (), 6)}",
         f"direction = {_row(thruster.direction or (), 9)}",
         f"max_thrust = {_given(thruster.max_thrust)}",

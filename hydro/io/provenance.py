@@ -17,6 +17,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from hydro.core.errors import DataError
+from hydro.core.nesting import too_deep
 from hydro.core.threads import available
 from hydro.io.schema import storage_type
 
@@ -125,9 +126,11 @@ def from_json(text: bytes, source: str) -> Provenance:
     """
     try:
         record = msgspec.json.decode(text, type=Provenance)
+        if too_deep(msgspec.to_builtins(record)):
+            raise msgspec.ValidationError("nested too deeply")
         for _, node in lineage(record):
             _check_parameters(node.stage, node.parameters)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise DataError(
             f"{source}: its `hydro` footer cannot be read ({error}): write the file again"
         ) from error

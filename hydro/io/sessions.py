@@ -26,7 +26,7 @@ from hydro.core.logs.logmap import (
 )
 from hydro.io.files import shown
 from hydro.io.log import Log, column, numbers, refuse, require, stripped
-from hydro.io.readers.tables import TIME, Numbers, Table, Tables
+from hydro.io.readers.tables import CLOCKS, TIME, Numbers, Table, Tables
 
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
@@ -57,6 +57,10 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
     """The same of messages on one clock: each sensor in the rows of its own topics, read when wanted."""
     for where, name in named_columns(meaning):
         require(log, name, where)
+        if name in CLOCKS:
+            raise DataError(
+                f"{log.name}: {where} names {name}, which is the log's clock: name a measured column there"
+            )
     every = tables.times()
     if not len(every):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")

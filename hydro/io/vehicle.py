@@ -25,6 +25,7 @@ from hydro.core.vehicle.description import (
     called,
     catalogue_name,
     own_names,
+    require_names,
     told_apart,
 )
 from hydro.io import mistaken, toml
@@ -268,7 +269,7 @@ def _check_inertia(inertia: np.ndarray[Any, np.dtype[np.float64]]) -> None:
 
 
 def _check_names(vehicle: Vehicle) -> None:
-    """The vehicle has a name, and each thruster one of its own, by which findings tell it from the others."""
+    """Refuse a missing or forbidden name, and two thrusters of one name: findings tell them apart by it."""
     paths: dict[str, str] = {}
     if not vehicle.name.strip():
         raise DataError("name: empty: give the vehicle a name")
@@ -281,6 +282,7 @@ def _check_names(vehicle: Vehicle) -> None:
                 f"{path}: {shown(thruster.name)} is {paths[thruster.name]} too: give each its own name"
             )
         paths[thruster.name] = path
+    require_names(vehicle)
 
 
 def _check_repeated(vehicle: Vehicle) -> None:

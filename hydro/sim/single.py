@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 
 from hydro.core.errors import DataError
-from hydro.core.vehicle.description import Vehicle
+from hydro.core.vehicle.description import Vehicle, require_names
 from hydro.sim.bridge import mjcf, native
 from hydro.sim.bridge.water import PREFIX
 from hydro.sim.student import Physics
@@ -61,8 +61,9 @@ def text(vehicle: Vehicle, physics: Physics) -> str:
     """The model of a vehicle as MJCF.
 
     Raises:
-        DataError: The vehicle cannot be simulated.
+        DataError: The vehicle cannot be simulated, or a name is one that XML would change.
     """
+    require_names(vehicle)
     spec = _scene(vehicle, physics, None)
     model = spec.compile()
     root = ET.fromstring(spec.to_xml())

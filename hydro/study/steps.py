@@ -72,7 +72,7 @@ class Runner:
         if self._path.is_file():
             try:
                 self._ledger = json.loads(self._path.read_bytes())
-            except ValueError:
+            except (ValueError, RecursionError):
                 self._message(f"hydro: {self._path}: cannot be read: every step is run again")
 
     def run(self, steps: Sequence[Step], workers: int = 1) -> int:

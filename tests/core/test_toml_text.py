@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from hydro.io import toml, vehicle
 
 ROOT = Path(__file__).resolve().parents[2]
 VEHICLE = ROOT / "datasets" / "stonefish" / "vehicle.toml"
+MAP = ROOT / "datasets" / "logs" / "map.toml"
 DIGITS = "1" + "0" * 5000
 
 
@@ -51,6 +53,43 @@ def test_long_integers_are_told_in_one_short_line(
     for option in (["--noise", f"{{velocity={mass}}}"], ["--hide", f"payload={{mass={mass}}}"]):
         assert cli.main([*collect, *option]) in (0, 2)  # a float takes what an integer does not
         assert len(capsys.readouterr().err) < 400
+
+
+@pytest.mark.parametrize(
+    "deep",
+    [
+        ".".join(["a"] * 20_000) + " = 1",
+        ".".join(['"a b"'] * 20_000) + " = 1",
+        "[" + ".".join(["a"] * 20_000) + "]",
+        "[[" + " . ".join(["a"] * 20_000) + "]]",
+        "a = {" + ".".join(["a"] * 20_000) + " = 1}",
+        "a = {b = 1, " + ".".join(["a"] * 20_000) + " = 1}",
+        ".".join(["a"] * 40) + " = {" + ".".join(["a"] * 40) + " = 1}",
+        "a = " + "[" * 200 + "]" * 200,
+        "a = " + "[" * 20_000 + "]" * 20_000,
+        "a = " + "{a = " * 200 + "1" + "}" * 200,
+    ],
+)
+def test_what_is_nested_too_deeply_is_refused_at_once_and_in_one_line(
+    deep: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "file.toml"
+    for kind in (VEHICLE, MAP):
+        path.write_text(f"{deep}\n{kind.read_text()}")
+        began = time.process_time()
+        assert cli.main(["check", str(path)]) == 1
+        assert time.process_time() - began < 2.0
+        told = capsys.readouterr().err
+        assert told == f"hydro: {path}: nested more than 64 tables or lists deep: write a flatter file\n"
+    with pytest.raises(DataError, match="nested more than 64"):
+        toml_text.content(deep)
+
+
+def test_what_only_looks_nested_is_read() -> None:
+    assert toml_text.content(f"x = [{', '.join(['0.5'] * 200)}]")["x"] == [0.5] * 200
+    words = ".".join(["a"] * 200)
+    assert toml_text.content(f'x = "{words}" # {words} = 1') == {"x": words}
+    assert toml_text.content(".".join(["a"] * 60) + " = 1")
 
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])

@@ -200,6 +200,10 @@ def test_numbers_where_timestamps_are_said_to_be():
         ('"x", "y", "z"]', '"x", "y", 3]', "position.columns[2]: expected str | object, got int"),
         ('"u", "v", "w"]', '"u", "v", {column = "w", scale = 0.0}]',
          "velocity.columns[2].scale: must be finite and"),
+        ('"x", "y", "z"]', '"x", "y", "x"]', "position: column x is named twice: name another for each axis"),
+        ('"x", "y", "z"]', '"x", "y"]\ndepth = "y"', "position: column y is named twice"),
+        ('"phi", "theta", "psi"]', '"psi", "theta", {column = "psi", scale = 2.0}]',
+         "attitude: column psi is named twice"),
         ('"u", "v", "w"]', '"u", "v", {column = "w", sign = -1}]', "velocity.columns[2].sign: unknown key"),
         ('"u", "v", "w"]', '"u", "v"]', "velocity.columns: expected 3 columns, got 2"),
         ('"p", "q", "r"]', '"p", "q", "r"]\nunit = "rpm"', "rates.unit: expected rad/s or deg/s, got rpm"),
@@ -244,6 +248,20 @@ def test_a_draft_is_a_map_that_says_what_was_guessed(tmp_path):
     assert found == logmap.from_guess(blocks, names) or found.session.name == "log"
     assert found.attitude == logmap.from_guess(blocks, names).attitude
     assert (found.time.unit, found.commands.unit) == ("ms", "pwm")
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("log; touch x.csv", "# How `hydro import 'log; touch x.csv' --map THIS` reads that log."),
+        ("a\nb", "# How `hydro import 'a\\nb' --map THIS` reads that log."),
+    ],
+)
+def test_the_command_in_a_draft_names_any_file_as_one_word(name, line):
+    names = ["time_ms", "roll_deg", "a\nevil = 1"]
+    text = mapdraft.draft(guess(names), names, name)
+    assert line in text.splitlines()
+    assert "evil = 1" not in text.splitlines()
 
 
 def test_a_draft_of_unknown_names_is_still_a_map_with_blanks():

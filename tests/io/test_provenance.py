@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -138,6 +139,25 @@ def test_a_record_that_cannot_be_read(text: bytes) -> None:
     with pytest.raises(DataError, match="its `hydro` footer cannot be read") as caught:
         from_json(text, "x.parquet")
     assert str(caught.value).startswith("x.parquet: ")
+    assert "\n" not in str(caught.value)
+
+
+def deep_parameters(levels: int) -> str:
+    inner = '{"a": ' * levels + "1" + "}" * levels
+    return f'{{"kind": "raw", "schema": "s", "content": "c", "parameters": {inner}}}'
+
+
+def deep_lineage(levels: int) -> str:
+    inner = '{"kind": "raw", "content": "c", "inputs": [' * levels + "]}" * levels
+    return f'{{"kind": "raw", "schema": "s", "content": "c", "inputs": [{inner}]}}'
+
+
+@pytest.mark.parametrize("levels", [100, 300, 20_000])
+@pytest.mark.parametrize("text", [deep_parameters, deep_lineage])
+def test_a_record_that_is_nested_too_deeply_is_one_line(text: Callable[[int], str], levels: int) -> None:
+    assert from_json(text(5).encode(), "x").kind == "raw"
+    with pytest.raises(DataError, match=r"x.parquet: its `hydro` footer cannot be read \(.*\)") as caught:
+        from_json(text(levels).encode(), "x.parquet")
     assert "\n" not in str(caught.value)
 
 

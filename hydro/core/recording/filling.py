@@ -87,7 +87,7 @@ def _width(dt: float) -> int:
 def _slope(values: Array, dt: float) -> Array:
     """Derivative of (n, k) along its rows, through local cubics."""
     width = min(_width(dt), (len(values) - 1) // 2 * 2 + 1)
-    if width < 5:
+    if width < 5 or not values.size:  # scipy refuses an array without columns
         return np.zeros_like(values)
     slope: Array = savgol_filter(values, width, 3, deriv=1, delta=dt, axis=0)
     return slope

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from hydro.core.thrust_curves.curve import Curve
+from hydro.core.vehicle import names
 
 Vector3 = tuple[float, float, float]
 Vector6 = tuple[float, float, float, float, float, float]
@@ -20,6 +21,8 @@ Matrix3 = tuple[Vector3, Vector3, Vector3]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 DeadBand = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+Name = Annotated[str, msgspec.Meta(extra_json_schema={"pattern": names.PATTERN})]
+"""A name by the rule of `vehicle.names`, which `io.vehicle` checks: its error line is the better one."""
 
 APART = ":"
 """Between the name of an effect in the catalogue and its label, or its number among those of that name."""
@@ -86,7 +89,7 @@ class Thruster(_Part, frozen=True):
     the file obeys.  Such a command has a name alone.
     """
 
-    name: str
+    name: Name
     max_thrust: Positive | None = None
     max_reverse_thrust: Positive | None = None
     position: Vector3 | None = None
@@ -112,7 +115,7 @@ class Vehicle(_Part, frozen=True):
     In memory several effects of one name are told apart, see `told_apart`.
     """
 
-    name: str
+    name: Name
     rigid_body: RigidBody
     buoyancy: Buoyancy
     hull: Hull
@@ -134,6 +137,16 @@ class Vehicle(_Part, frozen=True):
         """The vehicle without the effects called `name`."""
         kept = tuple(entry for entry in self.effect if name not in called(entry))
         return msgspec.structs.replace(self, effect=kept)
+
+
+def require_names(vehicle: Vehicle) -> None:
+    """Refuse a vehicle or a thruster whose name breaks the rule of `vehicle.names`.
+
+    Raises:
+        DataError: The line begins with the path in the vehicle file.
+    """
+    thrusters = {f"thruster[{index}].name": one.name for index, one in enumerate(vehicle.thruster)}
+    names.require({"name": vehicle.name, **thrusters})
 
 
 def catalogue_name(name: str) -> str:

@@ -75,7 +75,7 @@ def config_of(run: Artefact) -> TrainingConfig:
         raise DataError(f"run: not a training of this version, for its {strange[0]}: train again")
     try:
         return _config(choices)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise DataError(f"run: not a training of this version ({error}): train again") from error
 
 
@@ -97,7 +97,7 @@ def changed(config: TrainingConfig, choices: Mapping[str, str]) -> TrainingConfi
         raise UsageError(f"no choice is called {unknown[0]!r}: choose one of {', '.join(meant)}")
     try:
         return _config(known | choices)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         names = ", ".join(f"{name}={value}" for name, value in choices.items())
         raise UsageError(f"{names}: not a value for this choice ({error})") from error
 

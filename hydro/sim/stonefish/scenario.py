@@ -29,7 +29,7 @@ from hydro.core.effects.catalogue import Entry, current, entries, inertia_matrix
 from hydro.core.effects.program import constants
 from hydro.core.errors import DataError
 from hydro.core.simulation.velocity_laws import Law, law
-from hydro.core.vehicle.description import RigidBody, Thruster, Vehicle
+from hydro.core.vehicle.description import RigidBody, Thruster, Vehicle, require_names
 from hydro.core.vehicle.frames import euler_from_rotation, skew
 from hydro.core.vehicle.rigid_body import mass_matrix
 from hydro.core.vehicle.thrusters import (
@@ -125,8 +125,10 @@ def scenario(vehicle: Vehicle, mesh: tuple[Array, NDArray[np.int64]]) -> Scenari
         mesh: Vertices (V, 3) [m], FRD about CO, and faces (F, 3) of its hull, closed and outward.
 
     Raises:
-        DataError: An effect or a thruster that Stonefish has no place for, by its path in the vehicle file.
+        DataError: An effect or a thruster that Stonefish has no place for, or a name that may not be, by its
+            path in the vehicle file.
     """
+    require_names(vehicle)
     listed = [entry for entry in entries(vehicle) if entry.effect.name not in REPLACED]
     laws = _laws(vehicle, listed)
     body = _loaded(vehicle, listed)

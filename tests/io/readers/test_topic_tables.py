@@ -118,6 +118,15 @@ def test_topics_in_rows_of_their_own_import_as_one_table_of_all(name):
         assert frame.equals(expected)
 
 
+@pytest.mark.parametrize("clock", ["time", "receive_time"])
+def test_a_map_that_takes_the_clock_for_a_measurement_is_told(clock):
+    name, text = next(iter(MAPS.items()))
+    column = logmap.parse(text).commands.columns[0]
+    frame, lines = told(read(stream(40.0)), text.replace(f'"{column}"', f'"{clock}"'))
+    assert frame is None, name
+    assert lines == [f"dive: commands names {clock}, which is the log's clock: name a measured column there"]
+
+
 def test_a_log_is_resampled_in_pieces_as_at_once(monkeypatch):
     source = read(stream(40.0))
     whole = told(source, MAPS["voltage"])

@@ -1,0 +1,278 @@
+"""Cache of compiled kernels on disk: where it is, whose it may be, and what happens when a file is damaged.
+
+Numba's cache files are pickles, which run code when they are loaded.  They are therefore read only from
+folders and files that nobody but the user and root can write to.  The cache only saves time, so no fault of
+it ends a command: kernels are then compiled again, and one line names the folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import pickle
+import stat
+import tempfile
+import warnings
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import caching
+
+from hydro.core.errors import HydroWarning
+
+ELSEWHERE = "name another folder in HYDRO_CACHE_DIR"
+_MARK = b"hydro-kernel/1 "
+_HEAD = len(_MARK) + 4
+"""Bytes before the content of a cache file: the mark and the CRC-32 of the content."""
+_WRITABLE = stat.S_IWGRP | stat.S_IWOTH
+_Locator: Any = getattr(caching, "UserProvidedCacheLocator", None) or caching._UserProvidedCacheLocator
+"""Numba's locator for a folder that the user names; it lost its underscore in version 0.62."""
+
+
+@functools.cache
+def folder(name: str) -> Path | None:
+    """Return a folder that only the user can write to, and make it where it is missing.
+
+    The first choice is `HYDRO_CACHE_DIR`, or `hydro` in the user's cache folder.  The second is a folder of
+    the user's in the folder for temporary files.  A warning says why the first one is not used.
+
+    Args:
+        name: Last part of the path.
+
+    Returns:
+        The folder; None where there is no such place.
+    """
+    try:
+        base = _base()
+    except RuntimeError:  # neither HOME nor an entry in the user database, as in some containers
+        where, why = "kernel cache", "there is no home folder"
+    else:
+        where, why = _first_fault(base, base / "hydro", base / "hydro" / name)
+        if not why:
+            return base / "hydro" / name
+    for other in _temporary():
+        if not (_fault_in(other, private=True) or _fault_in(other / name, private=True)):
+            _warn(f"{where}: {why}, so compiled kernels are kept in {other}: {ELSEWHERE} to change that")
+            return other / name
+    _warn(f"{where}: {why}, so kernels are compiled in every run: {ELSEWHERE}")
+    return None
+
+
+def _base() -> Path:
+    """Return the folder of caches that the environment names, else the user's own.
+
+    Raises:
+        RuntimeError: The user has no home folder.
+    """
+    if chosen := os.environ.get("HYDRO_CACHE_DIR"):
+        return Path(chosen)
+    shared = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(shared) if Path(shared).is_absolute() else Path("~/.cache").expanduser()
+
+
+def _temporary() -> list[Path]:
+    """Return the user's own folder among the temporary files, if there is a place for those."""
+    try:
+        return [
+            Path(tempfile.gettempdir()) / (f"hydro-{os.geteuid()}" if hasattr(os, "geteuid") else "hydro")
+        ]
+    except FileNotFoundError:
+        return []
+
+
+def _first_fault(base: Path, ours: Path, kernels: Path) -> tuple[str, str]:
+    """Return the first of three nested folders that is not to be trusted, and why; two '' if all are."""
+    if why := _fault_above(base):
+        return str(base), why
+    if why := _fault_in(ours, mend=True):
+        return str(ours), why
+    why = _fault_in(kernels)
+    return str(kernels) if why else "", why
+
+
+def _fault_above(place: Path) -> str:
+    """Return why folders cannot safely be made in `place`, which is made where it is missing; else ''."""
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        mode = place.stat().st_mode
+    except OSError as error:
+        return _reason(error)
+    return "others can replace it" if mode & stat.S_IWOTH and not mode & stat.S_ISVTX else ""
+
+
+def _fault_in(place: Path, *, mend: bool = False, private: bool = False) -> str:
+    """Return why a folder, which is made where it is missing, is not to be trusted; else ''.
+
+    Args:
+        place: The folder.
+        mend: Take the right to write from others instead of refusing: for a folder whose parts are tested.
+        private: Refuse links, folders of root, and any right of others.
+    """
+    try:
+        with contextlib.suppress(FileExistsError):
+            place.mkdir(mode=0o700)
+        link, found = place.lstat(), place.stat()
+        if not stat.S_ISDIR(found.st_mode) or (private and stat.S_ISLNK(link.st_mode)):
+            return "it is no folder"
+        if not hasattr(os, "geteuid"):
+            return ""
+        own = os.geteuid()
+        trusted = {own} if private else {own, 0}
+        if not {link.st_uid, found.st_uid} <= trusted:
+            return "it belongs to another user"
+        if found.st_mode & (0o077 if private else _WRITABLE):
+            if not (mend and found.st_uid == own):
+                return "others can write to it"
+            place.chmod(stat.S_IMODE(found.st_mode) & ~_WRITABLE)
+    except OSError as error:
+        return _reason(error)
+    return ""
+
+
+def _reason(error: OSError) -> str:
+    """Return what the operating system says, in lower case."""
+    return (error.strerror or str(error)).lower()
+
+
+def _warn(line: str) -> None:
+    warnings.warn(line, HydroWarning, stacklevel=3)
+
+
+class _Saving:
+    """Whether this process still tries to write to the cache: after one failure it does not."""
+
+    works = True
+
+
+def _fails(place: object, error: OSError) -> None:
+    """Say once that nothing can be written, and write no more."""
+    if _Saving.works:
+        _Saving.works = False
+        _warn(f"{place}: compiled kernels cannot be kept ({_reason(error)}): make room, or {ELSEWHERE}")
+
+
+@functools.cache
+def _tell_damage(place: str) -> None:
+    """Say once for each folder that a file in it was not used."""
+    _warn(f"{place}: damaged or foreign compiled kernels are compiled again; remove the folder if this stays")
+
+
+class _Files(caching.IndexDataCacheFile):  # type: ignore[misc]
+    """Numba's index and data files with a checksum, read only where nobody else could have written them."""
+
+    def _load_index(self) -> dict[Any, str]:
+        content = self._content(self._index_path)
+        if content is None:
+            return {}
+        version, stamp, overloads = pickle.loads(content)
+        return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        self._write(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
+
+    def _load_data(self, name: str) -> Any:
+        content = self._content(self._data_path(name))
+        if content is None:
+            raise FileNotFoundError(name)  # `load` takes it for a file that is gone
+        return pickle.loads(content)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), self._dump(data))
+
+    def _content(self, path: str) -> bytes | None:
+        """Return the content of a file; None where there is none to be trusted."""
+        try:
+            with open(path, "rb") as file:
+                status, whole = os.fstat(file.fileno()), file.read()
+        except OSError:
+            return None
+        content = whole[_HEAD:]
+        foreign = hasattr(os, "geteuid") and (
+            status.st_uid not in (os.geteuid(), 0) or status.st_mode & _WRITABLE
+        )
+        if foreign or whole[:_HEAD] != _MARK + zlib.crc32(content).to_bytes(4, "little"):
+            _tell_damage(str(Path(path).parents[1]))
+            return None
+        return content
+
+    def _write(self, path: str, content: bytes) -> None:
+        with self._open_for_write(path) as file:
+            if hasattr(os, "fchmod"):
+                os.fchmod(file.fileno(), 0o600)  # the umask may leave a group the right to write
+            file.write(_MARK + zlib.crc32(content).to_bytes(4, "little") + content)
+
+
+class _Place(_Locator):  # type: ignore[misc]
+    """The folder of a function's cache, without numba's test of whether it can be written to."""
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Place | None:
+        return cls(py_func, py_file) if os.path.exists(py_file) else None
+
+    def ensure_cache_path(self) -> None:
+        place = Path(self.get_cache_path())
+        if fault := _fault_in(place):
+            raise PermissionError(None, fault)
+
+
+class _Compiled(caching.CompileResultCacheImpl):  # type: ignore[misc]
+    """Numba's form of a compiled function, kept in the folder above alone."""
+
+    _locator_classes = (_Place,)
+
+
+class KernelCache(caching.FunctionCache):  # type: ignore[misc]
+    """Cache of one function, which a fault makes slower and never fail.
+
+    Args:
+        function: The function.
+        place: The folder, as `folder` gives it.
+
+    Raises:
+        RuntimeError: The function stands in no file.
+    """
+
+    _impl_class = _Compiled
+
+    def __init__(self, function: Callable[..., Any], place: Path) -> None:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(place)
+        try:
+            super().__init__(function)
+        finally:
+            numba.config.CACHE_DIR = before
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file: Any = _Files(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function of a signature; None where it has to be compiled."""
+        try:
+            if _fault_in_existing(self._cache_path):
+                return None
+            return super().load_overload(sig, target_context)
+        except Exception:  # whatever numba makes of a file that it did not write
+            _tell_damage(str(Path(self._cache_path).parent))
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function, if the disk allows."""
+        if not _Saving.works:
+            return
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _fails(Path(self._cache_path).parent, error)
+
+
+@functools.cache
+def _fault_in_existing(place: str) -> str:
+    """Return why a folder with cache files is not to be trusted; '' where it is, or is not there yet."""
+    if not os.path.isdir(place):
+        return ""
+    if fault := _fault_in(Path(place)):
+        _tell_damage(str(Path(place).parent))
+    return fault

@@ -1,0 +1,290 @@
+"""The cache of compiled kernels costs no result: damaged files, full disks, folders of other people."""
+
+from __future__ import annotations
+
+import errno
+import importlib.util
+import os
+import pickle
+import pwd
+import stat
+import subprocess
+import sys
+import tempfile
+import warnings
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from hydro.core import kernel_cache
+from hydro.core.errors import HydroWarning
+from hydro.core.kernel_cache import KernelCache
+
+ROOT = Path(__file__).resolve().parents[2]
+NAME = "kernels-of-a-test"
+
+
+@pytest.fixture(autouse=True)
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A cache and a folder for temporary files of the test's own."""
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("HYDRO_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setattr(kernel_cache._Saving, "works", True)
+    kernel_cache.folder.cache_clear()
+    yield tmp_path
+    kernel_cache.folder.cache_clear()
+
+
+@pytest.fixture
+def module(tmp_path: Path) -> ModuleType:
+    """A module with a function to compile."""
+    (tmp_path / "made.py").write_text("def twice(x):\n    return 2.0 * x\n")
+    spec = importlib.util.spec_from_file_location("made", tmp_path / "made.py")
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def compiled(module: ModuleType, place: Path) -> tuple[float, int, list[str]]:
+    """What the function makes of 3, how often that was loaded from the cache, and what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        kernel_cache._fault_in_existing.cache_clear()
+        kernel_cache._tell_damage.cache_clear()
+        dispatcher = numba.njit(module.twice)
+        dispatcher._cache = KernelCache(module.twice, place)
+        value = dispatcher(3.0)
+    assert all(issubclass(one.category, HydroWarning) for one in caught)
+    lines = [str(one.message) for one in caught]
+    assert not [line for line in lines if "\n" in line]
+    return value, sum(dispatcher.stats.cache_hits.values()), lines
+
+
+def found(name: str = NAME) -> tuple[Path | None, list[str]]:
+    """The folder for kernels, and what was warned of."""
+    kernel_cache.folder.cache_clear()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        place = kernel_cache.folder(name)
+    return place, [str(one.message) for one in caught]
+
+
+def test_a_kernel_is_kept_where_nobody_else_can_write(module: ModuleType) -> None:
+    place, lines = found()
+    assert place is not None
+    assert lines == []
+    before = os.umask(0)
+    try:
+        assert compiled(module, place) == (6.0, 0, [])
+    finally:
+        os.umask(before)
+    assert compiled(module, place) == (6.0, 1, [])
+    for path in (place.parent, place, *place.rglob("*")):
+        assert stat.S_IMODE(path.stat().st_mode) == (0o700 if path.is_dir() else 0o600)
+
+
+def cut(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def emptied(content: bytes) -> bytes:
+    return b""
+
+
+def garbage(content: bytes) -> bytes:
+    return np.random.default_rng(0).bytes(3000)
+
+
+def flipped(content: bytes) -> bytes:
+    return content[:-200] + bytes([content[-200] ^ 1]) + content[-199:]
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [cut, emptied, garbage, flipped])
+def test_a_damaged_file_is_compiled_again_and_told_with_its_folder(
+    damage: Callable[[bytes], bytes], suffix: str, module: ModuleType
+) -> None:
+    place, _ = found()
+    assert place is not None
+    compiled(module, place)
+    (path,) = place.rglob(f"*.{suffix}")
+    path.write_bytes(damage(path.read_bytes()))
+    value, hits, (line,) = compiled(module, place)
+    assert (value, hits) == (6.0, 0)
+    assert line.startswith(f"{place}: damaged or foreign compiled kernels are compiled again")
+    assert compiled(module, place) == (6.0, 1, [])
+
+
+def test_what_numba_cannot_load_is_compiled_again(
+    module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, _ = found()
+    assert place is not None
+    compiled(module, place)
+
+    def broken(*arguments: Any) -> None:
+        raise AttributeError("of another version")
+
+    monkeypatch.setattr(kernel_cache._Compiled, "rebuild", broken)
+    value, hits, (line,) = compiled(module, place)
+    assert (value, hits) == (6.0, 0)
+    assert line.startswith(f"{place}: ")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES])
+def test_a_disk_that_takes_nothing_is_told_once(
+    code: int, module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, _ = found()
+    assert place is not None
+    tried = []
+
+    def refuse(self: Any, path: str) -> None:
+        tried.append(path)
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(kernel_cache._Files, "_open_for_write", refuse)
+    value, _, (line,) = compiled(module, place)
+    assert value == 6.0
+    assert line == (
+        f"{place}: compiled kernels cannot be kept ({os.strerror(code).lower()}): make room, or name another "
+        "folder in HYDRO_CACHE_DIR"
+    )
+    assert compiled(module, place) == (6.0, 0, [])
+    assert len(tried) == 1
+
+
+def test_without_a_home_folder_the_cache_is_a_private_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unknown(number: int) -> None:
+        raise KeyError(number)
+
+    for name in ("HYDRO_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    place, (line,) = found()
+    assert place == tmp_path / "tmp" / f"hydro-{os.geteuid()}" / NAME
+    assert stat.S_IMODE(place.stat().st_mode) == 0o700
+    assert "there is no home folder" in line
+    assert str(place.parent) in line
+
+
+def test_a_command_needs_neither_a_home_folder_nor_a_known_user(tmp_path: Path) -> None:
+    program = (
+        "import pwd, sys\n"
+        "def unknown(number): raise KeyError(number)\n"
+        "pwd.getpwuid = unknown\n"
+        "from hydro import cli\n"
+        "sys.exit(cli.main(sys.argv[1:]))\n"
+    )
+    vehicle = str(ROOT / "datasets" / "vehicles" / "auv151.toml")
+    line = [sys.executable, "-c", program, "check", vehicle]
+    environment = {"PATH": os.defpath, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)}
+    done = subprocess.run(line, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("hydro: warning: kernel cache: there is no home folder")
+
+
+def test_an_empty_name_of_a_cache_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HYDRO_CACHE_DIR")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("", "relative"):
+        monkeypatch.setenv("XDG_CACHE_HOME", name)
+        assert found() == (tmp_path / ".cache" / "hydro" / NAME, [])
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o720, 0o702, 0o777])
+def test_a_folder_that_others_can_write_to_is_not_loaded_from(
+    mode: int, tmp_path: Path, module: ModuleType
+) -> None:
+    place, _ = found()
+    assert place is not None
+    compiled(module, place)
+    place.chmod(mode)
+    other, (line,) = found()
+    assert other == tmp_path / "tmp" / f"hydro-{os.geteuid()}" / NAME
+    assert line.startswith(f"{place}: others can write to it, so compiled kernels are kept in {other.parent}")
+    assert compiled(module, other) == (6.0, 0, [])
+
+
+def test_rights_of_others_above_the_kernels_are_taken_back() -> None:
+    place, _ = found()
+    assert place is not None
+    place.parent.chmod(0o775)
+    assert found() == (place, [])
+    assert stat.S_IMODE(place.parent.stat().st_mode) == 0o755
+
+
+def test_a_folder_in_which_anybody_can_replace_ours_is_not_used(tmp_path: Path) -> None:
+    place, _ = found()
+    assert place is not None
+    place.parents[1].chmod(0o777)
+    other, (line,) = found()
+    assert other is not None
+    assert other.is_relative_to(tmp_path / "tmp")
+    assert line.startswith(f"{place.parents[1]}: others can replace it")
+    place.parents[1].chmod(0o1777)
+    assert found() == (place, [])
+
+
+def test_a_folder_of_another_user_is_not_loaded_from(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    place, _ = found()
+    assert place is not None
+    if os.geteuid() == 0:
+        os.chown(place, 1234, -1)
+        other, (line,) = found()
+        assert other == tmp_path / "tmp" / "hydro-0" / NAME
+        assert line.startswith(f"{place}: it belongs to another user, so compiled kernels are kept in")
+        return
+    own = os.geteuid()  # who is not root cannot give files away, but can seem to be another user
+    monkeypatch.setattr(os, "geteuid", lambda: own + 1)
+    nowhere, (line,) = found()
+    assert nowhere is None
+    assert line.startswith(
+        f"{place.parent}: it belongs to another user, so kernels are compiled in every run"
+    )
+
+
+def test_code_in_a_file_of_others_is_not_run(tmp_path: Path, module: ModuleType) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+            return (tmp_path / "sprung").touch, ()
+
+    place, _ = found()
+    assert place is not None
+    compiled(module, place)
+    (path,) = place.rglob("*.nbi")
+    content = pickle.dumps(Trap())
+    path.write_bytes(kernel_cache._MARK + zlib.crc32(content).to_bytes(4, "little") + content)
+    path.chmod(0o666)
+    value, hits, (line,) = compiled(module, place)
+    assert (value, hits) == (6.0, 0)
+    assert line.startswith(f"{place}: damaged or foreign")
+    assert not (tmp_path / "sprung").exists()
+    path.parent.chmod(0o777)
+    assert compiled(module, place)[:2] == (6.0, 0)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_a_link_among_the_temporary_files_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "aim").mkdir(mode=0o700)
+    (tmp_path / "tmp" / f"hydro-{os.geteuid()}").symlink_to(tmp_path / "aim")
+    monkeypatch.setenv("HYDRO_CACHE_DIR", str(tmp_path / "made.py"))
+    (tmp_path / "made.py").touch()
+    nowhere, (line,) = found()
+    assert nowhere is None
+    assert "kernels are compiled in every run" in line
+    assert not any((tmp_path / "aim").iterdir())
