@@ -8,7 +8,7 @@ import json
 import os
 import random
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -97,10 +97,12 @@ class Known:
             }
             for what in ("sound", "broken")
         )
+        self.took: dict[str, dict[str, float]] = kept.get("took", {})
 
-    def passed(self, way: str, tests: Iterable[str]) -> None:
-        """Note tests that pass, with or without a change."""
-        self.sound.setdefault(way, set()).update(tests)
+    def passed(self, way: str, took: Mapping[str, float]) -> None:
+        """Note tests that pass, with or without a change, and how long they took."""
+        self.sound.setdefault(way, set()).update(took)
+        self.took.setdefault(PYTHON if way else "", {}).update(took)
 
     def failed(self, way: str, test: str, slow: bool) -> None:
         """Note a test that fails without a change; one that is too slow as Python is so whatever changes."""
@@ -115,7 +117,7 @@ class Known:
         """Write the file."""
         both = {"sound": self.sound, "broken": self.broken}
         text = {what: {way: sorted(tests) for way, tests in ways.items()} for what, ways in both.items()}
-        self.path.write_text(json.dumps(text | {"files": self.files}))
+        self.path.write_text(json.dumps({**text, "files": self.files, "took": self.took}))
 
 
 @dataclass
@@ -144,6 +146,7 @@ class Tester:
         files = [str(path) for path in self.tree.tests.nearest(self.tree.nodes(change))]
         mode = "interpreted" if plan.interpreted else "compiled" if plan.affected else "plain"
         way = " ".join(sorted(plan.affected)) if plan.interpreted else ""
+        plan = replace(plan, took=self.known.took.get(PYTHON if way else "", {}))
         seconds, status, by, ran = 0.0, "alive" if files else "untested", "", set[str]()
         for _ in range(RETRIES if files else 0):
             with self.tree.holding(change):

@@ -13,7 +13,7 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -38,6 +38,8 @@ LIBRARIES = (
 thread."""
 PER_TEST = 20.0
 """Processor time of one test, compilation aside, after which it hangs [s]; tests marked slow are left out."""
+LONG = 0.1
+"""Share of a mutant's time from which a test waits until all shorter ones of the near files have run."""
 SHORT = 0.25
 """Share of a mutant's time that its last test is allowed at least."""
 COMPILING = 240.0
@@ -58,14 +60,14 @@ class Outcome:
         status: `passed`, `failed`, `hung` or `crashed`.
         by: The test that failed, hung, or ran last.
         allowed: Processor time that the last test was allowed [s].
-        passed: Tests that passed.
+        passed: Tests that passed, and the processor time of each [s].
         seconds: Processor time, of children too [s].
     """
 
     status: str
     by: str = ""
     allowed: float = PER_TEST
-    passed: list[str] = field(default_factory=list)
+    passed: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
 
 
@@ -80,6 +82,7 @@ class Plan:
         interpreted: Whether those run as Python.
         seconds: Processor time after which no further test begins [s].
         per_test: Processor time after which a test hangs [s].
+        took: Processor time of tests as far as it is known [s]: those that take LONG come last.
     """
 
     tree: Path
@@ -88,6 +91,7 @@ class Plan:
     interpreted: bool
     seconds: float
     per_test: float = PER_TEST
+    took: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def most(self) -> float:
@@ -123,7 +127,7 @@ def run(plan: Plan, files: Sequence[str], skipped: Sequence[str] = ()) -> Outcom
         outcome.by = test or outcome.by
         outcome.allowed = said["allowed"]
         if what == "passed":
-            outcome.passed.append(test)
+            outcome.passed[test] = said["took"]
         elif what == "done":
             outcome.status, outcome.by = "passed", ""
         elif what != "began":
@@ -230,10 +234,14 @@ def _tests(watch: _Watch, files: Sequence[str], skipped: Sequence[str]) -> None:
     options += ["-W", "ignore::RuntimeWarning"] if watch.lenient else []
     options += [f"--deselect={test}" for test in skipped]
     kept = [file for file in files if file not in skipped]
-    begin, size = 0, FIRST_BATCH
-    while begin < len(kept) and not watch.stopped:
-        pytest.main([*options, *kept[begin : begin + size]], plugins=[watch])
-        begin, size = begin + size, 2 * size
+    long = {test for test, took in watch.took.items() if took > LONG * watch.seconds}
+    for watch.long in (False, True):
+        if watch.long:
+            kept = [file for file in kept if any(test.startswith(file) for test in long)]
+        begin, size = 0, FIRST_BATCH
+        while begin < len(kept) and not watch.stopped:
+            pytest.main([*options, *kept[begin : begin + size]], plugins=[watch])
+            begin, size = begin + size, 2 * size
     if not watch.failed:
         watch.say("done", "")
 
@@ -243,13 +251,14 @@ class _Watch:
 
     def __init__(self, plan: Plan, writing: int) -> None:
         self.seconds, self.per_test, self.lenient = plan.seconds, plan.per_test, plan.interpreted
-        self.writing = writing
-        self.failed = self.stopped = False
+        self.writing, self.took = writing, plan.took
+        self.failed = self.stopped = self.long = False
         self.test, self.began, self.allowed, self.compiling = "", 0.0, self.per_test, _Clock()
         signal.signal(signal.SIGPROF, self._alarm)
 
     def say(self, what: str, test: str) -> None:
-        told = {"what": what, "test": test, "allowed": self.allowed}
+        took = self._used() - self.began
+        told = {"what": what, "test": test, "allowed": self.allowed, "took": round(took, 2)}
         os.write(self.writing, json.dumps(told).encode() + b"\n")
 
     def _used(self) -> float:
@@ -264,6 +273,19 @@ class _Watch:
             self.say("hung", self.test)
             os._exit(3)
         signal.setitimer(signal.ITIMER_PROF, left + 0.1)
+
+    def pytest_collection_modifyitems(self, config: Any, items: list[Any]) -> None:
+        """Keep the tests of this round, the quicker ones of each file first."""
+        limit = LONG * self.seconds
+        files = list(dict.fromkeys(item.nodeid.partition("::")[0] for item in items))
+        order = {file: place for place, file in enumerate(files)}
+
+        def key(item: Any) -> tuple[int, float]:
+            return order[item.nodeid.partition("::")[0]], self.took.get(item.nodeid, 0.0)
+
+        kept = [item for item in items if (self.took.get(item.nodeid, 0.0) > limit) == self.long]
+        config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        items[:] = sorted(kept, key=key)
 
     def pytest_runtest_logstart(self, nodeid: str, location: object) -> None:
         self.test, self.began = nodeid, self._used()
