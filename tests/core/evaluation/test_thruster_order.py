@@ -14,7 +14,8 @@ from scipy.optimize import lsq_linear
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.log_faults import in_order, preprocess
-from hydro.core.evaluation.thruster_order import THRUSTS, Wiring, _told, _within_bounds, rewired
+from hydro.core.evaluation.thruster_order import THRUSTS, Wiring, _summed, _told, _within_bounds, rewired
+from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 
@@ -52,6 +53,15 @@ def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
     raw = noisy(moved(damped(*beside), rows=2500, seed=1))
     assert rewired(damped(), recording(damped(), raw)) is None
     assert preprocess(damped(), raw).wiring is None
+
+
+def test_windows_answer_to_accelerations_by_their_test_function(log):
+    windows = Windows.of(recording(damped(), log), most=9)
+    accelerations = np.random.default_rng(0).standard_normal((log.height, 6))
+    summed = _summed(windows, accelerations)
+    assert len(summed) == 9
+    for answer, start in zip(summed, windows.rows[windows.starts], strict=True):
+        np.testing.assert_allclose(answer, windows.test @ accelerations[start : start + windows.test.size])
 
 
 def test_values_at_their_bounds_may_be_otherwise(log):
