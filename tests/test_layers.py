@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections import Counter
 from collections.abc import Callable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -66,10 +65,6 @@ LEVELS = {
     "hydro.rl": (("gpu",), ("training",), ("environment",), ("tasks",), ("world",)),
 }
 """Packages and modules of a layer, topmost first: each may import what stands below its own line."""
-MOST_MODULES = 15
-"""In a package of core: more than that, and nobody finds anything."""
-MOST_EFFECTS = 23
-"""In `effects`, where every family of effects is one file."""
 ONLY_IN = {
     "torch": {"learn", "rl", "io/model.py", "export/onnx_network.py"},
     "torchrl": {"rl"},
@@ -177,12 +172,6 @@ def package(name: str) -> str:
     return folder if "." in folder else name
 
 
-def sizes(folder: Path) -> Counter[str]:
-    """Modules in every package under a folder, `__init__` aside."""
-    modules = (path for path in folder.rglob("*.py") if path.name != "__init__.py")
-    return Counter(path.parent.relative_to(folder.parent).as_posix() for path in modules)
-
-
 @pytest.fixture(scope="module")
 def modules() -> Graph:
     return graph(ROOT, "hydro", "benchmarks")
@@ -256,14 +245,6 @@ def test_no_test_imports_another() -> None:
     for path in (ROOT / "tests").rglob("*.py"):
         names = imported(ast.parse(path.read_text()))
         assert not [name for name in names if tests & set(name.split("."))], path
-
-
-def test_packages_of_core_are_small() -> None:
-    counted = sizes(PACKAGE / "core")
-    print(*(f"{count:3d} {name}" for name, count in counted.most_common()), sep="\n")
-    assert counted
-    assert counted.pop("core/effects") <= MOST_EFFECTS
-    assert {name: count for name, count in counted.items() if count > MOST_MODULES} == {}
 
 
 def test_libraries_stay_where_they_belong(trees: dict[Path, ast.Module]) -> None:
