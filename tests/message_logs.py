@@ -76,6 +76,20 @@ columns = ["ATTITUDE.rollspeed", "ATTITUDE.pitchspeed", "ATTITUDE.yawspeed"]
 columns = ["SERVO_OUTPUT_RAW.servo1_raw", "SERVO_OUTPUT_RAW.servo2_raw"]
 unit = "pwm"
 """
+ULOG_MAP = """
+[time]
+column = "time"
+[position]
+columns = ["vehicle_local_position.x", "vehicle_local_position.y", "vehicle_local_position.z"]
+[attitude]
+quaternion = ["vehicle_attitude.q[0]", "vehicle_attitude.q[1]", "vehicle_attitude.q[2]",
+              "vehicle_attitude.q[3]"]
+[rates]
+columns = ["vehicle_angular_velocity.xyz[0]", "vehicle_angular_velocity.xyz[1]",
+           "vehicle_angular_velocity.xyz[2]"]
+[commands]
+columns = ["actuator_motors.control[0]", "actuator_motors.control[1]"]
+"""
 ARRAYS_MAP = """
 [time]
 column = "t"
@@ -333,6 +347,69 @@ def tlog(raw: pl.DataFrame, path: Path, begun_ms: int = 60_000) -> Path:
     return path
 
 
+def dataflash_text(raw: pl.DataFrame, path: Path) -> Path:
+    """The same log as the text that Mission Planner makes of it."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    for name, (number, form, columns) in FORMATS.items():
+        lines.append(f"FMT, {number}, 50, {name}, {form}, {columns}")
+    lines.append("MSG, 0, ArduSub V4.1")
+    for row, drive in zip(raw.iter_rows(named=True), pulses(raw), strict=True):
+        us = round(row["t"] * 1e6) + 5_000_000
+        roll, pitch, yaw = (np.degrees(row[name]) for name in ("phi", "theta", "psi"))
+        lines += [
+            f"ATT, {us}, {roll:.6f}, {pitch:.6f}, {yaw % 360.0:.6f}, 0",
+            f"XKF1, {us}, 0, {row['x']:.8f}, {row['y']:.8f}, {row['z']:.8f}",
+            f"XKF1, {us}, 1, {row['x'] + 50.0:.8f}, {row['y']:.8f}, {row['z']:.8f}",
+            f"IMU, {us}, 0, {row['p']:.8f}, {row['q']:.8f}, {row['r']:.8f}",
+            f"RCOU, {us}, {drive[0]}, {drive[1]}",
+        ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+ULOG_FORMATS = {
+    "vehicle_local_position": "uint64_t timestamp;double x;double y;double z;",
+    "vehicle_attitude": "uint64_t timestamp;double[4] q;",
+    "vehicle_angular_velocity": "uint64_t timestamp;float[3] xyz;uint8_t[4] _padding0;",
+    "actuator_motors": "uint64_t timestamp;float[12] control;",
+}
+"""Topics of PX4 and their fields."""
+
+
+def ulog(raw: pl.DataFrame, path: Path) -> Path:
+    """A PX4 log whose position was subscribed to twice, each time for half of the log; a second battery."""
+
+    def message(letter: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(letter)) + body
+
+    def subscribed(number: int, name: str, instance: int = 0) -> bytes:
+        return message("A", struct.pack("<BH", instance, number) + name.encode())
+
+    parts = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 5_000_000), message("B", bytes(40))]
+    parts += [message("F", f"{name}:{fields}".encode()) for name, fields in ULOG_FORMATS.items()]
+    parts.append(message("F", b"battery_status:uint64_t timestamp;float voltage_v;"))
+    parts += [subscribed(number, name) for number, name in enumerate(ULOG_FORMATS)]
+    parts += [subscribed(7, "battery_status"), subscribed(8, "battery_status", 1)]
+    turns = Rotation.from_euler("ZYX", pose(raw)[:, [5, 4, 3]]).as_quat()[:, [3, 0, 1, 2]]
+    for place, (row, turn) in enumerate(zip(raw.iter_rows(named=True), turns, strict=True)):
+        at = struct.pack("<Q", round(row["t"] * 1e6) + 5_000_000)
+        first = place < raw.height // 2
+        if place == raw.height // 2:
+            parts += [message("R", struct.pack("<H", 0)), subscribed(9, "vehicle_local_position")]
+        motors = [row["cmd_1"], row["cmd_2"], *[float("nan")] * 10]
+        for number, body in (
+            (0 if first else 9, struct.pack("<3d", row["x"], row["y"], row["z"])),
+            (1, struct.pack("<4d", *turn)),
+            (2, struct.pack("<3f", row["p"], row["q"], row["r"])),
+            (3, struct.pack("<12f", *motors)),
+            (7, struct.pack("<f", 16.0)),
+            (8, struct.pack("<f", 12.0)),
+        ):
+            parts.append(message("D", struct.pack("<H", number) + at + body))
+    path.write_bytes(b"".join(parts))
+    return path
+
+
 def arrays(raw: pl.DataFrame) -> dict[str, np.ndarray]:
     """The columns as arrays, as a notebook would save them."""
     return {
@@ -365,6 +442,8 @@ WRITERS: dict[str, tuple[Callable[[pl.DataFrame, Path], Path], str]] = {
     "ros2.db3": (lambda raw, path: _one(ros2(raw, path.with_suffix(".folder"), "SQLITE3"), "*.db3"), ROS_MAP),
     "blueos.mcap": (blueos, JSON_MAP),
     "dive.bin": (dataflash, DATAFLASH_MAP),
+    "dive.log": (dataflash_text, DATAFLASH_MAP),
+    "dive.ulg": (ulog, ULOG_MAP),
     "dive.tlog": (tlog, TLOG_MAP),
     "dive.npz": (npz, ARRAYS_MAP),
     "dive.mat": (mat, ARRAYS_MAP),

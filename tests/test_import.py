@@ -184,7 +184,7 @@ def test_a_map_that_does_not_fit_the_log_is_one_line(
     source = Path(EXAMPLE).read_text()
     if "goes backwards" in line:
         rows = source.splitlines()
-        source = "\n".join([rows[0], *rows[700:], *rows[1:700]])
+        source = "\n".join([rows[0], *reversed(rows[1:])])
     (tmp_path / "example.csv").write_text(source)
     arguments = ["--map", tmp_path / "map.toml", "--vehicle", VEHICLE, "-o", tmp_path / "raw.parquet"]
     code, error = run(capsys, tmp_path / "example.csv", *arguments)

@@ -42,6 +42,7 @@ LEVELS = {
         ("prediction",),
         ("distillation",),
         ("simulation",),
+        ("guessing",),
         ("logs",),
         ("recording", "geometry"),
         ("effects",),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -12,10 +13,7 @@ from hydro.commands.recordings import Definitions, opened, reading
 from hydro.commands.shell import STREAM, message, refuse_terminal, write
 from hydro.core.errors import DataError
 
-if TYPE_CHECKING:
-    from hydro.io.log import Log
-
-Preset = Literal["mavros", "ardusub", "blueos", "stonefish", "px4"]
+Preset = Literal["mavros", "ardusub", "blueos", "stonefish", "px4", "qgroundcontrol"]
 
 
 def import_(
@@ -25,7 +23,7 @@ def import_(
             metavar="LOG...",
             show_default=False,
             help="A log, or the files of one dive: ROS 1 or 2 bag (also its folder), MCAP, DataFlash .bin, "
-            "MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
+            "PX4 .ulg, MAVLink .tlog, CSV, Parquet, .npz or .mat; - is stdin.",
         ),
     ],
     map_: Annotated[
@@ -112,7 +110,8 @@ def import_(
                     print(*log_topics.lines(file, update), sep="\n")
             return
         if write_map is not None:
-            _write_draft(log_files.header(files, reading), logs[0], write_map, preset, force=force)
+            names, blocks = log_files.drafted(files, reading, preset)
+            _write_draft(names, blocks, logs[0], write_map, force=force)
             return
         made = recordings.imported(
             files,
@@ -128,14 +127,14 @@ def import_(
     write(made, output)
 
 
-def _write_draft(source: Log, log: str, path: str, preset: Preset | None, *, force: bool) -> None:
-    """Write the map that the columns' names suggest; never over one that somebody may have edited."""
-    from hydro.core.logs.aliases import guess
+def _write_draft(
+    names: Sequence[str], blocks: Mapping[str, Any], log: str, path: str, *, force: bool
+) -> None:
+    """Write the map that the log suggests; never over one that somebody may have edited."""
     from hydro.io import mapdraft
     from hydro.io.files import write_bytes
 
-    names = source.frame.columns
-    text = mapdraft.draft(guess(names, source.texts(), preset), names, log)
+    text = mapdraft.draft(blocks, names, log)
     if path == STREAM:
         typer.echo(text, nl=False)
     else:

@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array
+from hydro.core.columns import Array, Mask
 from hydro.core.errors import DataError
 from hydro.io.files import Source, explained, name_of, refuse_device, shown
 from hydro.io.logmap import listed
@@ -24,6 +24,8 @@ from hydro.io.readers import collect, registry
 from hydro.io.readers.messages import Options, Selection
 from hydro.io.readers.tables import Tables
 
+NOT_A_NUMBER = ("nan", "NaN", "NAN")
+"""What a cell of text says that holds no number."""
 Reading = Callable[[float], None]
 """What is called with the share of a file that is read."""
 
@@ -295,6 +297,8 @@ def numbers(log: Log, name: str, where: str) -> Array:
         text = stripped(values)
         values = text.cast(pl.Float64, strict=False)
         refuse(log, name, text, values, "numbers", f"correct the log or name another column in {where}")
+    elif isinstance(values.dtype, pl.Duration):
+        values = seconds(values)
     elif not (values.dtype.is_numeric() or values.dtype == pl.Boolean):
         raise DataError(
             f"{log.name}: column {shown(name)} must be numbers, but is {values.dtype}: convert it"
@@ -303,12 +307,39 @@ def numbers(log: Log, name: str, where: str) -> Array:
     return np.where(np.isfinite(found), found, np.nan)
 
 
+def values(log: Log, name: str) -> Array | None:
+    """Return a column as numbers in the order of the log, NaN in empty cells; None without numbers."""
+    if name not in log.table.columns:
+        return None
+    if isinstance(log.table, Tables):
+        return log.table.values(name)
+    try:
+        return numbers(log, name, "guess")
+    except DataError:
+        return None
+
+
+def unset(log: Log, name: str) -> Mask:
+    """Return the rows in which a column says NaN, (n,); empty cells say nothing."""
+    values = column(log, name, "commands")
+    if values.dtype == pl.String:
+        return stripped(values).is_in(NOT_A_NUMBER).fill_null(False).to_numpy()
+    if not values.dtype.is_float():
+        return np.zeros(len(values), bool)
+    return values.is_nan().fill_null(False).to_numpy()
+
+
 def numeric(values: pl.Series) -> bool:
     """Whether a column holds numbers, as text or typed, in its first entry at least."""
     if values.dtype != pl.String:
-        return values.dtype.is_numeric() or values.dtype == pl.Boolean
+        return values.dtype.is_numeric() or values.dtype in (pl.Boolean, pl.Duration)
     first = stripped(values.drop_nulls().head(1))
     return bool(first.len()) and not first.cast(pl.Float64, strict=False).null_count()
+
+
+def seconds(values: pl.Series) -> pl.Series:
+    """Return a column of durations in seconds."""
+    return values.dt.total_nanoseconds().cast(pl.Float64) * 1e-9
 
 
 def stripped(values: pl.Series) -> pl.Series:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ import polars as pl
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
+from hydro.core.guessing.aliases import guess
+from hydro.core.guessing.refining import refined
 from hydro.core.logs.logmap import LogMap, Session
 from hydro.io.files import shown
 from hydro.io.joining import joined
-from hydro.io.log import Log, LogFile, Reading, together
-from hydro.io.log_import import declared
-from hydro.io.readers.tables import CLOCKS
+from hydro.io.log import Log, LogFile, Reading, together, values
+from hydro.io.log_import import declared, guessed, looked_at
+from hydro.io.readers.tables import CLOCKS, Tables
 from hydro.io.sessions import clock
 
 Progress = Callable[[LogFile], AbstractContextManager[Reading | None]]
@@ -30,15 +33,6 @@ LARGE = 50_000_000
 def silent(file: LogFile) -> AbstractContextManager[Reading | None]:
     """No progress."""
     return nullcontext()
-
-
-def header(files: Sequence[LogFile], progress: Progress = silent) -> Log:
-    """All columns of the files, of tables with their rows.
-
-    Raises:
-        DataError: a file cannot be read.
-    """
-    return _beside(_headers(files, progress))
 
 
 def _headers(files: Sequence[LogFile], progress: Progress) -> list[Log]:
@@ -60,6 +54,7 @@ def gather(
     map_: str | Path | LogMap | None,
     progress: Progress = silent,
     preset: str | None = None,
+    thrusters: int | None = None,
 ) -> tuple[Log, LogMap]:
     """The log that some files are, with the columns that a map names, and that map.
 
@@ -71,14 +66,50 @@ def gather(
         map_: A map, its file, or None to guess it from the columns' names.
         progress: Gives what is told how far each file is read.
         preset: Whose names a guess takes the columns to have; by default those of any.
+        thrusters: How many the vehicle has, for a guess, if that is known.
 
     Raises:
         DataError: a file cannot be read, or the map is none or does not fit it.
     """
     name = files[0].stem
-    headers = _headers(files, progress) if map_ is None else []
-    known = _beside(headers) if headers else Log(files[0].name, pl.DataFrame(), "")
-    meaning = declared(known, map_, name, preset)
+    if map_ is not None:
+        return _read(files, declared(map_, name), [], progress)
+    headers = _headers(files, progress)
+    blocks, meaning = guessed(_beside(headers), name, preset, thrusters)
+    log, read = _read(files, meaning, headers, progress)
+    found, notes = looked_at(log, blocks, name)
+    return replace(log, notes=(*log.notes, *notes)), msgspec.structs.replace(found, session=read.session)
+
+
+def drafted(
+    files: Sequence[LogFile], progress: Progress = silent, preset: str | None = None
+) -> tuple[list[str], dict[str, dict[str, Any]]]:
+    """Return the columns of some files, and the blocks of a map that their names and numbers suggest.
+
+    Raises:
+        DataError: a file cannot be read.
+    """
+    headers = _headers(files, progress)
+    known = _beside(headers)
+    blocks = guess(known.table.columns, known.texts(), preset)
+    wanted = {*CLOCKS, *_texts(blocks)}
+    parts = []
+    for file, header_ in zip(files, headers, strict=True):
+        with progress(file) as told:
+            parts.append(header_ if file.reader.messages is None else file.read(wanted, told))
+    found, _ = refined(blocks, lambda column: _first(parts, column))
+    return list(known.table.columns), found
+
+
+def _first(logs: Sequence[Log], column: str) -> Array | None:
+    """Return the numbers of a column of the first log that has it."""
+    return next((found for log in logs if (found := values(log, column)) is not None), None)
+
+
+def _read(
+    files: Sequence[LogFile], meaning: LogMap, headers: Sequence[Log], progress: Progress
+) -> tuple[Log, LogMap]:
+    """Read the columns of a map from some files, and return them as one log with the map that reads it."""
     words = [*_texts(msgspec.to_builtins(meaning))]
     wanted = {*CLOCKS, *words, *(word.partition(".")[2] for word in words if meaning.table)}
     logs = []
@@ -118,12 +149,28 @@ def merged(logs: Sequence[Log], names: Sequence[str], meaning: LogMap) -> tuple[
     for group in groups:
         frame = pl.concat([parts[place][0] for place in group], how="diagonal_relaxed")
         order = np.argsort(np.concatenate([parts[place][1] for place in group]), kind="stable")
-        rows.append(frame[order].with_columns(pl.lit(_title(names, groups, group)).alias(column)))
+        times = np.concatenate([parts[place][1] for place in group])[order]
+        title = _title(names, groups, group)
+        rows.append(frame[order].with_columns(_numbered(title, times, _begins(logs, group)).alias(column)))
     frame = pl.concat(rows, how="diagonal_relaxed")
     if meaning.session.column is None:
         session = Session(column=column, gap=meaning.session.gap)
         meaning = msgspec.structs.replace(meaning, session=session)
     return together(logs, frame), meaning
+
+
+def _begins(logs: Sequence[Log], group: Sequence[int]) -> Array:
+    """Return the times at which a clock begins again in one of some logs [s]."""
+    found = [log.table.begins for log in (logs[place] for place in group) if isinstance(log.table, Tables)]
+    return np.unique(np.concatenate([np.empty(0), *found]))
+
+
+def _numbered(title: str, times: Array, begins: Array) -> pl.Series:
+    """Return the session of each row: the title alone, or numbered where a clock begins again."""
+    if not len(begins):
+        return pl.repeat(title, len(times), eager=True)
+    titles = [f"{title}-{number}" for number in range(1, len(begins) + 2)]
+    return pl.Series(titles).gather(np.searchsorted(begins, times, side="right"))
 
 
 def _texts(value: Any) -> Iterator[str]:

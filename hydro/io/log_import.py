@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from hydro.core.columns import MOTION
 from hydro.core.errors import DataError
 from hydro.core.evaluation.thruster_order import rewired
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
+from hydro.core.guessing.refining import refined
 from hydro.core.logs.convention_check import Verdict, check
 from hydro.core.logs.importing import Imported, raw_table
 from hydro.core.logs.logmap import Attitude, Block, LogMap, Position, blocks_of, command, measured, named
@@ -20,7 +22,7 @@ from hydro.core.recording.arrays import recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import logmap
 from hydro.io.clock_account import Clocks, clocks
-from hydro.io.log import Log
+from hydro.io.log import Log, values
 from hydro.io.sessions import sessions
 
 
@@ -33,43 +35,82 @@ class ImportReport:
         imported: The raw table, its sessions, sample time [s], gaps and clipped commands.
         verdict: What the kinematics of the log say of the map's frames, units and signs.
         clocks: How late its sensors are on the pose, and the motion on the commands.
+        cuts: Sessions that begin where the log's clock jumped, a line each.
     """
 
     map: LogMap
     imported: Imported
     verdict: Verdict
     clocks: Clocks
+    cuts: tuple[str, ...] = ()
 
     def lines(self) -> Iterator[str]:
         """The report in words, a line each: rows, gaps and warnings, then the check of the conventions."""
+        yield from (f"note: {line}" for line in self.cuts)
         yield from _account(self.imported)
         yield from _judged(self.verdict)
         yield from self.clocks.lines()
 
 
-def declared(source: Log, file: str | Path | LogMap | None, name: str, preset: str | None = None) -> LogMap:
-    """The map of a log: as given, or guessed from the columns' names.
+def declared(file: str | Path | LogMap, name: str) -> LogMap:
+    """Return the map of a log as given.
+
+    Args:
+        file: A map, or its file.
+        name: What a session is called that nobody names.
+
+    Raises:
+        DataError: the file or the map breaks a rule of maps.
+    """
+    if not isinstance(file, LogMap):
+        return _titled(logmap.read(file), name)
+    logmap.check(file)
+    return _titled(file, name)
+
+
+def guessed(
+    source: Log, name: str, preset: str | None = None, thrusters: int | None = None
+) -> tuple[dict[str, dict[str, Any]], LogMap]:
+    """Guess the map of a log from its columns' names.
 
     Args:
         source: The log.
-        file: A map, its file, or None to guess.
         name: What a session is called that nobody names.
         preset: Whose names a guess takes the columns to have; by default those of any.
+        thrusters: How many the vehicle has, if that is known.
+
+    Returns:
+        The blocks, as `aliases.guess` gives them, and the map that they make.
 
     Raises:
-        DataError: the file or the map breaks a rule of maps, or the names do not suffice for a guess.
+        DataError: the names do not suffice for a guess.
     """
-    if isinstance(file, LogMap):
-        logmap.check(file)
-        meaning = file
-    elif file is not None:
-        meaning = logmap.read(file)
-    else:
-        names = source.table.columns
-        try:
-            meaning = logmap.from_guess(guess(names, source.texts(), preset), names)
-        except DataError as error:
-            raise DataError(f"{source.name}: {error}") from error
+    names = source.table.columns
+    try:
+        blocks = guess(names, source.texts(), preset, thrusters)
+        plain = {
+            name: {key: block[key] for key in block if key != "pressure"} for name, block in blocks.items()
+        }
+        return blocks, _titled(logmap.from_guess(plain, names), name)
+    except DataError as error:
+        raise DataError(f"{source.name}: {error}") from error
+
+
+def looked_at(source: Log, blocks: Mapping[str, dict[str, Any]], name: str) -> tuple[LogMap, list[str]]:
+    """Refine guessed blocks by the log's numbers; return the map that they make and what was changed.
+
+    Raises:
+        DataError: what is left does not suffice.
+    """
+    found, notes = refined(blocks, lambda column: values(source, column))
+    try:
+        return _titled(logmap.from_guess(found, source.table.columns), name), notes
+    except DataError as error:
+        raise DataError(f"{source.name}: {error}") from error
+
+
+def _titled(meaning: LogMap, name: str) -> LogMap:
+    """Return a map that names its session where nothing else does."""
     if meaning.session.column is None and meaning.session.name is None:
         session = msgspec.structs.replace(meaning.session, name=name)
         meaning = msgspec.structs.replace(meaning, session=session)
@@ -106,7 +147,8 @@ def import_log(
     if strict and against:
         more = f" (and {len(against) - 1} more: see without --strict)" if len(against) > 1 else ""
         raise DataError(f"{source.name}: {against[0]}{more}")
-    return ImportReport(meaning, imported, verdict, offsets)
+    cuts = tuple(f"session {log.name} begins where {log.cut}" for log in logs if log.cut)
+    return ImportReport(meaning, imported, verdict, offsets, cuts)
 
 
 def wiring(imported: Imported, vehicle: Vehicle) -> Iterator[str]:
@@ -186,8 +228,8 @@ def _judged(verdict: Verdict) -> Iterator[str]:
     names = (("d(position)/dt", "m/s"), ("the attitude's rate", "rad/s"))
     tested = [
         f"{name} to {error:.2g} {unit}"
-        for (name, unit), error in zip(names, verdict.agreement, strict=True)
-        if not math.isnan(error)
+        for (name, unit), error, wrong in zip(names, verdict.agreement, verdict.disagree, strict=True)
+        if not math.isnan(error) and not wrong
     ]
     if tested and not verdict.contradictions:
         yield f"pose and velocity agree: {', '.join(tested)}"

@@ -28,8 +28,8 @@ from hydro.core.logs.mixer import PRESETS
 from hydro.io import mistaken, toml
 from hydro.io.files import read_bytes, shown
 
-TABLES = ("time", *BLOCKS, "commands")
-"""The blocks that a guess must find: it cannot tell a sensor that is not there from one of another name."""
+NEEDED = ("time", "commands")
+"""The blocks that a guess must find, besides one of those of pose and velocity."""
 
 ORTHOGONAL = 1e-3
 """How far a matrix may be from a rotation, for it is written by hand."""
@@ -111,9 +111,11 @@ def from_guess(blocks: Mapping[str, Any], columns: Sequence[str]) -> LogMap:
     """The map that guessed blocks make.
 
     Raises:
-        DataError: some blocks are missing; the line says which, and what the log has.
+        DataError: clock, commands or all of pose and velocity are missing; the line says what the log has.
     """
-    missing = [name for name in TABLES if name not in blocks]
+    missing = [name for name in NEEDED if name not in blocks]
+    if not any(name in blocks for name in BLOCKS):
+        missing[1 if "time" in missing else 0 : 0] = BLOCKS
     if missing:
         raise DataError(
             f"the columns' names do not identify {', '.join(missing)}: write a map (hydro import LOG "
@@ -139,6 +141,14 @@ def json_schema() -> dict[str, Any]:
 
 def _check_position(block: Position) -> None:
     vertical = (block.depth is not None) + (block.height is not None)
+    if block.latitude is not None or block.longitude is not None:
+        if None in (block.latitude, block.longitude) or block.columns or vertical != 1:
+            raise DataError(
+                "position: latitude and longitude stand together, with a depth or height and without columns"
+            )
+        if block.world != "NED":
+            raise DataError("position.world: latitude and longitude become north and east; leave it out")
+        return
     if len(block.columns) + vertical != (3 if block.columns else 1) or vertical > 1:
         raise DataError(
             "position: give three columns, or two and either depth or height, or one of these alone"

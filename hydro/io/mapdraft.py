@@ -32,7 +32,7 @@ _NOTES = {
     "position": (
         'Of the body origin. world: "NED", "ENU" or "NWU"; unit: "m", "cm" or "mm".',
         'Two columns and depth = "COLUMN" (positive down) or height = "COLUMN" (positive up) work too; and',
-        "a depth or height alone, without columns.",
+        "a depth or height alone; or latitude and longitude [deg] beside a depth or height.",
     ),
     "attitude": (
         'columns are roll, pitch, yaw; unit: "rad" or "deg"; order: "ZYX" is yaw, pitch, roll, world inward.',
@@ -88,10 +88,21 @@ def draft(blocks: Mapping[str, Any], columns: Sequence[str], log: str) -> str:
         for line in _NOTES[name]:
             table.add(tomlkit.comment(line))
         for key, value in {**given, **_unsaid(name, given)}.items():
-            table.add(key, tomlkit.item(value))
+            table.add(key, _inline(value))
         document.add(tomlkit.nl())
         document.add(name, table)
     return tomlkit.dumps(document)
+
+
+def _inline(value: Any) -> Any:
+    """Return a value as TOML writes it in one line, also a column with scale and offset."""
+    import tomlkit
+
+    if not isinstance(value, Mapping):
+        return tomlkit.item(value)
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table
 
 
 def _unsaid(name: str, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ _TABLES = (
     b"SQLite format 3\0",
     b"\x89MCAP0\r\n",
     b"\xa3\x95",
+    b"ULog\x01\x12",
     b"MATLAB 5.0",
     b"PK\x03\x04",
 )

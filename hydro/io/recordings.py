@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError
+from hydro.core.logs.logmap import BLOCKS, blocks_of
 from hydro.core.logs.mixer import thrusters
 from hydro.core.vehicle.description import Vehicle
 from hydro.io import log_files, log_import, mistaken, provenance, table, vehicle
@@ -54,11 +55,17 @@ def imported(
     Raises:
         DataError: a file, the map or the vehicle is broken, or they do not fit each other.
     """
-    source, meaning = log_files.gather(files, map_, progress, preset)
+    count = len(vehicle.read(vehicle_file)[0].thruster) if vehicle_file is not None and map_ is None else None
+    source, meaning = log_files.gather(files, map_, progress, preset, count)
     for note in source.notes:
         tell(f"note: {note}")
     if map_ is None:
         tell(f"guessed from the columns' names: {'; '.join(log_import.described(meaning))}")
+        if unknown := [name for name in BLOCKS if name not in blocks_of(meaning)]:
+            tell(
+                f"note: no column's name says {', '.join(unknown)}, so that they are null; if the log has "
+                "them, name their columns in a map (--write-map FILE begins one)"
+            )
     known, text = _known(vehicle_file, thrusters(meaning.mixer, len(meaning.commands.columns)))
     report = log_import.import_log(source, meaning, rate=rate, strict=strict, fill=fill)
     for line in report.lines():

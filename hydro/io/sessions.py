@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -25,9 +25,13 @@ from hydro.core.logs.logmap import (
     sensors_of,
 )
 from hydro.io.files import shown
-from hydro.io.log import Log, column, numbers, refuse, require, stripped
+from hydro.io.log import NOT_A_NUMBER, Log, column, numbers, refuse, require, stripped, unset
 from hydro.io.readers.tables import CLOCKS, TIME, Numbers, Table, Tables
 
+A_DAY = 86400.0
+"""Silence or jump of a clock after which another session begins in any case [s]: no vehicle dives on."""
+STRETCH = 20
+"""Rows that each stretch between falls of the clock must have to be a session of its own."""
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "iso": 1e9}
 
 
@@ -44,13 +48,16 @@ def sessions(log: Log, meaning: LogMap) -> list[SessionLog]:
     ticks, rows, per_second = clock(log, meaning.time)
     if not len(rows):
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
-    parts = list(_parted(log, meaning, ticks, rows, per_second))
+    parts = list(_parted(log, meaning, ticks, rows, per_second, columns))
     owned: list[dict[str, Array]] = [{} for _ in parts]
     for key in list(columns):
         values = columns.pop(key)  # of a long log no column is held twice for longer than this
-        for own, (_, _, taken) in zip(owned, parts, strict=True):
+        for own, (_, _, taken, _) in zip(owned, parts, strict=True):
             own[key] = values[taken]
-    return [SessionLog(name, t, own) for own, (name, t, _) in zip(owned, parts, strict=True)]
+    none = {name: said for name in _driven(meaning) if (said := unset(log, name)).any()}
+    silent = [{name: said[taken] for name, said in none.items()} for _, _, taken, _ in parts]
+    every = zip(owned, parts, silent, strict=True)
+    return [SessionLog(name, t, own, unset=off, cut=cut) for own, (name, t, _, cut), off in every]
 
 
 def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
@@ -66,7 +73,7 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
         raise DataError(f"{log.name}: column {shown(meaning.time.column)} holds no time: set time.column")
     per_second = _PER_SECOND[meaning.time.unit]
     t = (every - every[0]) / per_second
-    starts = _starts(t, meaning)
+    starts = np.union1d(_starts(t, meaning), np.searchsorted(every, tables.begins))
     names = _titles(meaning.session.name or "log", len(starts))
     begun, limits = t[starts], [*every[starts].tolist(), np.inf]
     clocks: list[dict[str, Array]] = [{} for _ in names]
@@ -77,8 +84,17 @@ def _of_topics(log: Log, tables: Tables, meaning: LogMap) -> list[SessionLog]:
         for number, (start, stop) in enumerate(pairwise(edges)):
             clocks[number] |= dict.fromkeys(columns, own[start:stop] - begun[number])
             owned[number] |= dict.fromkeys(columns, (table, start, stop))
-    parts = zip(names, owned, clocks, strict=True)
-    return [SessionLog(name, np.empty(0), Numbers(own), clock) for name, own, clock in parts]
+    cuts = ["", *(_jump(float(t[k] - t[k - 1])) for k in starts[1:].tolist())]
+    silent = [{name: own[name][0].unset(name, *own[name][1:]) for name in _driven(meaning)} for own in owned]
+    parts = zip(names, owned, clocks, silent, cuts, strict=True)
+    return [
+        SessionLog(name, np.empty(0), Numbers(own), clock, off, cut) for name, own, clock, off, cut in parts
+    ]
+
+
+def _driven(meaning: LogMap) -> list[str]:
+    """Return the columns of the commands."""
+    return columns_of(meaning.commands)
 
 
 def _sharing(meaning: LogMap) -> list[list[str]]:
@@ -105,7 +121,9 @@ def clock(log: Log, time: Time) -> tuple[NDArray[Any], Rows, float]:
     Whole numbers stay whole: nanoseconds since 1970 have more digits than a double keeps.
     """
     values, per_second = column(log, time.column, "time.column"), _PER_SECOND[time.unit]
-    if values.dtype.is_temporal() or time.unit == "iso":
+    if isinstance(values.dtype, pl.Duration):
+        values, per_second = values.dt.total_nanoseconds(), _PER_SECOND["ns"]
+    elif values.dtype.is_temporal() or time.unit == "iso":
         values, per_second = _timestamps(log, time.column, values), _PER_SECOND["ns"]
     elif values.dtype == pl.String:
         text = stripped(values)
@@ -123,7 +141,9 @@ def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
     """Nanoseconds since 1970 of ISO text or a column of times."""
     if values.dtype == pl.String:
         text = stripped(values)
+        text = text.set(text.is_in(NOT_A_NUMBER), None)
         zoned = text.str.replace("T", " ", literal=True).str.replace(r"[Zz]$", "+00:00")
+        zoned = zoned.str.replace(r":(\d\d),(\d)", ":$1.$2")
         zoned = zoned.str.replace(r"([+-]\d\d):(\d\d)$", "$1$2")
         plain = zoned.str.contains(r"[+-]\d\d\d\d$").fill_null(True)
         universal = zoned.zip_with(plain, zoned + "+0000")
@@ -136,22 +156,54 @@ def _timestamps(log: Log, name: str, values: pl.Series) -> pl.Series:
 
 
 def _parted(
-    log: Log, meaning: LogMap, ticks: NDArray[Any], rows: Rows, per_second: float
-) -> Iterator[tuple[str, Array, Rows]]:
-    """Name, times since its start [s] and rows of each session."""
+    log: Log,
+    meaning: LogMap,
+    ticks: NDArray[Any],
+    rows: Rows,
+    per_second: float,
+    columns: Mapping[str, Array],
+) -> Iterator[tuple[str, Array, Rows, str]]:
+    """Yield name, times since its start [s], rows and the reason of the cut before it of each session."""
     for name, members in _labelled(log, meaning, rows):
         t = (ticks[members] - ticks[members[0]]) / per_second
-        _check_order(log, meaning.time.column, name, t, rows[members])
-        starts = _starts(t, meaning)
+        again = _restarts(t, rows[members], columns)
+        if not len(again):
+            _check_order(log, meaning.time.column, name, t, rows[members])
+        starts = np.union1d(_starts(t, meaning), again)
         pieces = np.split(np.arange(len(t)), starts[1:])
         for title, piece in zip(_titles(name, len(pieces)), pieces, strict=True):
-            yield title, t[piece] - t[piece[0]], rows[members[piece]]
+            cut = _jump(float(t[piece[0]] - t[piece[0] - 1])) if piece[0] else ""
+            yield title, t[piece] - t[piece[0]], rows[members[piece]], cut
+
+
+def _restarts(t: Array, rows: Rows, columns: Mapping[str, Array]) -> Rows:
+    """Return where a clock begins again: at every fall, if the stretches between are recordings alike.
+
+    Stretches of a few rows are those of an unsorted log; stretches that have other columns than their
+    neighbours are those of several sensors one after the other, to be sorted by time.
+    """
+    falls = np.flatnonzero(np.diff(t) < 0.0) + 1
+    pieces = np.split(rows, falls)
+    if not len(falls) or min(map(len, pieces)) < STRETCH:
+        return np.empty(0, np.int64)
+    held = [{name for name, values in columns.items() if np.isfinite(values[own]).any()} for own in pieces]
+    return falls if all(each == held[0] for each in held) else np.empty(0, np.int64)
 
 
 def _starts(t: Array, meaning: LogMap) -> Rows:
-    """Where sessions begin among times that do not fall: at the first, and after every longer silence."""
-    found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > (meaning.session.gap or np.inf)) + 1]
+    """Return where sessions begin among times: at the first, and after every longer silence or jump."""
+    longest = min(meaning.session.gap or np.inf, A_DAY)
+    found: Rows = np.r_[0, np.flatnonzero(np.diff(t) > longest) + 1]
     return found
+
+
+def _jump(step: float) -> str:
+    """Return what is to be told of a session that begins so long after the last row before it [s]."""
+    if step < 0.0:
+        return f"the clock goes back by {-step:.4g} s and begins again"
+    if step > A_DAY:
+        return f"the clock jumps on by {step / A_DAY:,.1f} days"
+    return ""
 
 
 def _titles(name: str, count: int) -> list[str]:
@@ -165,7 +217,7 @@ def _labelled(log: Log, meaning: LogMap, rows: Rows) -> Iterator[tuple[str, Rows
         yield meaning.session.name or "log", np.arange(len(rows))
         return
     values = column(log, meaning.session.column, "session.column").cast(pl.String).gather(rows)
-    unnamed = values.is_null() | (values == "")
+    unnamed = values.is_null() | values.is_in(["", *NOT_A_NUMBER])
     if unnamed.any():
         first = log.row(int(rows[unnamed.arg_true()[0]]))
         raise DataError(

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
 from hydro.io import log, logmap, mapdraft
 from hydro.io.sessions import sessions
 

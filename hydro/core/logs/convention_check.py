@@ -11,15 +11,16 @@ integrated from these velocities anything but that both speak the same language.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
+import msgspec
 import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.logs.agreement import COMPARED_SECONDS, RESOLUTION, Evidence, tested, windows
 from hydro.core.logs.alternatives import Change, cost, difference, exchanges, flips, frame_changes
-from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.conventions import SessionLog, beyond_a_turn
 from hydro.core.logs.logmap import BLOCKS, LogMap, measured
 
 LEAST_WINDOWS = 6  # windows; fewer show nothing
@@ -47,12 +48,14 @@ class Verdict:
         contradictions: One line for each setting that the data contradict; empty where they agree.
         notes: Lines on what the test could not show, or what looks odd otherwise.
         follows: The map that the data follow; the declared one where nothing contradicts it.
+        disagree: Whether position and velocity, and attitude and rates, disagree under every reading.
     """
 
     agreement: tuple[float, float]
     contradictions: tuple[str, ...]
     notes: tuple[str, ...]
     follows: LogMap
+    disagree: tuple[bool, bool] = (False, False)
 
 
 def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap) -> Verdict:
@@ -64,6 +67,25 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
         dt: Sample time [s].
         declared: What the columns are said to mean.
     """
+    return _with_turns(_by_kinematics(logs, times, dt, declared), logs)
+
+
+def _with_turns(verdict: Verdict, logs: Sequence[SessionLog]) -> Verdict:
+    """Return the verdict with what the size of the angles says, where kinematics did not find it."""
+    attitude = verdict.follows.attitude
+    if attitude is None:
+        return verdict
+    line = next((line for log in logs if (line := beyond_a_turn(log, attitude))), "")
+    if not line:
+        return verdict
+    follows = msgspec.structs.replace(verdict.follows, attitude=msgspec.structs.replace(attitude, unit="deg"))
+    return replace(verdict, contradictions=(*verdict.contradictions, line), follows=follows)
+
+
+def _by_kinematics(
+    logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declared: LogMap
+) -> Verdict:
+    """Return what the rates of position and attitude say of a map."""
     taken = windows(times, dt)
     if sum(map(len, taken)) < LEAST_WINDOWS:
         lacking = f"{LEAST_WINDOWS} windows of {COMPARED_SECONDS:g} s without a gap"
@@ -76,10 +98,11 @@ def check(logs: Sequence[SessionLog], times: Sequence[Array], dt: float, declare
     found = _best(evidence, declared)
     changes = difference(declared, found)
     lines = [contradiction(evidence, declared, found, change) for change in changes]
-    notes = [*_oddities(evidence, found), *_void(evidence, found)]
+    odd = _disagree(evidence, found)
+    notes = [*_oddities(evidence, found, odd), *_void(evidence, found, odd)]
     both = tested(declared)
     translation, rotation = np.where(both, evidence.errors(declared), np.nan).tolist()
-    return Verdict((translation, rotation), tuple(lines), tuple(notes), found)
+    return Verdict((translation, rotation), tuple(lines), tuple(notes), found, odd)
 
 
 def _best(evidence: Evidence, declared: LogMap) -> LogMap:
@@ -277,9 +300,13 @@ def contradiction(evidence: Evidence, declared: LogMap, found: LogMap, change: C
     )
 
 
-def _void(evidence: Evidence, found: LogMap) -> Iterable[str]:
-    """What the test could not show: signs of axes that hardly moved, and velocities that made the pose."""
-    untested, both = [], tested(found)
+def _void(evidence: Evidence, found: LogMap, odd: tuple[bool, bool]) -> Iterable[str]:
+    """Say what the test could not show: signs of axes that hardly moved, and velocities that made the pose.
+
+    Of sides that disagree under every reading nothing is said: there is nothing that a sign could mend.
+    """
+    untested = []
+    both = [there and not wrong for there, wrong in zip(tested(found), odd, strict=True)]
     sides = [name for name, there in zip(("velocity", "rates"), both, strict=True) if there]
     for change in flips(found):
         if change.block in sides and change.flip is not None:
@@ -331,16 +358,23 @@ def _white(values: Array) -> float:
     return float(np.linalg.norm(size))
 
 
-def _oddities(evidence: Evidence, found: LogMap) -> Iterable[str]:
-    """What disagrees under every reading of the columns."""
+def _disagree(evidence: Evidence, found: LogMap) -> tuple[bool, bool]:
+    """Return whether position and velocity, and attitude and rates, disagree as the data are read at best."""
     errors, motion = evidence.errors(found), evidence.motion(found)
     least = np.maximum([0.05, 0.02], 2.0 * _noise_of_pose(evidence, found))
-    for name, error, whole, floor, unit in zip(
-        ("position", "attitude"), errors, motion, least, ("m/s", "rad/s"), strict=True
+    first, second = ((errors > least) & (errors > UNEXPLAINED * motion)).tolist()
+    return first, second
+
+
+def _oddities(evidence: Evidence, found: LogMap, odd: tuple[bool, bool]) -> Iterable[str]:
+    """Say what disagrees under every reading of the columns."""
+    errors, motion = evidence.errors(found), evidence.motion(found)
+    for name, error, whole, unit, other, wrong in zip(
+        ("position", "attitude"), errors, motion, ("m/s", "rad/s"), ("velocity", "rates"), odd, strict=True
     ):
-        if error > floor and error > UNEXPLAINED * whole:
+        if wrong:
             yield (
-                f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged velocity by "
+                f"the {name} changes by {whole:.2g} {unit} and disagrees with the logged {other} by "
                 f"{error:.2g} {unit}, and no choice of frames, units and signs removes it: look for a wrong "
                 "column, a delay or jumps"
             )

@@ -6,7 +6,7 @@ of the same columns is the same call with another block.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,6 +68,8 @@ UNITS = {
 VOLTS = {"V": 1.0, "mV": 1e-3}
 LEAST_VOLTS, MOST_VOLTS = 1.0, 1000.0
 """Supply of any vehicle's thrusters [V]; the middle of a log's readings lies above the least."""
+TURN = 2.0 * np.pi * 1.01
+"""A whole turn [rad], with a hundredth for noise."""
 FAR_OUT = 2.0
 """A command this far beyond -1 to 1 is of another unit, not a little too high."""
 
@@ -82,12 +84,16 @@ class SessionLog:
         columns: Numbers as logged, (n,) each, NaN where a cell is empty.
         clocks: Times of those columns that were not taken at `t` [s], as many as the column has rows; they do
             not fall from one sample to the next.
+        unset: Rows of command columns in which the log says NaN, (n,) each; an empty cell says nothing.
+        cut: Why the session begins where it does, if the clock of the log jumped there; else empty.
     """
 
     name: str
     t: Array
     columns: Mapping[str, Array]
     clocks: Mapping[str, Array] = field(default_factory=dict)
+    unset: Mapping[str, Mask] = field(default_factory=dict)
+    cut: str = ""
 
     def time_of(self, name: str) -> Array:
         """Times of the rows of a column [s]."""
@@ -181,6 +187,38 @@ def require_shares(log: SessionLog, block: Commands, at: Array, dt: float) -> No
                 f"{drive[np.abs(drive).argmax()]:g} times full thrust if commands.unit is {block.unit!r}; "
                 "set it to '1', 'percent' or 'pwm' (with commands.pwm), or give the column a scale and offset"
             )
+
+
+def in_degrees(angles: Sequence[Array]) -> bool:
+    """Return whether roll, pitch and yaw cannot be radians.
+
+    Roll and pitch in radians are never beyond a turn.  Yaw in radians may count turns: it begins within one
+    and goes on in steps below half a turn.
+
+    Args:
+        angles: Roll, pitch and yaw, (n,) each; NaN where there is no number.
+    """
+    roll, pitch, yaw = (each[np.isfinite(each)] for each in angles)
+    if max(np.abs(roll).max(initial=0.0), np.abs(pitch).max(initial=0.0)) > TURN:
+        return True
+    if np.abs(yaw).max(initial=0.0) <= TURN:
+        return False
+    return bool(abs(yaw[0]) > TURN or np.abs(np.diff(yaw)).max(initial=0.0) > np.pi)
+
+
+def beyond_a_turn(log: SessionLog, block: Attitude) -> str:
+    """Return what is to be told of angles that cannot be radians, as the map says; empty where they can."""
+    if block.columns is None or block.unit == "deg":
+        return ""
+    angles = [log.channel(source).values for source in block.columns]
+    if not in_degrees(angles):
+        return ""
+    most = [float(np.abs(each).max(initial=0.0)) for each in angles]
+    source = named(block.columns[int(np.argmax(most))])
+    return (
+        f"{source.column} reaches {max(most):.4g} rad if attitude.unit is right, more than a whole turn: "
+        'set attitude.unit = "deg"'
+    )
 
 
 def _drive(log: SessionLog, source: Command, block: Commands, at: Array, dt: float) -> Array:

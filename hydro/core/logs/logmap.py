@@ -109,6 +109,8 @@ class Position(_Sensor, frozen=True):
 
     Two columns are the horizontal axes in the order of `world` (NED: north, east; ENU: east, north).  `depth`
     is positive down, `height` positive up, both from the water's surface; without columns it stands alone.
+    `latitude` and `longitude` [deg], beside a depth or height, take the place of two columns: they become
+    metres north and east of a session's first fix.
     """
 
     columns: tuple[Number, ...] = ()
@@ -116,6 +118,8 @@ class Position(_Sensor, frozen=True):
     unit: Literal["m", "cm", "mm"] = "m"
     depth: Number | None = None
     height: Number | None = None
+    latitude: Number | None = None
+    longitude: Number | None = None
 
 
 class Attitude(_Sensor, frozen=True):
@@ -174,11 +178,16 @@ class PulseWidths(_Part, frozen=True):
 
 
 class Commands(_Sensor, frozen=True):
-    """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths."""
+    """Commands of the thrusters in the order of the vehicle file: -1 to 1, percent, or pulse widths.
+
+    `off`: what NaN and a pulse width of 0 mean, which autopilots write while they are disarmed: "stop" is no
+    thrust, "hold" the last thrust before.
+    """
 
     columns: tuple[str | Command, ...]
     unit: Literal["1", "percent", "pwm"] = "1"
     pwm: PulseWidths = PulseWidths()
+    off: Literal["stop", "hold"] = "stop"
 
 
 class Voltage(_Sensor, frozen=True):
@@ -295,7 +304,8 @@ def measured(block: Block) -> tuple[Column, ...]:
     if isinstance(block, Attitude):
         taken += block.quaternion or ()
     if isinstance(block, Position):
-        taken += [source for source in (block.depth, block.height) if source is not None]
+        every = (block.latitude, block.longitude, block.depth, block.height)
+        taken += [source for source in every if source is not None]
     return tuple(named(source) for source in taken)
 
 

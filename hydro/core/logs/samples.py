@@ -13,18 +13,22 @@ import numpy as np
 from hydro.core.columns import Array, Mask, Rows
 from hydro.core.errors import DataError
 from hydro.core.logs.clocks import bunched, evened
-from hydro.core.logs.conventions import SessionLog
+from hydro.core.logs.conventions import UNITS, SessionLog
+from hydro.core.logs.geodesy import EAST, NORTH, metres
 from hydro.core.logs.logmap import (
+    Commands,
     LogMap,
     Rates,
     Sensor,
     Valid,
     columns_of,
+    command,
     conditions,
     named,
     sensors_of,
 )
 from hydro.core.logs.mounting import DERIVED, derived_rates, mounted_rates, mounted_velocity
+from hydro.core.logs.stops import never, rest, stops
 
 REPEATS = 0.1
 """Share of a velocity's readings that repeat the last one from which repeats are no readings."""
@@ -60,6 +64,7 @@ class _Work:
     lost: dict[str, int] = field(default_factory=dict)
     repeats: dict[str, int] = field(default_factory=dict)
     even: dict[str, tuple[float, float]] = field(default_factory=dict)
+    stops: dict[str, Mask] = field(default_factory=dict)
 
     def now(self) -> SessionLog:
         return replace(self.log, columns=self.columns, clocks=self.clocks)
@@ -84,15 +89,17 @@ def prepared(logs: Sequence[SessionLog], meaning: LogMap) -> Prepared:
             continue
         for work in works:
             _gate(work, name, block, names)
+            if isinstance(block, Commands):
+                _stop(work, block)
         if getattr(block, "held", False) is not False:
             _unheld(works, name, names, demanded=block.held is True)  # type: ignore[union-attr]
         for work in works:
             _stamp(work, name, block, names)
-    given = _mounted(works, meaning)
+    given, placed = _located(works, _mounted(works, meaning))
     return Prepared(
         logs=tuple(work.now() for work in works),
         meaning=given,
-        notes=tuple(_notes(works, meaning)),
+        notes=(*_notes(works, meaning), *placed),
         gated=tuple(work.gated for work in works),
     )
 
@@ -135,6 +142,18 @@ def _gate(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
         for each in dict.fromkeys(names):
             quotient = np.divide(work.columns[each], by, out=np.full(len(by), np.nan), where=by != 0.0)
             work.columns[each] = quotient
+
+
+def _stop(work: _Work, block: Commands) -> None:
+    """Put zero thrust where a command says that its thruster is off, unless the map excludes the sample."""
+    for source in map(command, block.columns):
+        name = source.column
+        logged = work.log.columns[name]
+        found = stops(work.log.time_of(name), logged, work.log.unset.get(name), source, block)
+        found &= np.isfinite(work.columns[name]) | ~np.isfinite(logged)
+        if found.any():
+            work.stops[name] = found
+            work.columns[name] = np.where(found, rest(source, block), work.columns[name])
 
 
 def _holds(log: SessionLog, one: Valid, names: Sequence[str]) -> Mask:
@@ -192,7 +211,8 @@ def _unheld(works: Sequence[_Work], name: str, names: Sequence[str], *, demanded
 def _stamp(work: _Work, name: str, block: Sensor, names: Sequence[str]) -> None:
     """Give the samples their own times: even where the stamps are receive times, earlier by the lag."""
     t = logged = work.log.time_of(names[0])
-    for rows in _together([np.isfinite(work.log.columns[each]) for each in names]):
+    said = [np.isfinite(work.log.columns[each]) | np.isfinite(work.columns[each]) for each in names]
+    for rows in _together(said):
         if not (block.even or (block.even is None and bunched(t[rows]))):
             continue
         sent = evened(t[rows])
@@ -237,6 +257,30 @@ def _mounted(works: Sequence[_Work], meaning: LogMap) -> LogMap:
     return given
 
 
+def _located(works: Sequence[_Work], meaning: LogMap) -> tuple[LogMap, list[str]]:
+    """Put metres about the first fix in the place of latitude and longitude; say where that was."""
+    block = meaning.position
+    if block is None or block.latitude is None or block.longitude is None:
+        return meaning, []
+    told = []
+    for work in works:
+        sources = named(block.latitude), named(block.longitude)
+        degrees = [each.scale * work.columns[each.column] + each.offset for each in sources]
+        clocks = [work.now().time_of(each.column) for each in sources]
+        if np.array_equal(clocks[0], clocks[1]):
+            none = (degrees[0] == 0.0) & (degrees[1] == 0.0)  # what receivers write without a fix
+            degrees = [np.where(none, np.nan, each) for each in degrees]
+        first = [float(each[np.isfinite(each)][0]) if np.isfinite(each).any() else np.nan for each in degrees]
+        found = metres(degrees[0], degrees[1], (first[0], first[1]))
+        for name, values, clock in zip((NORTH, EAST), found, clocks, strict=True):
+            work.columns[name] = values / UNITS[block.unit]
+            work.clocks[name] = clock
+        told.append(f"{work.log.name} {first[0]:.7f}, {first[1]:.7f}")
+    read = msgspec.structs.replace(block, columns=(NORTH, EAST), latitude=None, longitude=None)
+    note = f"position: north and east of the first fix [deg] of {'; '.join(told[:4])}"
+    return msgspec.structs.replace(meaning, position=read), [note]
+
+
 def _derive(work: _Work, meaning: LogMap, rates: Rates) -> None:
     """Rates from the attitude as columns with a clock of their own."""
     assert meaning.attitude is not None
@@ -263,8 +307,45 @@ def _notes(works: Sequence[_Work], meaning: LogMap) -> list[str]:
                 f"{name}: received in bursts; put on an even clock of {1.0 / period:.4g} Hz below the times "
                 f"of receipt, which are up to {latest:.2g} s later{keep}"
             )
+    lines += _stop_notes(works, meaning.commands)
     if meaning.rates is not None and meaning.rates.source == "attitude":
         lines.append(
             "rates: derived from the attitude's samples, not measured: they say nothing of their own"
+        )
+    return lines
+
+
+def _stop_notes(works: Sequence[_Work], block: Commands) -> list[str]:
+    """Return what was done to commands that say that a thruster is off, and which thrusters always are."""
+    names = [command(source).column for source in block.columns]
+    idle = None
+    for work in works:
+        nothing = np.zeros(len(work.log.time_of(names[0])), bool)
+        found = {}
+        for name in names:
+            logged = work.log.columns[name]
+            found[name] = (
+                logged,
+                work.stops.get(name, nothing if len(nothing) == len(logged) else logged > np.inf),
+            )
+        own = set(never(found))
+        idle = own if idle is None else idle & own
+    lines = []
+    if idle:
+        listed = [name for name in names if name in idle]
+        lines.append(
+            f"commands: {', '.join(listed)} never drive a thruster (NaN or a pulse width of 0 in every row): "
+            "leave them out of commands.columns if the vehicle has fewer thrusters"
+        )
+    counts = [
+        int(work.stops[name].sum())
+        for work in works
+        for name in names
+        if name in work.stops and name not in (idle or ())
+    ]
+    if counts:
+        lines.append(
+            f"commands: {sum(counts):,} samples of NaN or a pulse width of 0 are no thrust, as of a "
+            'disarmed autopilot (commands.off = "hold" holds the thrust before them)'
         )
     return lines

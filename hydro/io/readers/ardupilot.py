@@ -20,7 +20,7 @@ _MICRO, _MILLI = 1e6, 1e3
 _INSTANCES = ("C", "I", "Instance")
 """Fields that tell several sensors or EKF cores apart, of logs whose FMTU messages do not say so."""
 _WHOLE = frozenset("bBhHiIM")
-_NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
+NO_DATA = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "ISBH", "ISBD")
 """Messages about the log itself, and parts of files."""
 WRAP = 2**32 / _MICRO
 """When microseconds of 32 bits begin again [s]."""
@@ -35,33 +35,40 @@ def dataflash(path: Path, selection: Selection, options: Options) -> Iterator[It
     from pymavlink.DFReader import DFReader_binary
 
     said = io.StringIO()
-    with _silent(), _quiet(said):
+    with _silent(), quiet(said):
         reader = DFReader_binary(os.fspath(path))
-    types = {name for name in reader.name_to_id if name not in _NO_DATA and selection.takes_type(name)}
-    topics: dict[tuple[str, Any], Topic] = {}
-    done = 0
+    types = {name for name in reader.name_to_id if name not in NO_DATA and selection.takes_type(name)}
     try:
-        while types:
-            with _quiet(said):
-                message = reader.recv_match(type=types, strict=True)
-            if message is None:
-                break
-            kind = message.get_type()
-            instance = _instance(message)
-            topic = topics.get((kind, instance))
-            if topic is None:
-                name = kind if instance is None else f"{kind}[{instance}]"
-                topic = topics[kind, instance] = Topic(name, kind, _same)
-            if selection.takes(topic.name):
-                yield topic, message._timestamp, message
-            done += 1
-            if done % _EVERY == 0:
-                options.progress(0.01 * reader.percent)
+        yield from messages_of(reader, types, said, selection, options)
     finally:
         reader.close()
-    _tell_damage(said, options)
     if _cut_short(reader):
         options.notes.append(CUT_SHORT)
+
+
+def messages_of(
+    reader: Any, types: set[str], said: io.StringIO, selection: Selection, options: Options
+) -> Iterator[Item]:
+    """Yield the messages of some types of an open DataFlash log; a note tells where it is damaged."""
+    topics: dict[tuple[str, Any], Topic] = {}
+    done = 0
+    while types:
+        with quiet(said):
+            message = reader.recv_match(type=types, strict=True)
+        if message is None:
+            break
+        kind = message.get_type()
+        instance = _instance(message)
+        topic = topics.get((kind, instance))
+        if topic is None:
+            name = kind if instance is None else f"{kind}[{instance}]"
+            topic = topics[kind, instance] = Topic(name, kind, _same)
+        if selection.takes(topic.name):
+            yield topic, message._timestamp, message
+        done += 1
+        if done % _EVERY == 0:
+            options.progress(0.01 * reader.percent)
+    _tell_damage(said, options)
 
 
 def _cut_short(reader: Any) -> bool:
@@ -90,7 +97,7 @@ def _instance(message: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _quiet(said: io.StringIO) -> Iterator[None]:
+def quiet(said: io.StringIO) -> Iterator[None]:
     """Keep what the library prints, to the length of a few lines, off the terminal."""
     if said.tell() > 1 << 16:
         said.seek(1 << 15)

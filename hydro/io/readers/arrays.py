@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.errors import DataError, shown
+from hydro.io.readers import clocked
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
 
 
@@ -57,13 +58,18 @@ def mat(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
 
 
 def table(named: Mapping[str, Any], selection: Selection, options: Options) -> pl.DataFrame:
-    """Arrays that have as many rows as the longest of the usual length, as the columns of a table.
+    """Return arrays as the columns of a table.
+
+    Arrays of several lengths, each with an array of its times, have rows of their own in the order of time.
+    Else those with as many rows as the longest of the usual length are taken.
 
     Raises:
         DataError: there is no array of numbers, or the wanted ones do not have the same number of rows.
     """
     arrays = dict(_flat(named, "", 0))
     columns = {name: each for key, array in arrays.items() for name, each in _columns(key, array)}
+    if (timed := clocked.table(columns, selection, options)) is not None:
+        return timed
     if selection.columns is not None:
         columns = {name: each for name, each in columns.items() if name in selection.columns}
         lengths = {len(each): name for name, each in columns.items()}

@@ -19,9 +19,16 @@ _HEAD = 55
 def by_chunk() -> type[Any]:
     """The library's reader of ROS 1 bags, with the index of one chunk at a time."""
     from rosbags.rosbag1 import Reader
+    from rosbags.rosbag1.reader import IndexData
+
+    class Placed(IndexData):  # type: ignore[misc]
+        """A message's place, ordered by it: times fall where the clock of a simulator begins again."""
+
+        def __lt__(self, other: Any) -> bool:
+            return bool(self.offset < other.offset)
 
     class ByChunk(Reader):  # type: ignore[misc]
-        """Messages come chunk by chunk, those of a chunk in order of receipt."""
+        """Messages come chunk by chunk, in the order in which they were written."""
 
         connections: list[Any]
         _opening = False
@@ -50,7 +57,7 @@ def by_chunk() -> type[Any]:
         ) -> Iterator[tuple[Any, int, bytes]]:
             """Connection, time of receipt [ns] and bytes of the messages of some connections."""
             wanted = {each.id for each in connections or self.connections}
-            for info in self.chunk_infos:
+            for info in sorted(self.chunk_infos, key=lambda each: each.pos):
                 if wanted.isdisjoint(info.connection_counts):
                     continue
                 chunk = self.chunks[info.pos]
@@ -58,7 +65,9 @@ def by_chunk() -> type[Any]:
                 found: dict[int, list[Any]] = defaultdict(list)
                 for _ in info.connection_counts:
                     self.read_index_data(info.pos, found)
-                self.indexes = {each.id: sorted(found[each.id]) for each in self.connections}
+                self.indexes = {
+                    each.id: sorted(Placed(*place) for place in found[each.id]) for each in self.connections
+                }
                 yield from super().messages(connections, start, stop)
 
     return ByChunk

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, shown
+from hydro.io.readers.clocks import BACK
 from hydro.io.readers.messages import Item, Selection, Topic, leaves
 from hydro.io.readers.spill import Spill
-from hydro.io.readers.tables import CLOCKS, Buffer, Tables
+from hydro.io.readers.tables import CLOCKS, Buffer, Tables, Undecoded
 
+BEHIND = 20
+"""Messages in a row that lie behind the latest time before the clock of receipt is said to begin again."""
 LOOKED_AT = 20
 """Messages of a topic whose fields are listed: lengths of arrays may grow, names do not."""
 
@@ -28,6 +31,7 @@ class Listed:
         last: Time of its last message [s].
         fields: Paths of its numeric fields, in the order of the message.
         skipped: Paths of fields that are no numbers.
+        failed: Messages, of those looked at, that could not be decoded.
     """
 
     topic: Topic
@@ -36,13 +40,22 @@ class Listed:
     last: float = -np.inf
     fields: dict[str, None] = field(default_factory=dict)
     skipped: dict[str, None] = field(default_factory=dict)
+    failed: int = 0
 
     def add(self, received: float, raw: Any) -> None:
         """Count a message, and look into it while the topic is young."""
         self.count += 1
         self.first, self.last = min(self.first, received), max(self.last, received)
         if self.count <= LOOKED_AT and self.topic.decode is not None:
-            for path, value in leaves(self.topic.decode(raw)):
+            try:
+                message = self.topic.decode(raw)
+            except Exception as error:
+                self.failed += 1
+                if self.failed == self.count:
+                    self.topic.unread = unfit(error)
+                return
+            self.topic.unread = ""
+            for path, value in leaves(message):
                 (self.fields if value is not None else self.skipped)[path] = None
 
     @property
@@ -75,13 +88,74 @@ def collect(stream: Iterable[Item], selection: Selection, name: str) -> Tables:
         DataError: a wanted topic cannot be read; the line calls the log `name`.
     """
     buffers: dict[Topic, Buffer] = {}
+    lost: dict[Topic, int] = {}
     spill = Spill()
+    receipt = _Receipt(buffers)
     for topic, received, raw in stream:
         buffer = buffers.get(topic)
         if buffer is None:
             buffer = buffers[topic] = Buffer(topic, selection.paths(topic.name) or [], spill)
             if buffer.paths and topic.decode is None:
                 raise DataError(f"{name}: {topic.name} ({topic.kind}) is not read: {topic.unread}")
+        receipt.see(topic, received)
         if buffer.paths:
-            buffer.add(received, raw)
-    return Tables([each for each in buffers.values() if len(each)])
+            try:
+                buffer.add(received, raw)
+            except Undecoded as error:
+                lost[topic] = lost.get(topic, 0) + 1
+                topic.unread = topic.unread or unfit(error)
+    receipt.finish()
+    notes = []
+    for topic, count in lost.items():
+        if not len(buffers[topic]):
+            raise DataError(f"{name}: {topic.name} ({topic.kind}) is not read: {topic.unread}")
+        total = count + len(buffers[topic])
+        notes.append(f"{topic.name}: {count:,} of {total:,} messages cannot be decoded and are left out")
+    return Tables([each for each in buffers.values() if len(each)], notes)
+
+
+class _Receipt:
+    """Clock of receipt, which begins again where a bag follows the time of a simulator that is reset.
+
+    Args:
+        buffers: The topics so far; each is told from which of its rows on the clock begins again.
+    """
+
+    def __init__(self, buffers: Mapping[Topic, Buffer]) -> None:
+        self._buffers = buffers
+        self._latest: dict[Topic, float] = {}
+        self._behind = 0
+        self._rows: dict[Topic, int] = {}
+        self._count = 0
+
+    def see(self, topic: Topic, received: float) -> None:
+        """Take the time of a topic's next message [s].
+
+        A clock begins again where many messages in a row lie behind those of their own topics.  A single one
+        is late; and topics that are written one after the other fall among each other alone.
+        """
+        latest = self._latest.get(topic, -np.inf)
+        if received >= latest - BACK:
+            self._latest[topic] = max(latest, received)
+            self._behind = 0 if np.isfinite(latest) else self._behind
+            return
+        if not self._behind:
+            self._rows = {own: len(each) for own, each in self._buffers.items()}
+        self._behind += 1
+        if self._behind == BEHIND:
+            self._count += 1
+            for own, each in self._buffers.items():
+                each.again += [0] * (self._count - 1 - len(each.again))
+                each.again.append(self._rows.get(own, 0))
+            self._latest, self._behind = {topic: received}, 0
+
+    def finish(self) -> None:
+        """Tell the topics that came after a restart that they have nothing before it."""
+        for each in self._buffers.values():
+            each.again[:0] = [0] * (self._count - len(each.again))
+
+
+def unfit(error: Exception) -> str:
+    """Return why a topic is not read whose messages do not fit its type."""
+    reason = shown((str(error) or type(error).__name__).splitlines()[0][:120])
+    return f"its messages do not fit the definition of their type ({reason}); --msg DIR gives another"

@@ -1,56 +1,61 @@
-"""CSV with commas, semicolons or tabs, and Parquet."""
+"""Tables of text: CSV with commas, semicolons or tabs."""
 
 from __future__ import annotations
 
+import csv as quoting
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import polars as pl
 
 from hydro.core.errors import DataError, shown
+from hydro.io.readers import cells
 from hydro.io.readers.messages import Options, Selection
 
-EMPTY = ("", "nan", "NaN", "NAN", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
-"""What loggers write into a cell that holds nothing."""
+EMPTY = ("", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
+"""Cells that loggers write where there is no value. NaN is kept: a controller may say it of a motor."""
 _SEPARATORS = (",", ";", "\t")
 _RECEIVED, _STAMP = "%time", "field.header.stamp"
 """Columns of `rostopic echo -p`, in nanoseconds."""
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_CONTROL = re.compile(rb"[\x01-\x08\x0b\x0e-\x1f\x7f]")
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether the beginning of a file is text; NUL bytes between characters are overlooked."""
+    if head.startswith(_UTF16):
+        return True
+    return bool(head.strip(b"\0 \r\n\t")) and not _CONTROL.search(head)
 
 
 def csv(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """All columns of a CSV as text, so that what is no number can be reported with its place.
+    """Read all columns of a CSV as text, so that an error can name the row of what is no number.
 
-    Of what `rostopic echo -p` wrote, `time` and `receive_time` [s] stand beside them, as of a bag.
+    Tables of `rostopic echo -p` get the columns `time` and `receive_time` [s], as a bag has them.
     """
-    return parse_csv(path.read_bytes(), options.name)
+    return parse_csv(path.read_bytes(), options)
 
 
-def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
-    """All columns of a Parquet file, with their types."""
-    return parse_parquet(path.read_bytes(), options.name)
-
-
-def parse_csv(content: bytes, name: str) -> pl.DataFrame:
-    """The table in these bytes of text.
+def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
+    """Return the table in these bytes of text; the notes of `options` tell what was mended.
 
     Raises:
         DataError: they are no table, or name a column twice.
     """
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataError(
-            f"{name}: not UTF-8 text (byte {error.start}): save the log as UTF-8, or as Parquet"
-        ) from error
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    separator = max(_SEPARATORS, key=first.count)
-    names = [part.strip().strip('"') for part in first.split(separator)]
+    name = options.name
+    text = _text(content, options)
+    first, start = _first_line(text)
+    separator = max(_SEPARATORS, key=re.sub(r'"[^"]*"', "", first).count)
+    names, end = _header(text, start, separator)
     if len(names) < 2 or not all(character.isprintable() or character == "\t" for character in first):
         raise DataError(f"{name}: not a table: its first line should name columns, separated by commas")
     if twice := sorted({column for column in names if names.count(column) > 1}):
         raise DataError(f"{name}: column {shown(twice[0])} appears twice: rename or drop one")
+    plain = separator.join(f"c{place}" for place in range(len(names)))
     try:
         frame = pl.read_csv(
-            text.encode(),
+            f"{plain}\n{text[end:]}".encode(),
             separator=separator,
             comment_prefix="#",
             infer_schema=False,
@@ -61,11 +66,64 @@ def parse_csv(content: bytes, name: str) -> pl.DataFrame:
         raise DataError(
             f"{name}: not a table of comma-separated values ({reason}): check its lines"
         ) from error
-    return _with_times(frame.rename(dict(zip(frame.columns, names, strict=True))))
+    frame = frame.rename(dict(zip(frame.columns, names, strict=True)))
+    if separator != ",":
+        frame = cells.with_points(frame, options.notes)
+    return _with_times(cells.without_units(frame, options.notes))
+
+
+def _text(content: bytes, options: Options) -> str:
+    """Decode a file, without NUL bytes and with lines that end in a line feed."""
+    if content.startswith(_UTF16):
+        text = content.decode("utf-16", errors="replace")
+    else:
+        if nuls := content.count(b"\0"):
+            content = content.replace(b"\0", b"")
+            options.notes.append(f"{nuls:,} NUL bytes are left out, as a logger without power leaves them")
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise DataError(
+                f"{options.name}: not UTF-8 text (byte {error.start}): save the log as UTF-8, or as Parquet"
+            ) from error
+    return text.replace("\r", "\n") if "\r" in text and "\n" not in text else text
+
+
+def _lines(text: str, start: int = 0) -> Iterator[tuple[str, int]]:
+    """Yield each line with its line feed, and where it begins."""
+    while start < len(text):
+        end = text.find("\n", start) + 1 or len(text)
+        yield text[start:end], start
+        start = end
+
+
+def _first_line(text: str) -> tuple[str, int]:
+    """Return the first line that is neither empty nor a comment, and where it begins."""
+    for line, start in _lines(text):
+        if line.strip() and not line.startswith("#"):
+            return line.strip("\r\n"), start
+    return "", len(text)
+
+
+def _header(text: str, start: int, separator: str) -> tuple[list[str], int]:
+    """Return the names of the columns, and where the rows begin; a quoted name may hold separators."""
+    end = start
+
+    def lines() -> Iterator[str]:
+        nonlocal end
+        for line, begun in _lines(text, start):
+            end = begun + len(line)
+            yield line
+
+    try:
+        found = next(quoting.reader(lines(), delimiter=separator, skipinitialspace=True), [])
+    except quoting.Error:
+        return [], end
+    return [part.strip().strip('"') for part in found], end
 
 
 def _with_times(frame: pl.DataFrame) -> pl.DataFrame:
-    """The table of `rostopic echo -p` with its clocks in seconds; any other as it is."""
+    """Return the table of `rostopic echo -p` with its clocks in seconds; any other as it is."""
     if _RECEIVED not in frame.columns or {"time", "receive_time"} & set(frame.columns):
         return frame
     seconds = {
@@ -77,16 +135,3 @@ def _with_times(frame: pl.DataFrame) -> pl.DataFrame:
     stamped = seconds.get(_STAMP, received)
     time = stamped.zip_with((stamped > 0.0).fill_null(False), received)
     return frame.with_columns(time.alias("time"), received.alias("receive_time"))
-
-
-def parse_parquet(content: bytes, name: str) -> pl.DataFrame:
-    """The table in these bytes of Parquet.
-
-    Raises:
-        DataError: they are damaged.
-    """
-    try:
-        return pl.read_parquet(content)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise DataError(f"{name}: this Parquet file is damaged ({reason}): write or copy it again") from error

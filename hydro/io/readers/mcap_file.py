@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ _SHORT = "/SERVO_OUTPUT_RAW"
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     """The messages of an MCAP file, or of all those in a ROS 2 recording's folder, in order of the file."""
     if path.is_dir():
-        for part in sorted(path.glob("*.mcap")):
+        for part in sorted(path.glob("*.mcap"), key=_in_turn):
             yield from messages(part, selection, options)
         return
     from mcap.records import Channel, Footer, Message, Schema
@@ -55,6 +57,11 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
     )
 
 
+def _in_turn(part: Path) -> list[tuple[str, int]]:
+    """Return what sorts the files of a recording by their numbers: `dive_2` before `dive_10`."""
+    return [(word, int(each or -1)) for word, each in re.findall(r"(\D*)(\d*)", part.name)]
+
+
 class _Topics:
     """The channels of a file as topics, each made when its first message comes."""
 
@@ -76,7 +83,7 @@ class _Topics:
         kind = schema.name if schema is not None else ""
         if channel.message_encoding == "json":
             wraps = WRAP if channel.topic.endswith(_SHORT) else 0.0
-            return Topic(channel.topic, kind or "json", msgspec.json.Decoder().decode, json_stamp, wraps)
+            return Topic(channel.topic, kind or "json", decoded_json, json_stamp, wraps)
         if channel.message_encoding not in _ENCODINGS:
             why = f"{channel.message_encoding or 'unnamed'} encoding: only CDR, ROS 1 and JSON are read"
             return Topic(channel.topic, kind, None, unread=why)
@@ -86,8 +93,23 @@ class _Topics:
         known = self._known[ros]
         kind = kind if kind.count("/") == 2 else "/msg/".join(kind.split("/"))
         if schema is not None and schema.encoding in _FORMS and schema.data:
-            known.add(kind, schema.data.decode(), _FORMS[schema.encoding])
+            known.add(kind, schema.data.decode(errors="replace"), _FORMS[schema.encoding])
         return ros_topic(channel.topic, kind, known)
+
+
+_JSON = msgspec.json.Decoder()
+
+
+def decoded_json(raw: bytes) -> Any:
+    """Decode a message of JSON, also one with NaN or Infinity, which Python's loggers write.
+
+    Raises:
+        ValueError: it is no JSON.
+    """
+    try:
+        return _JSON.decode(raw)
+    except msgspec.DecodeError:
+        return json.loads(raw)
 
 
 def json_stamp(message: Any) -> float | None:

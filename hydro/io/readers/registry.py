@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import polars as pl
 
 from hydro.core.errors import DataError
-from hydro.io.readers import ardupilot, arrays, delimited, mcap_file, ros
+from hydro.io.readers import ardupilot, arrays, columnar, dataflash_text, delimited, mcap_file, ros, ulog
 from hydro.io.readers.collect import Listed, collect, inventory
 from hydro.io.readers.damage import reading
 from hydro.io.readers.messages import Options, Selection, Stream
@@ -47,8 +47,10 @@ READERS = (
     Reader("ROS 2 recording", _magic(b"SQLite format 3\0"), messages=ros.sqlite),
     Reader("MCAP file", _magic(b"\x89MCAP0\r\n"), messages=mcap_file.messages),
     Reader("DataFlash log", _magic(b"\xa3\x95"), messages=ardupilot.dataflash),
+    Reader("DataFlash log in text", dataflash_text.begins, messages=dataflash_text.dataflash_text),
+    Reader("PX4 ULog", _magic(ulog.MAGIC), messages=ulog.ulog),
     Reader("MAVLink log", ardupilot.is_telemetry, messages=ardupilot.telemetry, suffix=".tlog"),
-    Reader("Parquet file", _magic(b"PAR1"), table=delimited.parquet),
+    Reader("Parquet file", _magic(b"PAR1"), table=columnar.parquet),
     Reader("MATLAB file", _magic(b"MATLAB 5.0 MAT-file"), table=arrays.mat),
     Reader("numpy archive", _magic(b"PK\x03\x04"), table=arrays.npz),
     Reader("CSV file", lambda head: True, table=delimited.csv),
@@ -57,7 +59,6 @@ READERS = (
 _FOREIGN = (
     (b"#ROSBAG V1", "a ROS bag of version 1", "rosbag migrate"),
     (b"#ROSLOG", "a ROS bag of version 1", "rosbag migrate"),
-    (b"ULog\x01\x12", "a PX4 ULog", "ulog2csv"),
     (b"MATLAB 7.3", "a MATLAB file of version 7.3", "save(..., '-v7') in MATLAB"),
     (b"\x89HDF", "an HDF5 file", "save(..., '-v7') in MATLAB, or numpy.savez"),
     (b"\x1f\x8b", "compressed with gzip", "gunzip"),
@@ -66,8 +67,11 @@ _FOREIGN = (
     (b"7z\xbc\xaf", "a 7z archive", "7z x"),
 )
 """What people also have: first bytes, name, and what makes a readable log of it."""
+_POINTER = b"version https://git-lfs.github.com/spec/"
+"""How Git LFS begins the small file that it puts in the place of a large one."""
 FORMATS = (
-    "CSV, Parquet, .npz, .mat, ROS 1 bag, ROS 2 (.db3, .mcap or their folder), DataFlash .bin, MAVLink .tlog"
+    "CSV, Parquet, .npz, .mat, ROS 1 bag, ROS 2 (.db3, .mcap or their folder), DataFlash .bin or its .log, "
+    "PX4 .ulg, MAVLink .tlog"
 )
 
 
@@ -78,6 +82,7 @@ def reader_of(path: Path, name: str) -> Reader:
         DataError: nothing here reads it; the line says what to make of it.
     """
     if path.is_dir():
+        _refuse_pointers([each for each in sorted(path.iterdir()) if each.is_file()], name)
         if any(path.glob("*.mcap")):
             return _named("MCAP file")
         if (path / "metadata.yaml").is_file():
@@ -86,6 +91,7 @@ def reader_of(path: Path, name: str) -> Reader:
             f"{name}: a folder without metadata.yaml is no ROS 2 recording, and without "
             "session=NAME/part.parquet no dataset: name a file in it"
         )
+    _refuse_pointers([path], name)
     with path.open("rb") as file:
         head = file.read(HEAD)
     for start, what, remedy in _FOREIGN:
@@ -95,11 +101,23 @@ def reader_of(path: Path, name: str) -> Reader:
     ending = next((each for each in READERS if each.suffix and each.suffix == path.suffix.lower()), None)
     if found is READERS[-1] and ending is not None:
         return ending
-    if found is READERS[-1] and b"\0" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if found is READERS[-1] and not delimited.is_text(head):
         raise DataError(
             f"{name}: not a table, and its first bytes are of no known format: give one of {FORMATS}"
         )
     return found
+
+
+def _refuse_pointers(files: Sequence[Path], name: str) -> None:
+    """Refuse a file that Git LFS left in the place of the log."""
+    for each in files:
+        with each.open("rb") as file:
+            if file.read(len(_POINTER)) == _POINTER:
+                where = name if len(files) == 1 and name.endswith(each.name) else f"{name}: {each.name}"
+                raise DataError(
+                    f"{where}: this is a pointer of Git LFS, not the log itself: "
+                    "run `git lfs pull` in its repository"
+                )
 
 
 def _named(name: str) -> Reader:

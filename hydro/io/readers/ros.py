@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from hydro.core.errors import DataError
 from hydro.io.readers.chunks import by_chunk
+from hydro.io.readers.compressed import ZSTD, decompressed
 from hydro.io.readers.damage import BoundedPath
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
+from hydro.io.readers.ros_definitions import BUILT_IN
+from hydro.io.readers.versions import Versions
 
-_NANO = 1e9
+_NANO, _MICRO = 1e9, 1e6
 _EVERY = 4096
 """Messages between two reports of progress."""
 
@@ -38,8 +42,13 @@ class Definitions:
         self._ros = ros
         self._store: Any = get_typestore(Stores.EMPTY)
         self._broken: dict[str, str] = {}
+        self._described: set[str] = set()
         if folder is not None:
-            self._types.update(_from_folder(folder))
+            self._take(_from_folder(folder))
+
+    def _take(self, types: dict[str, Any]) -> None:
+        self._types.update(types)
+        self._described.update(types)
 
     def add(self, kind: str, text: str, form: str) -> None:
         """Take the definition that a log has of a type; `form` is `msg` or `idl`."""
@@ -47,52 +56,96 @@ class Definitions:
 
         try:
             if form == "msg":
-                self._types.update(get_types_from_msg(text, kind))
+                self._take(get_types_from_msg(text, kind))
             else:
                 for part in re.split(r"^=+\n", text, flags=re.MULTILINE):
                     body = part.partition("\n")[2] if part.startswith("IDL: ") else part
                     if body.strip():
-                        self._types.update(get_types_from_idl(body))
+                        self._take(get_types_from_idl(body))
         except Exception as error:
             self._broken[kind] = str(error).partition("\n")[0]
 
     def decoder(self, kind: str) -> tuple[Callable[[bytes], Any] | None, str]:
         """What makes a message of this type of its bytes; else None and why there is none."""
+        undescribed = self._ros == 2 and kind not in self._described
+        if undescribed and (kind in BUILT_IN or kind in self._types):
+            return Versions(self._versions(kind)), ""
         if kind in self._broken:
             return None, "its definition cannot be read: give --msg DIR with its .msg files"
         needed: dict[str, None] = {}
-        if missing := self._needed(kind, needed):
+        if missing := _missing(kind, self._types, needed):
             return None, f"no definition of {missing}: give --msg DIR with its .msg files"
-        new = {name: self._types[name] for name in needed if name not in self._store.fielddefs}
-        if new:
-            self._store.register(new)
-        read = self._store.deserialize_ros1 if self._ros == 1 else self._store.deserialize_cdr
-        return partial(_decode, read, kind), ""
+        return self._reader(self._store, kind, self._types, needed), ""
+
+    def _versions(self, kind: str) -> Iterator[Callable[[bytes], Any]]:
+        """Yield decoders of a type that the log does not describe: of every distribution, or built in."""
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        def distributions() -> Iterator[dict[str, Any]]:
+            yield self._types
+            for name in reversed([each for each in Stores if each.value.startswith("ros2_")]):
+                yield {**get_typestore(name).fielddefs, **{own: self._types[own] for own in self._described}}
+
+        def built_in() -> Iterator[dict[str, Any]]:
+            for text in BUILT_IN.get(kind, ()):
+                yield {**self._types, **get_types_from_msg(text, kind)}
+
+        seen = []
+        for types in chain(built_in(), distributions()):
+            needed: dict[str, None] = {}
+            if _missing(kind, types, needed):
+                continue
+            tree = {name: types[name] for name in needed}
+            if tree not in seen:
+                seen.append(tree)
+                yield self._reader(get_typestore(Stores.EMPTY), kind, types, needed)
+
+    def _reader(
+        self, store: Any, kind: str, types: dict[str, Any], needed: Iterable[str]
+    ) -> Callable[[bytes], Any]:
+        """Return what decodes a type, all of whose parts are put into a store."""
+        if new := {name: types[name] for name in needed if name not in store.fielddefs}:
+            store.register(new)
+        if self._ros == 1:
+            return partial(_decode, store.deserialize_ros1, kind)
+        return partial(_decode_cdr, store.deserialize_cdr, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
         """What reads a message's own time, of its header or a field `stamp`."""
-        names = [name for name, _ in self._types[kind][1]] if kind in self._types else []
+        if kind in BUILT_IN and kind not in self._described:
+            text = BUILT_IN[kind][0]
+            names = [line.split()[-1] for line in text.splitlines()]
+        else:
+            names = [name for name, _ in self._types[kind][1]] if kind in self._types else []
         if "header" in names:
             return _header_stamp
+        if kind.startswith("px4_msgs/") and "timestamp" in names:
+            return lambda message: message.timestamp / _MICRO
         return (lambda message: number(message.stamp)) if "stamp" in names else (lambda message: None)
 
-    def _needed(self, kind: str, needed: dict[str, None]) -> str:
-        """List a type and all that it is made of in `needed`; the name of one that nobody defines, if any."""
-        if kind in needed:
-            return ""
-        if kind not in self._types:
-            return kind
-        needed[kind] = None
-        for _, described in self._types[kind][1]:
-            while isinstance(described[1], tuple) and not isinstance(described[1][0], str):
-                described = described[1][0]
-            if isinstance(described[1], str) and (missing := self._needed(described[1], needed)):
-                return missing
+
+def _missing(kind: str, types: dict[str, Any], needed: dict[str, None]) -> str:
+    """List a type and all its parts in `needed`; return the name of one without definition, or nothing."""
+    if kind in needed:
         return ""
+    if kind not in types:
+        return kind
+    needed[kind] = None
+    for _, described in types[kind][1]:
+        while isinstance(described[1], tuple) and not isinstance(described[1][0], str):
+            described = described[1][0]
+        if isinstance(described[1], str) and (missing := _missing(described[1], types, needed)):
+            return missing
+    return ""
 
 
 def _decode(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
     return read(raw, kind)
+
+
+def _decode_cdr(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
+    """Decode a message, compressed one by one or not: CDR never begins as a frame of zstd does."""
+    return read(decompressed(raw) if raw[:4] == ZSTD else raw, kind)
 
 
 def _header_stamp(message: Any) -> float | None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import polars as pl
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import Array, Mask, Rows
 from hydro.io.readers.clocks import Stamps, one_clock
 from hydro.io.readers.messages import Topic, number, picker
 from hydro.io.readers.spill import Columns, Spill
@@ -21,11 +21,20 @@ CLOCKS = (TIME, RECEIVED)
 """Columns that every log of messages has beside those of its topics [s]."""
 
 
+class Undecoded(Exception):
+    """A message that does not fit the definition of its type."""
+
+
 class Buffer:
-    """The wanted fields of a topic, one number each for every message."""
+    """The wanted fields of a topic, one number each for every message.
+
+    Attributes:
+        again: Rows from which on the clock of receipt begins again.
+    """
 
     def __init__(self, topic: Topic, paths: Sequence[str], spill: Spill) -> None:
         self.topic, self.paths = topic, paths
+        self.again: list[int] = []
         self._numbers = Columns(len(CLOCKS) + len(paths), spill)
         self._received, self._stamped, *self._values = self._numbers.open
         self._there = [False] * len(paths)
@@ -35,9 +44,16 @@ class Buffer:
         return self._numbers.rows
 
     def add(self, received: float, raw: object) -> None:
-        """Keep the numbers of a message."""
+        """Keep the numbers of a message.
+
+        Raises:
+            Undecoded: it cannot be decoded; the buffer stays as it was.
+        """
         assert self.topic.decode is not None
-        message = self.topic.decode(raw)
+        try:
+            message = self.topic.decode(raw)
+        except Exception as error:
+            raise Undecoded(str(error) or type(error).__name__) from error
         if self._pick is None:
             self._pick = picker(self.paths, message)
         self._received.append(received)
@@ -59,7 +75,8 @@ class Buffer:
 
     def stamps(self) -> Stamps:
         """Its times."""
-        return Stamps(self.topic.name, self.received, self._numbers.column(1), self.topic.wraps)
+        received, stamped = self.received, self._numbers.column(1)
+        return Stamps(self.topic.name, received, stamped, self.topic.wraps, tuple(self.again))
 
     @property
     def columns(self) -> dict[str, int]:
@@ -109,6 +126,17 @@ class Table:
             start:stop
         ]
 
+    def unset(self, name: str, start: int = 0, stop: int | None = None) -> Mask:
+        """Return the rows in which a message of its topic says NaN, (n,)."""
+        if self._places is None:
+            own = np.ones(len(self.time), bool)
+        else:
+            own = np.zeros(len(self.time), bool)
+            for rows, each in zip(self._places, self._buffers, strict=True):
+                if name in each.columns:
+                    own[rows] = True
+        return np.asarray(own[start:stop] & np.isnan(self.column(name, start, stop)))
+
     def wide(self) -> pl.DataFrame:
         """All columns, and the clocks."""
         received = self._placed(each.received for each in self._buffers)
@@ -134,14 +162,17 @@ class Tables:
 
     Attributes:
         notes: What was done to their clocks, a line each.
+        begins: Times at which a clock begins again, and a session with it [s], rising.
 
     Args:
         buffers: Those with messages, in the order in which the log has them.
+        notes: What is to be told of their messages, a line each.
     """
 
-    def __init__(self, buffers: Sequence[Buffer]) -> None:
+    def __init__(self, buffers: Sequence[Buffer], notes: Sequence[str] = ()) -> None:
         self._buffers = buffers
-        self._times, self.notes = one_clock([each.stamps() for each in buffers])
+        self._times, moved, self.begins = one_clock([each.stamps() for each in buffers])
+        self.notes = [*notes, *moved]
 
     @property
     def height(self) -> int:
@@ -152,6 +183,11 @@ class Tables:
     def columns(self) -> list[str]:
         """All columns, as `wide` has them."""
         return list(dict.fromkeys((*CLOCKS, *(name for each in self._buffers for name in each.columns))))
+
+    def values(self, name: str) -> Array:
+        """Return the numbers of one column in the order of its messages, (n,)."""
+        parts = [each.values(each.columns[name]) for each in self._buffers if name in each.columns]
+        return np.concatenate([np.empty(0), *parts])
 
     def times(self) -> Array:
         """Times of all messages [s], in their order."""

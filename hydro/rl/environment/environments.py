@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -142,7 +143,12 @@ class Single(gymnasium.Env):  # type: ignore[misc]
         return self.fleet.reset(seed=_draw(self.np_random) if anew else None)[0], {}
 
     def step(self, action: ArrayLike) -> tuple[Array32, float, bool, bool, dict[str, Any]]:
-        """Fly one control step."""
+        """Fly one control step.
+
+        Raises:
+            ResetNeeded: there was no `reset` before.
+        """
+        _require_reset(self._begun)
         done = self.fleet.step(np.asarray(action)[None], renew=False)
         info = {name: values[0].item() for name, values in zip(Info._fields, done.info, strict=True)}
         return (
@@ -242,7 +248,11 @@ class Vector(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
         Where episodes begin anew in the step that ends the last, `info` has their `final_obs` and
         `final_info`.
+
+        Raises:
+            ResetNeeded: there was no `reset` before.
         """
+        _require_reset(self._begun)
         same, before = self._mode is AutoresetMode.SAME_STEP, self._ended
         step = self.fleet.step(actions, renew=same)
         info: dict[str, Any] = dict(step.info._asdict())
@@ -285,6 +295,12 @@ class Encoded(gymnasium.ObservationWrapper):  # type: ignore[misc]
     def observation(self, observation: Array32) -> Array32:
         """What a network is given of it."""
         return self._encoding(observation)
+
+
+def _require_reset(begun: bool) -> None:
+    """Refuse a step of vehicles that have no state yet."""
+    if not begun:
+        raise ResetNeeded("no episode has begun: call reset() before step()")
 
 
 def _draw(rng: np.random.Generator) -> int:

@@ -225,3 +225,22 @@ def test_a_depth_gauge_that_counts_upward_is_found():
 def test_every_measured_column_is_tried_reversed():
     declared = msgspec.convert(logs.written(logs.raw(1.0), replace(TRUE, depth="depth"))[1], LogMap)
     assert len(flips(declared)) == 12
+
+
+def test_an_attitude_that_does_not_follow_the_rates_gets_one_verdict():
+    """It neither agrees, nor moves too little to test a sign; and no velocity was logged."""
+    t = np.arange(1200) * 0.05
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.standard_normal((3, 1200)), axis=1) * [[0.15], [0.05], [0.15]]
+    columns = dict(zip(["phi", "theta", "psi"], (walk + np.pi) % (2 * np.pi) - np.pi, strict=True))
+    columns |= {
+        "p": 1.5 * np.sin(t),
+        "q": 1.7 * np.sin(1.3 * t),
+        "r": 0.8 * np.sin(0.6 * t),
+        "cmd_1": 0.0 * t,
+    }
+    meaning = msgspec.structs.replace(logs.PLAIN, position=None, velocity=None)
+    verdict = check([SessionLog("a", t, columns)], [t], 0.05, meaning)
+    assert verdict.disagree == (False, True)
+    (note,) = verdict.notes
+    assert "disagrees with the logged rates" in note

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.importing import raw_table
 from hydro.core.logs.logmap import (

@@ -14,7 +14,7 @@ from log_writers import Message
 from scipy.spatial.transform import Rotation
 
 import hydro
-from hydro.core.logs.presets import preset_blocks
+from hydro.core.guessing.presets import preset_blocks
 from hydro.io import log
 
 BEGUN = 1_700_000_000 * 10**9

@@ -87,7 +87,7 @@ def test_stamps_of_a_foreign_clock_are_moved_as_a_whole_and_keep_their_steps():
     late = [t + 1e9 + 0.02 + 0.05 * rng.random(100) for _ in range(3)]
     boot = Stamps("boot", late[0], t + 5.0)
     other = Stamps("boot2", late[1] + 0.1, t + 5.0)
-    (a, b, c), notes = one_clock([boot, other, Stamps("none", late[2], np.full(100, np.nan))])
+    (a, b, c), notes, _ = one_clock([boot, other, Stamps("none", late[2], np.full(100, np.nan))])
     np.testing.assert_allclose(np.diff(a), 0.1, atol=1e-6)
     np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(c, late[2])
@@ -97,7 +97,7 @@ def test_stamps_of_a_foreign_clock_are_moved_as_a_whole_and_keep_their_steps():
 
 def test_near_stamps_stay_and_gaps_in_them_are_filled_by_receipt():
     received = np.array([10.0, 11.0, 12.0])
-    (t,), notes = one_clock([Stamps("a", received, np.array([9.9, np.nan, 11.9]))])
+    (t,), notes, _ = one_clock([Stamps("a", received, np.array([9.9, np.nan, 11.9]))])
     assert (t.tolist(), notes) == ([9.9, 11.0, 11.9], [])
 
 

@@ -210,3 +210,19 @@ def test_registration_loads_nothing_heavy():
     heavy = {"torch", "mujoco", "numba", "torchrl"}
     code = f"import hydro.rl, sys; sys.exit(bool({heavy} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: gymnasium.make_vec("hydro/PointToPoint-v0", num_envs=2),
+        lambda: gymnasium.make("hydro/PointToPoint-v0").unwrapped,
+    ],
+)
+def test_a_step_before_the_first_reset_is_refused(make):
+    env = make()
+    count = (2, 6) if hasattr(env, "num_envs") else 6
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"reset\(\) before step\(\)"):
+        env.step(np.zeros(count, np.float32))
+    env.reset(seed=0)
+    assert np.isfinite(env.step(np.zeros(count, np.float32))[1]).all()

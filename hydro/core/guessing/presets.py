@@ -29,6 +29,19 @@ class Source(NamedTuple):
     settings: Mapping[str, Any] = MappingProxyType({})
 
 
+ATMOSPHERE = 101_325.0
+"""Standard pressure of the air [Pa]."""
+WATER = 1000.0 * 9.80665
+"""Pressure of a metre of fresh water [Pa]."""
+PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5}
+"""Pascals in each unit of pressure."""
+
+
+def depth_of_pressure(column: str, unit: str) -> Block:
+    """Return the column of a map that makes a depth [m] of an absolute pressure."""
+    return {"column": column, "scale": PRESSURE_UNITS[unit] / WATER, "offset": -ATMOSPHERE / WATER}
+
+
 def _of(stem: str, parts: str | Sequence[str], **settings: Any) -> Source:
     return Source(stem, tuple(parts), settings)
 
@@ -50,15 +63,20 @@ _LOCAL = "mavros/local_position"
 _FLU = {"world": "ENU", "body": "FLU"}
 _ODOMETRY = _ros(f"{_LOCAL}/odom", "ENU", "FLU")
 _ANGLES = ("roll", "pitch", "yaw")
+_ONE = ("",)
 _SPINS = ("rollspeed", "pitchspeed", "yawspeed")
 _CORE = "XKF1"
-_ONE = ("",)
 _MAVLINK_KNOWS = {"not": 65535.0}
 """MAVLink's 16 bits of a voltage that is not known."""
 
 PRESETS: dict[str, dict[str, list[Source]]] = {
     "mavros": {
-        "position": [*_ODOMETRY["position"], _of(f"{_LOCAL}/pose.pose.position.*", "xyz", world="ENU")],
+        "position": [
+            *_ODOMETRY["position"],
+            _of(f"{_LOCAL}/pose.pose.position.*", "xyz", world="ENU"),
+            _of("mavros/vfr_hud.altitude", _ONE, vertical="height"),
+            _of("mavros/global_position/rel_alt.data", _ONE, vertical="height"),
+        ],
         "attitude": [
             *_ODOMETRY["attitude"],
             _of(f"{_LOCAL}/pose.pose.orientation.*", "xyzw", layout="xyzw", **_FLU),
@@ -74,7 +92,11 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         "voltage": [_of("mavros/battery.voltage", _ONE)],
     },
     "ardusub": {
-        "position": [_of(f"{_CORE}.P*", "NED"), _of("NKF1.P*", "NED")],
+        "position": [
+            _of(f"{_CORE}.P*", "NED"),
+            _of("NKF1.P*", "NED"),
+            _of("CTUN.Alt", _ONE, vertical="height"),
+        ],
         "attitude": [
             _of("ATT.*", ("Roll", "Pitch", "Yaw"), unit="deg"),
             _of(f"{_CORE}.*", ("Roll", "Pitch", "Yaw"), unit="deg"),
@@ -85,7 +107,12 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
         "voltage": [_of("BAT.Volt", _ONE), _of("CURR.Volt", _ONE)],
     },
     "blueos": {
-        "position": [_of("LOCAL_POSITION_NED.*", "xyz")],
+        "position": [
+            _of("LOCAL_POSITION_NED.*", "xyz"),
+            _of("VFR_HUD.alt", _ONE, vertical="height"),
+            _of("GLOBAL_POSITION_INT.relative_alt", _ONE, vertical="height", unit="mm"),
+            _of("SCALED_PRESSURE2.press_abs", _ONE, vertical="pressure", pressure="hPa"),
+        ],
         "attitude": [_of("ATTITUDE.*", _ANGLES)],
         "velocity": [_of("LOCAL_POSITION_NED.v*", "xyz", frame="NED")],
         "rates": [_of("ATTITUDE.*", _SPINS)],
@@ -120,6 +147,12 @@ PRESETS: dict[str, dict[str, list[Source]]] = {
             _of("actuator_outputs.output.*", _INDICES, unit="pwm"),
         ],
         "voltage": [_of("battery_status.voltage_v", _ONE)],
+    },
+    "qgroundcontrol": {
+        "position": [_of("altitudeRelative", _ONE, vertical="height")],
+        "attitude": [_of("*", ("roll", "pitch", "heading"), unit="deg")],
+        "rates": [_of("*Rate", _ANGLES, unit="deg/s")],
+        "voltage": [_of("battery0.voltage", _ONE)],
     },
 }
 """What each kind of logger calls its columns, by quantity, the preferred source first."""
@@ -165,8 +198,18 @@ def _block(names: Sequence[str], quantity: str, source: Source) -> Block | None:
         return None
     if quantity == "voltage":
         return {"column": columns[0], **source.settings}
+    if quantity == "position" and len(columns) == 1:
+        settings = dict(source.settings)
+        return vertical_block(str(columns[0]), settings.pop("vertical"), settings)
     key = "quaternion" if quantity == "attitude" and len(columns) == 4 else "columns"
     return {key: columns, **source.settings}
+
+
+def vertical_block(column: str, kind: str, settings: Mapping[str, Any]) -> Block:
+    """Return the block of a vehicle that knows its depth alone, by a depth, a height or a pressure."""
+    if kind == "pressure":
+        return {"depth": {"column": column}, "pressure": None, **settings}
+    return {kind: column, **settings}
 
 
 def _column(names: Sequence[str], stem: str, part: str) -> str | None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from hydro.core.logs.presets import MOST_THRUSTERS, preset_blocks
+from hydro.core.guessing.presets import MOST_THRUSTERS, preset_blocks, vertical_block
 
 Block = dict[str, Any]
 
@@ -44,7 +44,24 @@ _FLAT = [
     _Family(("east", "north"), {"world": "ENU"}),
     _Family(("easting", "northing"), {"world": "ENU"}),
 ]
-_VERTICAL = {"depth": "depth", "height": "height", "elevation": "height"}
+_GEODETIC = [
+    _Family(("latitude", "longitude")),
+    _Family(("lat", "lon")),
+    _Family(("lat", "lng")),
+]
+_VERTICAL = {
+    "depth": "depth",
+    "height": "height",
+    "elevation": "height",
+    "rel_alt": "height",
+    "relative_alt": "height",
+    "relative_altitude": "height",
+    "altituderelative": "height",
+}
+_PRESSURE = {"fluid_pressure": "Pa", "water_pressure": None, "press_abs": None, "pressure": None}
+"""Names of the water's pressure, and its unit where a standard says it."""
+_PLACED = ("", "_m", "_data")
+"""What may stand behind the name of a depth: a unit, or the field of a ROS message of one number."""
 _ANGLES = [
     _Family(("phi", "theta", "psi")),
     _Family(("roll", "pitch", "yaw")),
@@ -69,6 +86,7 @@ _RATES = [
     *_xyz("angular_", "angular_velocity_", frame="FLU"),
     _Family(("rollspeed", "pitchspeed", "yawspeed")),
     _Family(("roll_rate", "pitch_rate", "yaw_rate")),
+    _Family(("rollrate", "pitchrate", "yawrate")),
 ]
 _LENGTHS = {"": "m", "_m": "m", "_cm": "cm", "_mm": "mm"}
 _TURNS = {"": "rad", "_rad": "rad", "_deg": "deg", "_degrees": "deg"}
@@ -86,6 +104,12 @@ _LONG_COMMAND = re.compile(
     r"((?:_(?:raw|pwm|us|pct|percent|out|cmd|command))*)"
 )
 """The same behind the name of a message, where a short stem would be anything."""
+_ROW_OF_THRUSTERS = re.compile(
+    r"(?:.+_)?(thrusters?|motors?|servos?|pwm|escs?)"
+    r"((?:_(?:data|input|inputs|values?|cmd|commands?|setpoints?|pwm|us|raw|out|outputs?|controls?|channels|thrust))*)"
+    r"_(\d+)"
+)
+"""An array in a message whose name says thrusters."""
 _VOLTAGE = re.compile(
     r"(?:(?:.+_)?(?:battery|batt|bat|supply|bus)_?(?:voltage|volt|volts|v)|voltage|v_?bat|v_?batt|vbus)(?:_(v|mv))?"
 )
@@ -106,7 +130,10 @@ _PULSED = ("servo", "pwm", "rcout", "rcou_c", "ch", "channel", "channels", "esc"
 
 
 def guess(
-    names: Sequence[str], texts: frozenset[str] = frozenset(), preset: str | None = None
+    names: Sequence[str],
+    texts: frozenset[str] = frozenset(),
+    preset: str | None = None,
+    thrusters: int | None = None,
 ) -> dict[str, Block]:
     """The blocks of a map that the names of columns suggest; those of a known logger before others.
 
@@ -116,9 +143,11 @@ def guess(
         names: The log's columns.
         texts: Those that hold text: a clock among them is one of ISO timestamps.
         preset: A logger of `presets.PRESETS`; by default the one whose names these are.
+        thrusters: Those of the vehicle; by default as many as the names number, at most eight outputs.
 
     Returns:
-        Blocks by name, as a map file has them; those that no names suggest are not there.
+        Blocks by name, as a map file has them; those that no names suggest are not there.  A depth by
+        pressure has a key `pressure`, its unit, which `refining.refined` resolves.
 
     Raises:
         DataError: no column is called as the given preset has it.
@@ -132,11 +161,13 @@ def guess(
         "attitude": _attitude(measured),
         "velocity": _vector(measured, _VELOCITY, _SPEEDS),
         "rates": _vector(measured, _RATES, _SPINS),
-        "commands": _commands(plain),
+        "commands": _commands(plain, thrusters),
         "voltage": _voltage(measured),
     }
     _, known = preset_blocks(names, preset)
     found.update(known)
+    if thrusters is not None and (driven := found["commands"]) is not None:
+        found["commands"] = {**driven, "columns": driven["columns"][:thrusters]}
     return {name: block for name, block in found.items() if block is not None}
 
 
@@ -168,7 +199,7 @@ def _session(plain: dict[str, str]) -> Block | None:
 
 
 def _position(plain: dict[str, str]) -> Block | None:
-    """A depth or height by name is more telling than a z."""
+    """Return three columns, or two and a depth or height, which is more telling than a z; or these alone."""
     vertical = next(
         (
             (key, plain[name + suffix])
@@ -181,7 +212,26 @@ def _position(plain: dict[str, str]) -> Block | None:
     flat = _vector(plain, _FLAT, {"": "m", "_m": "m"})
     if vertical is not None and flat is not None:
         return {**flat, vertical[0]: vertical[1]}
-    return _vector(plain, _POSITION, _LENGTHS)
+    if (block := _vector(plain, _POSITION, _LENGTHS)) is not None:
+        return block
+    alone = _depth(plain)
+    globe = _vector(plain, _GEODETIC, {"": "deg", "_deg": "deg"})
+    if globe is not None and alone is not None:
+        latitude, longitude = globe["columns"]
+        return {"latitude": latitude, "longitude": longitude, **alone}
+    return alone
+
+
+def _depth(plain: dict[str, str]) -> Block | None:
+    """Return the first column that is called like a depth, a height or a pressure, also behind a prefix."""
+    kinds = {**_VERTICAL, **dict.fromkeys(_PRESSURE, "pressure")}
+    for name, kind in kinds.items():
+        for suffix in _PLACED:
+            for own, column in reversed(plain.items()):
+                if own == name + suffix or own.endswith(f"_{name}{suffix}"):
+                    unit = {"pressure": _PRESSURE[name]} if kind == "pressure" else {}
+                    return vertical_block(column, kind, unit)
+    return None
 
 
 def _attitude(plain: dict[str, str]) -> Block | None:
@@ -209,8 +259,11 @@ def _prefixes(plain: dict[str, str], first: str) -> Iterator[str]:
         yield from (name.removesuffix(first) for name in plain if name.endswith(f"_{first}"))
 
 
-def _commands(plain: dict[str, str]) -> Block | None:
-    """The longest row of numbered columns that are called like a thruster's command."""
+def _commands(plain: dict[str, str], thrusters: int | None) -> Block | None:
+    """Return the longest row of numbered columns that are called like a thruster's command.
+
+    A row of as many as the vehicle has thrusters goes before longer ones.
+    """
     rows: dict[tuple[str, str, str], dict[int, str]] = {}
     for name, column in plain.items():
         if _STICKS.search(name):
@@ -219,10 +272,14 @@ def _commands(plain: dict[str, str]) -> Block | None:
             rows.setdefault(("", match[1], match[3]), {})[int(match[2])] = column
         elif match := _LONG_COMMAND.fullmatch(name):
             rows.setdefault((match[1], match[2], match[4]), {})[int(match[3])] = column
+        elif match := _ROW_OF_THRUSTERS.fullmatch(name):
+            row = (name.removesuffix(f"_{match[3]}"), match[1], match[2])
+            rows.setdefault(row, {})[int(match[3])] = column
     if not rows:
         return None
     (_, stem, ending), numbered = max(
-        rows.items(), key=lambda row: (len(row[1]), row[0][0] == "", row[0][1] == "cmd")
+        rows.items(),
+        key=lambda row: (len(row[1]) == thrusters, len(row[1]), row[0][0] == "", row[0][1] == "cmd"),
     )
     pulsed = stem in _PULSED or re.search("_(raw|pwm|us)", ending) is not None
     first = sorted(numbered)[:MOST_THRUSTERS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hydro.core.errors import DataError
-from hydro.core.logs.aliases import guess
+from hydro.core.guessing.aliases import guess
 
 RAW = ["session", "t", "x", "y", "z", "phi", "theta", "psi", "u", "v", "w", "p", "q", "r", "cmd_1", "cmd_2"]
 

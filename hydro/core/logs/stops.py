@@ -1,0 +1,62 @@
+"""Commands that mean "stop": NaN in an autopilot's outputs, and pulses of width 0 while it is disarmed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hydro.core.columns import Array, Mask
+from hydro.core.logs.logmap import Command, Commands
+from hydro.core.logs.resample import USUAL_STEPS
+
+
+def rest(source: Command, block: Commands) -> float:
+    """Return what a column of commands holds while its thruster stands still, in the unit of the log."""
+    neutral = block.pwm.neutral if block.unit == "pwm" else 0.0
+    return (neutral - source.offset) / source.scale
+
+
+def stops(t: Array, values: Array, unset: Mask | None, source: Command, block: Commands) -> Mask:
+    """Return the rows of a column of commands that stop its thruster, (n,).
+
+    A pulse of width 0 is none, and an electronic speed controller without pulses stops.  NaN stops where the
+    log holds nothing else for longer than a gap of the column; in shorter runs it is a cell of a table of
+    several sensors that were put side by side.
+
+    Args:
+        t: Times of the rows [s], (n,), not falling.
+        values: The column as logged, (n,), NaN where it holds no number.
+        unset: Rows in which the log says NaN, (n,); None where there are none.
+        source: The column.
+        block: What the map says of the commands.
+    """
+    if block.off == "hold":
+        return np.zeros(len(t), bool)
+    none = (values == 0.0) if block.unit == "pwm" and source.offset == 0.0 else np.zeros(len(t), bool)
+    if unset is None or not unset.any():
+        return np.asarray(none)
+    told = np.flatnonzero(np.isfinite(values))
+    if not len(told):
+        return np.asarray(none | unset)
+    times = t[told]
+    steps = np.diff(times)
+    longest = USUAL_STEPS * float(np.median(steps)) if len(steps) else 0.0
+    after = np.searchsorted(told, np.arange(len(t)))
+    before = np.r_[t[0], times][after]
+    until = np.r_[times, t[-1]][after]
+    return np.asarray(none | (unset & (until - before > longest)))
+
+
+def never(columns: Mapping[str, tuple[Array, Mask]]) -> list[str]:
+    """Return the columns all of whose samples are stops, if others have commands.
+
+    Args:
+        columns: Values as logged and the rows that are stops, of each column.
+    """
+    idle = [
+        name
+        for name, (values, stopped) in columns.items()
+        if stopped.any() and not (np.isfinite(values) & ~stopped).any()
+    ]
+    return idle if len(idle) < len(columns) else []

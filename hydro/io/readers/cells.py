@@ -1,0 +1,64 @@
+"""Numbers as people's programs write them into cells: decimal commas, and units behind the number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import polars as pl
+
+_COMMA = r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*[A-Za-z°%µμ/]*\s*)$"
+_NUMBER = r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
+_UNIT = r"([A-Za-z°%µμ][A-Za-z0-9°%µμ/^*·]*)\s*$"
+_SHOWN = 6
+"""Columns that a note names."""
+
+
+def with_points(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
+    """Write decimal commas as points, in columns without numbers that have a point already.
+
+    Only for tables whose separator is no comma: there a comma within a number is a decimal comma.
+
+    Args:
+        frame: Columns of text.
+        notes: Gets a line that names the columns.
+    """
+    changed = {}
+    for name in frame.columns:
+        values = frame[name]
+        commas = values.str.contains(_COMMA).fill_null(False)
+        if (
+            commas.any()
+            and not values.str.contains(_NUMBER + "$").filter(values.str.contains(".", literal=True)).any()
+        ):
+            changed[name] = values.str.replace(_COMMA, "${1}.${2}")
+    if changed:
+        notes.append(f"decimal commas are read as points in {_listed(list(changed))}")
+    return frame.with_columns(**changed)
+
+
+def without_units(frame: pl.DataFrame, notes: list[str]) -> pl.DataFrame:
+    """Leave out a unit at the end of cells, in columns whose cells are numbers with the same unit, or none.
+
+    Args:
+        frame: Columns of text.
+        notes: Gets a line that names the columns and their units.
+    """
+    changed, told = {}, []
+    for name in frame.columns:
+        first = frame[name].drop_nulls().head(1)
+        if not first.len() or not first.str.contains(_NUMBER + _UNIT)[0]:
+            continue
+        values = frame[name]
+        numbers = values.str.extract(_NUMBER + "(?:" + _UNIT[:-1] + r")?$", 1)
+        units = values.str.extract(_NUMBER + _UNIT, 2).drop_nulls().unique()
+        if units.len() == 1 and numbers.null_count() == values.null_count():
+            changed[name] = numbers
+            told.append(f"{name} [{units[0]}]")
+    if changed:
+        notes.append(f"units at the end of cells are left out, check them against the map: {_listed(told)}")
+    return frame.with_columns(**changed)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
