@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
 
-.PHONY: help install demo quick test fuzz kills browser lint types docs site wheel wheel-test clean
+.PHONY: help install demo quick test mutants fuzz kills browser lint types docs site wheel wheel-test clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*##/\t/' | expand -t 12
@@ -31,6 +31,9 @@ quick: $(STAMP)       ## layers, schemas, effects and one study: within two minu
 # Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
 test: $(STAMP)        ## the whole test suite on two workers
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+mutants: $(STAMP)     ## change 200 operators and constants one at a time and see which no test notices: two hours
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants --workers $(WORKERS)
 
 fuzz: $(STAMP)        ## almost right files of every kind through every command, some five minutes
 	HYDRO_FUZZ=400 $(BIN)/python -m pytest -n 0 -s tests/fuzz tests/io/readers/test_damage.py

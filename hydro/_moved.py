@@ -35,7 +35,8 @@ _PACKAGES = {  # new package: old name of a module, and its new one where that i
     "hydro.core.distillation": "labels split features history",
     "hydro.core.simulation": "dynamics integrate simulate excitation handling:steady_motion "
     "noise:sensor_noise variation:variational_equation",
-    "hydro.core.logs": "logmap importing resample conventions aliases alternatives agreement "
+    "hydro.core.guessing": "aliases",
+    "hydro.core.logs": "logmap importing resample conventions alternatives agreement "
     "kinematics:convention_check",
     "hydro.core.recording": "segments smoothing readings:sensor_faults dead_reckoning",
     "hydro.core.vehicle": "frames rigid_body allocation:thrusters mixing:control_allocation panels ellipsoid",

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import functools
+import getpass
+import hashlib
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,10 @@ from numba.core.dispatcher import Dispatcher
 
 LONGEST = 600.0
 """Seconds to wait for another worker's compilation: the slowest kernel takes some thirty."""
+
+
+LOCKS = Path(tempfile.gettempdir()) / f"hydro-compile-{getpass.getuser()}"
+"""Folder of the locks: the cache of kernels itself trusts no file that it did not write."""
 
 
 @functools.cache
@@ -31,9 +38,9 @@ def locked(compile: Callable[..., Any]) -> Callable[..., Any]:
         files = getattr(function._cache, "_cache_file", None)
         if files is None:  # a function without a cache
             return compile(function, *arguments)
-        index = Path(files._cache_path, files._index_name)
+        index = hashlib.sha256(str(Path(files._cache_path, files._index_name)).encode()).hexdigest()[:32]
         # numba's own lock comes first: otherwise two threads of a process could wait for each other
-        with global_compiler_lock, lock(index.with_suffix(".lock")):
+        with global_compiler_lock, lock(LOCKS / f"{index}.lock"):
             return compile(function, *arguments)
 
     return wait_and_compile

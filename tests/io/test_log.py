@@ -55,6 +55,20 @@ def refused(call, *arguments) -> str:
 # Reading
 
 
+@pytest.mark.parametrize(
+    ("cells", "numbers"),
+    [
+        ([" 1.5", "n/a"], True),  # what is no number further down is told by its row
+        ([None, "2e3", "x"], True),
+        (["n/a", "1.5"], False),
+        (["  ", "1.5"], False),
+        ([None, None], False),
+    ],
+)
+def test_a_column_of_text_holds_numbers_if_its_first_entry_is_one(cells, numbers):
+    assert log.numeric(pl.Series(cells, dtype=pl.String)) is numbers
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("bom", [b"", b"\xef\xbb\xbf"])
 def test_a_csv_with_any_separator_and_comments(separator, bom):

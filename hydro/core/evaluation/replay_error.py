@@ -278,7 +278,7 @@ def _begun_elsewhere(shots: Shots, motion: Motion, rng: np.random.Generator) -> 
 
 def _bounded(error: Array) -> Array:
     """Errors within BEYOND, the attitude's as a rotation vector, not twice a quaternion's vector part."""
-    out = np.nan_to_num(error, nan=np.inf)
+    out = np.nan_to_num(error, nan=np.inf, posinf=np.inf, neginf=-np.inf)
     half = np.clip(0.5 * np.linalg.norm(out[..., 3:6], axis=-1, keepdims=True), 0.0, 1.0)
     out[..., 3:6] *= np.where(half > 1e-9, np.arcsin(half) / np.maximum(half, 1e-9), 1.0)
     bounded: Array = np.clip(out, -BEYOND, BEYOND)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,11 +11,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recordings import damped
 
-from hydro.core.diagnosis import before
+from hydro.core.diagnosis import before, contenders
 from hydro.core.diagnosis.before import Change
 from hydro.core.diagnosis.contenders import Contender
+from hydro.core.diagnosis.model import Model
 from hydro.core.effects import CATALOGUE
+from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.parameters import free
 
 SHOTS = 40
 NAMES = st.sampled_from(sorted(CATALOGUE))
@@ -72,3 +78,52 @@ def test_a_name_that_leaves_much_needs_a_lead(left, alone, sure):
 
 def _absorbs(name: str) -> float:
     return CATALOGUE[name].identification.absorbs
+
+
+class _Kept(Exception):
+    """Says which entries a leaner contender holds at the file's values."""
+
+
+@pytest.mark.parametrize(
+    ("amounts", "held"),
+    [
+        ((0.8, 0.0, 0.0), [False, True, True]),
+        ((0.8, 0.0, -0.6), [False, True, False]),
+        ((0.8, -0.7, 0.6), None),
+    ],
+)
+def test_entries_that_explain_nothing_are_held_at_the_values_of_the_file(monkeypatch, amounts, held):
+    """Three of eight thrusters are fitted; each needed one explains what no other column does."""
+    rng, vehicle = np.random.default_rng(0), damped()
+    whole = free(vehicle, ["thruster_gain"])
+    unknown = replace(whole, entries=whole.entries[:3], starts=(np.zeros(3),))
+    columns = rng.standard_normal((SHOTS, 50, 3))
+    values = np.array(amounts) * unknown.scales
+    error = 0.1 * rng.standard_normal((SHOTS, 50))
+    both = np.concatenate([columns, error[..., None]], axis=-1)
+    gram = both.transpose(0, 2, 1) @ both
+    model = Model(unknown, values, None, Normal(gram, 50, gram[:, -1:, -1], np.zeros((SHOTS, 0, 4))))
+    contender = Contender("thruster_gain", model, gram[:, -1, -1])
+
+    def left_out(normal):
+        step = (
+            np.linalg.solve(normal.matrix.sum(axis=0), normal.score.sum(axis=0))
+            if normal.gram.shape[1] > 1
+            else []
+        )
+        return normal.expected(np.asarray(step, float))
+
+    def held_at(_, begun, mask, iterations):
+        np.testing.assert_allclose(begun, np.where(mask, 0.0, values))
+        raise _Kept(mask.tolist())
+
+    monkeypatch.setattr(contenders, "held_at", held_at)
+    compared, last = (
+        cast(Any, SimpleNamespace(left_out=left_out)),
+        cast(Any, SimpleNamespace(vehicle=vehicle)),
+    )
+    if held is None:
+        assert contenders.lean(compared, last, contender) is contender
+    else:
+        with pytest.raises(_Kept, match=re.escape(str(held))):
+            contenders.lean(compared, last, contender)

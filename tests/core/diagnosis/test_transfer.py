@@ -8,6 +8,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 import pytest
+from recordings import damped, moved
 
 from hydro.core.diagnosis.baseline import Baseline
 from hydro.core.diagnosis.model import Model
@@ -18,14 +19,20 @@ from hydro.core.diagnosis.transfer import (
     Rival,
     Survey,
     dragged,
+    error_ahead,
     left_out,
     one_change,
     ranked,
     weighed,
 )
 from hydro.core.effects import CATALOGUE
+from hydro.core.evaluation.replay_error import BEYOND
 from hydro.core.identification.levenberg_marquardt import Prior
+from hydro.core.prediction.candidate import candidate
+from hydro.core.prediction.multiple_shooting import predict, prepare
 from hydro.core.prediction.normal_equations import Normal
+from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import make_shots
 from hydro.core.vehicle.description import Vehicle
 from hydro.io.files import bundled
 from hydro.io.vehicle import read
@@ -74,6 +81,21 @@ def test_costs_are_those_of_ridge_regressions_without_the_fold(weight):
         known = ridge(columns[~out], error[~out], prior)
         expected = ((error[out] - columns[out] @ known) ** 2).sum(axis=1)
         np.testing.assert_allclose(found[out], expected, rtol=1e-9)
+
+
+def test_an_error_ahead_is_the_root_of_the_weighed_mean_squares_of_velocities():
+    shots = make_shots(recording(damped(), moved(damped(), rows=250)), sigma=np.ones(12))
+    weights = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
+    buoyant = damped({"name": "net_buoyancy", "dB": 30.0})
+    assert error_ahead(damped(), shots, weights) < 0.1 * error_ahead(buoyant, shots, weights)
+    motion = predict(prepare(candidate(buoyant), shots), shots)
+    expected = np.sqrt(weights @ ((motion - shots.measured)[..., 7:] ** 2).mean(axis=(0, 1)))
+    assert error_ahead(buoyant, shots, weights) == pytest.approx(expected)
+    driven = damped(
+        {"name": "formula", "forces": ["X u"], "force": [1e5], "moments": ["N r"], "moment": [1e5]}
+    )
+    assert error_ahead(driven, shots, weights) <= np.sqrt(weights @ BEYOND[6:] ** 2)
+    assert error_ahead(driven, shots, weights) > 10.0
 
 
 def test_a_fold_that_has_most_of_the_information_does_not_count():

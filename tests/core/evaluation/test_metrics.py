@@ -108,6 +108,19 @@ def test_an_axis_that_never_changes_has_no_r2():
     assert made["value"].is_finite().all()
 
 
+def test_an_axis_that_changes_in_one_block_alone_has_r2_without_an_interval():
+    """Bootstrap draws without that block have no variance, hence no R^2; their errors are defined."""
+    truth, predicted = pair(60)
+    truth[20:, 3] = truth[0, 3]
+    made = table(truth, predicted, consecutive(60, 20))
+    assert np.isfinite(value(made, "K", "r2"))
+    assert made.filter(pl.col("low").is_null()).select("axis", "metric").rows() == [
+        ("K", "r2"),
+        ("mean", "r2"),
+    ]
+    assert made.select(pl.col("low").is_null() == pl.col("high").is_null()).to_series().all()
+
+
 @given(st.integers(1, 1000), st.integers(1, 200))
 def test_consecutive_blocks(rows, length):
     blocks = consecutive(rows, length)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hydro.core.evaluation import score_test
 from hydro.core.evaluation.score_test import Evidence, p_values
 from hydro.core.prediction.normal_equations import Normal
 
@@ -96,3 +97,23 @@ def test_the_level_holds_for_wide_groups_and_shots_of_unequal_weight():
         evidence = Evidence.of(problem(columns, rng.standard_normal(SHOTS * ROWS)))
         least.append(min(p_values(evidence, range(9), groups).values()))
     assert 0.04 < np.mean(np.array(least) <= 0.1) < 0.17
+
+
+def test_a_flip_is_standardised_by_the_covariance_that_white_noise_gives_it():
+    """A flip's score is linear in the residual, m = L e: white noise gives it the covariance L L^T."""
+    rng, blocks, rows = np.random.default_rng(2), 6, 5
+    given, group = [0, 1], [2, 3]
+    columns, error = rng.standard_normal((blocks * rows, 4)), rng.standard_normal(blocks * rows)
+    both = np.column_stack([columns, error]).reshape(blocks, rows, -1)
+    gram = both.transpose(0, 2, 1) @ both
+    evidence = Evidence.of(Normal(gram, rows, gram[:, -1, -1:], np.zeros((blocks, 0, 5))))
+    signs = np.vstack([np.ones(blocks), rng.choice([-1.0, 1.0], (7, blocks))])
+    found = score_test._forms(evidence, given, group, np.arange(blocks), signs)
+
+    known, tested = columns[:, given], columns[:, group]
+    fitted = known @ np.linalg.solve(known.T @ known, known.T)
+    left = np.eye(len(error)) - fitted
+    for form, sign in zip(found, signs, strict=True):
+        L = (left @ tested).T @ (np.repeat(sign, rows)[:, None] * left)
+        m = L @ error
+        assert form == pytest.approx(m @ np.linalg.solve(L @ L.T, m), rel=1e-6)

@@ -9,11 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hydro.core.errors import DataError
+from hydro.core.logs import conventions
 from hydro.core.logs.clocks import bunched, evened
 from hydro.core.logs.conventions import SessionLog
 from hydro.core.logs.delays import sensor_offsets
 from hydro.core.logs.importing import raw_table
 from hydro.core.logs.logmap import (
+    Commands,
     LogMap,
     Mixer,
     Mount,
@@ -117,6 +119,36 @@ def test_the_lag_of_a_sensor_is_within_its_interval(block, late):
     assert found[block].plain
     others = [one for name, one in found.items() if name != block]
     assert not any(one.plain and abs(one.seconds) > 0.02 for one in others)
+
+
+def test_demands_are_clipped_before_they_are_mixed():
+    """A demand beyond full deflection is full deflection: half of it is half."""
+    log = session(a=np.repeat([1.5, -1.5, 0.4], 500), b=np.zeros(1500))
+    block = Commands(("a", "b"))
+    found, beyond = conventions.commands(
+        log, block, log.t, 0.02, Mixer(("surge", "yaw"), matrix=((0.5, 0.0), (1.0, 1.0)))
+    )
+    inside = [250, 750, 1250]
+    np.testing.assert_allclose(found[inside], [[0.5, 1.0], [-0.5, -1.0], [0.2, 0.4]])
+    assert not beyond[inside].any()
+
+
+def test_a_motor_of_a_vectored_frame_gives_no_more_than_full_thrust():
+    """Surge, sway and yaw add up to three times full thrust on one motor; opposite demands cancel."""
+    mixer = Mixer(("surge", "sway", "yaw"), preset="ardusub_vectored")
+    both = mixed(mixer, np.array([[-1.0, 1.0, 1.0], [1.0, -1.0, -1.0]]))
+    np.testing.assert_array_equal(both[0, :4], [1.0, -1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(both[1], -both[0])
+
+
+@pytest.mark.parametrize(("late", "told"), [(1.0, True), (1.5, False)])
+def test_a_lag_beyond_those_that_are_looked_for_is_not_told(late, told):
+    log = session(60.0, 20.0)
+    lagged = logs.motion(log.t - late)
+    log.columns.update(zip(NAMES[6:9], lagged[:, 6:9].T, strict=True))
+    found = {one.block: one.seconds for one in sensor_offsets([log], [log.t], 0.05, PLAIN)}
+    assert (abs(found.get("velocity", 0.0) - late) < 0.02) is told
+    assert abs(found.get("velocity", 0.0)) < 1.2
 
 
 @pytest.mark.parametrize("frame", ["FRD", "FLU", "NED"])

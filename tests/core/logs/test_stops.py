@@ -15,11 +15,11 @@ from hydro.io import log, logmap
 from hydro.io.sessions import sessions
 
 T = np.arange(100) * 0.05
-MAP = '[time]\ncolumn = "t"\n[rates]\ncolumns = ["p", "p", "p"]\n[commands]\ncolumns = ["c", "d"]\n'
+MAP = '[time]\ncolumn = "t"\n[rates]\ncolumns = ["p", "q", "r"]\n[commands]\ncolumns = ["c", "d"]\n'
 
 
 def imported(changes: str = "", **columns: object) -> Imported:
-    frame = pl.DataFrame({"t": T, "p": np.sin(T), "d": np.full(100, 0.25), **columns})
+    frame = pl.DataFrame({"t": T, **dict.fromkeys("pqr", np.sin(T)), "d": np.full(100, 0.25), **columns})
     read = log.read(io.BytesIO(frame.write_csv().encode()))
     meaning = logmap.parse(MAP + changes)
     return raw_table(sessions(read, meaning), meaning)
@@ -87,13 +87,13 @@ def test_nan_in_messages_is_no_thrust_but_the_silence_of_one_of_two_topics_is_no
     messages = []
     for place, at in enumerate(T):
         ns = round((1e9 + at) * 1e9)
-        messages.append(writers.Message("/p", kind, ns, {"data": np.sin(at)}))
+        messages += [writers.Message(f"/{name}", kind, ns, {"data": np.sin(at)}) for name in "pqr"]
         messages.append(writers.Message("/c", kind, ns, {"data": np.nan if 40 <= place < 80 else 0.5}))
         if place < 20 or place > 90:
             messages.append(writers.Message("/d", kind, ns, {"data": 0.25}))
     read = log.read(writers.ros1(tmp_path / "log.bag", messages, {}, "LZ4"))
     text = (
-        '[rates]\ncolumns = ["/p.data", "/p.data", "/p.data"]\n[commands]\ncolumns = ["/c.data", "/d.data"]\n'
+        '[rates]\ncolumns = ["/p.data", "/q.data", "/r.data"]\n[commands]\ncolumns = ["/c.data", "/d.data"]\n'
     )
     frame = raw_table(sessions(read, logmap.parse(text)), logmap.parse(text)).frame
     np.testing.assert_allclose(frame["cmd_1"][1:99], np.where((T >= 2.0) & (T < 4.0), 0.0, 0.5)[1:99])

@@ -47,6 +47,16 @@ def test_a_collision_is_no_fault(noise):
     assert not found(spoilt(log(noise), u=u)).all.any()
 
 
+@pytest.mark.parametrize(("column", "told"), [("u", True), ("phi", False), ("psi", False)])
+def test_at_a_steep_pitch_a_velocity_may_be_wrong_and_roll_and_heading_may_swing(column, told):
+    raw = log()
+    row = int(raw["theta"][100:-100].arg_max()) + 100
+    raw = spoilt(raw, theta=raw["theta"].to_numpy() + 1.3 - raw["theta"][row])
+    values = raw[column].to_numpy().copy()
+    values[row] += 3.0
+    assert found(spoilt(raw, **{column: values})).jumps[row, CHANNELS.index(column)] == told
+
+
 @settings(max_examples=15)
 @given(
     rows=st.lists(st.integers(20, ROWS - 40), min_size=1, max_size=12, unique=True),

@@ -126,6 +126,25 @@ def test_only_effects_asked_for_are_looked_at_and_the_farthest_entry_is_told():
     assert "quadratic_damping.diagonal[2] = 1e+04 N s^2/m^2" in words
 
 
+def test_coefficients_of_a_formula_are_plausible_up_to_drag_or_weight():
+    """On moments the weight acts at an arm of the hull's length."""
+    formula = CATALOGUE["formula"].parameter
+    for name in ("auv151", "bluerov2_heavy"):
+        vehicle = preset(name)
+        weight = vehicle.rigid_body.mass * vehicle.environment.gravity
+        force = max(most_drag(vehicle)[:3].max(), weight)
+        moment = max(most_drag(vehicle)[3:].max(), weight * vehicle.hull.length)
+        assert force != pytest.approx(moment, rel=0.01)
+        assert formula("force").plausible.at((0,), vehicle) == pytest.approx((-force, force))
+        assert formula("moment").plausible.at((0,), vehicle) == pytest.approx((-moment, moment))
+
+
+def test_a_tether_is_plausibly_slack_or_lifts_the_vehicle_over_a_metre():
+    vehicle = preset()
+    weight = vehicle.rigid_body.mass * vehicle.environment.gravity
+    assert CATALOGUE["tether"].parameter("k").plausible.at((), vehicle) == (0.0, pytest.approx(weight))
+
+
 def test_a_lag_is_plausible_in_sum_with_the_file():
     at = CATALOGUE["thruster_lag"].parameter("dT").plausible.at
     assert at((), preset("auv151")) == (-0.15, 1.85)

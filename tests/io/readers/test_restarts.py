@@ -83,11 +83,11 @@ def test_a_simulator_that_is_reset_within_a_recording(form, tmp_path: Path):
     messages = [
         writers.Message(f"/{name}", kind if form == "bag" else "", round((at + extra) * 1e9), {"data": one})
         for at, one in zip(t, value, strict=True)
-        for name, extra in (("p", 0.0), ("c", 0.01))
+        for name, extra in (("p", 0.0), ("q", 0.0), ("r", 0.0), ("c", 0.01))
     ]
     path = tmp_path / f"log.{form}"
     writers.ros1(path, messages, {}, "LZ4") if form == "bag" else writers.json_mcap(path, messages)
-    text = '[rates]\ncolumns = ["/p.data", "/p.data", "/p.data"]\n[commands]\ncolumns = ["/c.data"]\n'
+    text = '[rates]\ncolumns = ["/p.data", "/q.data", "/r.data"]\n[commands]\ncolumns = ["/c.data"]\n'
     read = log.read(path)
     found = sessions(read, logmap.parse(text))
     assert [each.channel("/p.data").values.tolist() for each in found] == [[0.0] * 40, [1.0] * 40]

@@ -143,6 +143,13 @@ def test_arrays_are_columns_whichever_way_they_lie(name, raw, files):
     assert "gain" not in frame.columns
 
 
+def test_arrays_that_the_map_names_must_be_of_one_length(tmp_path):
+    np.savez(tmp_path / "a.npz", t=np.arange(9.0), u=np.arange(9.0), psi=np.arange(4.0))
+    assert log.read(tmp_path / "a.npz", ["t", "u"]).frame.shape == (9, 2)
+    with pytest.raises(DataError, match="u has 9 and psi has 4 rows: name arrays of one length in the map"):
+        log.read(tmp_path / "a.npz", ["u", "psi"])
+
+
 def test_structs_of_matlab_are_columns_of_their_fields(raw, tmp_path):
     from scipy.io import savemat
 

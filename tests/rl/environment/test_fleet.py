@@ -9,7 +9,7 @@ from fleets import QUIET, fleet, neutral, put, teachers, vehicle
 
 from hydro.core.errors import DataError, UsageError
 from hydro.rl.environment.fleet import Fleet
-from hydro.rl.world.config import Episode, Settings
+from hydro.rl.world.config import Episode, Reward, Settings
 
 
 def flown(subject, steps, seed=0):
@@ -136,6 +136,18 @@ def test_a_diverged_vehicle_is_told_and_starts_anew():
     again = subject.step(np.zeros((2, 6)))
     assert not again.info.diverged.any()
     assert (again.info.episode_length == [1, 2]).all()
+
+
+def test_divergence_costs_what_a_collision_does():
+    others = ("shaping", "heading", "upright", "energy", "action", "smoothness", "obstacle")
+    only = Reward(**dict.fromkeys(others, 0.0))
+    subject = fleet(replace(QUIET, reward=only), count=2, craft=neutral())
+    subject.reset()
+    subject.pillars[:] = np.nan
+    subject.plant._student.batch.qvel[0] = 1e12
+    step = subject.step(np.zeros((2, 6)), renew=False)
+    assert list(step.info.diverged) == [True, False]
+    np.testing.assert_array_equal(step.reward, [-only.collision, 0.0])
 
 
 def test_speeds_that_are_not_plausible_are_counted_and_end_nothing():
