@@ -254,23 +254,23 @@ def write(study: Study, folder: Path) -> None:
 LISTS: Mapping[str, Studies] = {
     "clean-one": Studies("one effect of the catalogue hidden", 50, 300.0, _clean("one")),
     "clean-two": Studies("two effects hidden", 35, 300.0, _clean("two")),
-    "clean-three": Studies("three effects hidden", 20, 300.0, _clean("three")),
+    "clean-three": Studies("three effects hidden", 12, 300.0, _clean("three")),
     "clean-none": Studies("nothing hidden, damping up to 25 % wrong", 40, 300.0, _clean("none")),
     "panel-before": Studies(
         "hull of panels, one change, earlier recording", 48, 300.0, _panel("changed", True)
     ),
     "panel-plain": Studies(
-        "hull of panels, one change, no earlier recording", 30, 300.0, _panel("changed", False)
+        "hull of panels, one change, no earlier recording", 8, 300.0, _panel("changed", False)
     ),
     "unchanged-before": Studies(
         "hull of panels, no change, earlier recording", 24, 300.0, _panel("nothing", True)
     ),
     "unchanged-plain": Studies(
-        "hull of panels, no change, no earlier recording", 10, 300.0, _panel("nothing", False)
+        "hull of panels, no change, no earlier recording", 5, 300.0, _panel("nothing", False)
     ),
     "logs": Studies("one effect hidden, log with faults or under feedback", 26, 160.0, _log("one")),
     "sparse": Studies("one effect hidden, sensors at 5, 10 and 50 Hz", 9, 180.0, _sparse),
-    "apart-before": Studies("independent simulator, one change, earlier recording", 21, 0.0, _apart(True)),
+    "apart-before": Studies("independent simulator, one change, earlier recording", 6, 0.0, _apart(True)),
     "apart-plain": Studies("independent simulator, one change, no earlier recording", 0, 0.0, _apart(False)),
     "clean-unknown": Studies("something hidden that the catalogue lacks", 0, 300.0, _clean("unknown")),
     "clean-form": Studies("one effect hidden in another functional form", 0, 300.0, _clean("form")),
