@@ -132,8 +132,8 @@ def import_log(
     from typing import cast
 
     from hydro.io import log_files, log_import
-    from hydro.io.expansion import allowed
     from hydro.io.log import opened
+    from hydro.io.readers.expansion import allowed
 
     sources: list[str | Path | BinaryIO] = []
     if isinstance(log, list | tuple):

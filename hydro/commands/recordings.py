@@ -50,7 +50,7 @@ Definitions = Annotated[
 
 def _allow(context: typer.Context, gigabytes: float | None) -> None:
     """Hold the files that a command reads to a limit, until it ends."""
-    from hydro.io.expansion import allowed
+    from hydro.io.readers.expansion import allowed
 
     context.with_resource(allowed(gigabytes))
 

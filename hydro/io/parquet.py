@@ -7,9 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError
-from hydro.io import parquet_pages
-from hydro.io.expansion import Expansion
 from hydro.io.files import shown
+from hydro.io.readers import parquet_pages
+from hydro.io.readers.expansion import Expansion
 
 MAGIC = b"PAR1"
 
@@ -45,11 +45,11 @@ def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
     """Count what a file expands to.
 
     Raises:
-        DataError: it is more than the limit (`io.expansion`), or the file is damaged.
+        DataError: it is more than the limit (`io.readers.expansion`), or the file is damaged.
     """
     try:
         parquet_pages.count(file, content, Expansion(name, len(content)))
-    except (pa.ArrowException, OSError, ValueError, IndexError, RecursionError) as error:
+    except (pa.ArrowException, OSError) as error:
         raise damaged(name, error) from error
 
 

@@ -105,7 +105,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
 
     Raises:
         DataError: the file cannot be read, is of another kind, breaks its schema, expands beyond the limit
-            (`io.expansion`), or was changed after its footer was written.
+            (`io.readers.expansion`), or was changed after its footer was written.
         UsageError: the stream is a terminal.
     """
     name = name_of(source)

@@ -13,9 +13,9 @@ import numpy as np
 import polars as pl
 
 from hydro.core.errors import DataError, shown
-from hydro.io.expansion import NUMBER, Expansion
 from hydro.io.readers import clocked
 from hydro.io.readers.compressed import count_zlib
+from hydro.io.readers.expansion import NUMBER, Expansion
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
 
 _MAT_HEADER = 128

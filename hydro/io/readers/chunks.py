@@ -13,8 +13,8 @@ from collections.abc import Collection, Iterator
 from functools import partial
 from typing import Any
 
-from hydro.io.expansion import Expansion
 from hydro.io.readers.compressed import unpacked
+from hydro.io.readers.expansion import Expansion
 
 _HEAD = 55
 """Bytes of an index record before its entries; its last four say how many bytes these have."""

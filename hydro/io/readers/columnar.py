@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError, shown
-from hydro.io.expansion import Expansion
-from hydro.io.parquet_pages import count
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
+from hydro.io.readers.parquet_pages import count
 
 
 def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:

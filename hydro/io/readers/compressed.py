@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from hydro.io.expansion import Expansion
+from hydro.io.readers.expansion import Expansion
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a frame of zstd."""

@@ -10,8 +10,8 @@ from pathlib import Path
 import polars as pl
 
 from hydro.core.errors import DataError, shown
-from hydro.io.expansion import Expansion
 from hydro.io.readers import cells
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Options, Selection
 
 EMPTY = ("", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")

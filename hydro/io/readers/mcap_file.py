@@ -12,10 +12,10 @@ from typing import Any
 import msgspec
 
 from hydro.core.errors import DataError
-from hydro.io.expansion import LEAST, Expansion
 from hydro.io.readers.ardupilot import WRAP
 from hydro.io.readers.compressed import unpacked
 from hydro.io.readers.damage import Bounded
+from hydro.io.readers.expansion import LEAST, Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros import Definitions
 from hydro.io.readers.ros import topic as ros_topic

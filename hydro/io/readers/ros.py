@@ -1,9 +1,8 @@
-"""ROS 1 bags and ROS 2 recordings in SQLite, by `rosbags`; message definitions for them and for MCAP."""
+"""ROS 1 bags, by `rosbags`; messages and their definitions, also for ROS 2 and MCAP."""
 
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import chain
@@ -11,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from hydro.core.errors import DataError
-from hydro.io.expansion import Expansion
 from hydro.io.readers.chunks import by_chunk
-from hydro.io.readers.compressed import ZSTD, unzstd, unzstd_file
+from hydro.io.readers.compressed import ZSTD, unzstd
 from hydro.io.readers.damage import BoundedPath
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros_definitions import BUILT_IN
 from hydro.io.readers.versions import Versions
@@ -22,7 +21,6 @@ from hydro.io.readers.versions import Versions
 _NANO, _MICRO = 1e9, 1e6
 _EVERY = 4096
 """Messages between two reports of progress."""
-_METADATA = "metadata.yaml"
 
 
 class Definitions:
@@ -176,55 +174,10 @@ def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     """The messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
     expansion = Expansion.of(options.name, path)
     with by_chunk(expansion)(BoundedPath(path)) as reader:
-        yield from _messages(reader, Definitions(1, options.definitions), selection, options, expansion)
+        yield from messages_of(reader, Definitions(1, options.definitions), selection, options, expansion)
 
 
-def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a ROS 2 recording in SQLite: the `.db3` file, or its folder with `metadata.yaml`."""
-    from rosbags.rosbag2 import Reader
-
-    expansion = Expansion.of(options.name, path)
-    with tempfile.TemporaryDirectory() as folder:
-        if path.is_dir():
-            storage, path = _plain(path, Path(folder), expansion), Path(folder)
-            if storage == "mcap":
-                from hydro.io.readers import mcap_file
-
-                yield from mcap_file.messages(path, selection, options)
-                return
-        elif path.suffix != ".db3":  # the library goes by suffix
-            link = Path(folder) / "log.db3"
-            link.symlink_to(path.resolve())
-            path = link
-        with Reader(path) as reader:
-            yield from _messages(reader, Definitions(2, options.definitions), selection, options, expansion)
-
-
-def _plain(recording: Path, folder: Path, expansion: Expansion) -> str:
-    """Make a recording in another folder whose files are not compressed; return the name of its storage.
-
-    Messages that are compressed one by one stay so, and are called plain: they are decompressed when they
-    are decoded.
-    """
-    from ruamel.yaml import YAML
-
-    yaml = YAML(typ="safe")
-    described = yaml.load(recording / _METADATA)
-    about = described["rosbag2_bagfile_information"]
-    whole = str(about.pop("compression_mode", "")).lower() == "file"
-    about.pop("compression_format", None)
-    names = [Path(each).name for each in about["relative_file_paths"]]
-    about["relative_file_paths"] = [Path(name).stem if whole else name for name in names]
-    for name, plain in zip(names, about["relative_file_paths"], strict=True):
-        if whole:
-            unzstd_file(recording / name, folder / plain, expansion)
-        else:
-            (folder / plain).symlink_to((recording / name).resolve())
-    yaml.dump(described, folder / _METADATA)
-    return str(about["storage_identifier"])
-
-
-def _messages(
+def messages_of(
     reader: Any, known: Definitions, selection: Selection, options: Options, expansion: Expansion
 ) -> Iterator[Item]:
     """The wanted messages of an open reader."""

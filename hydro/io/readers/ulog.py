@@ -13,9 +13,9 @@ import numpy as np
 
 from hydro.core.columns import Array
 from hydro.core.errors import DataError
-from hydro.io.expansion import Expansion
 from hydro.io.readers.ardupilot import CUT_SHORT, quiet
 from hydro.io.readers.damage import Bounded
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, tokens
 
 MAGIC = b"ULog\x01\x12\x35"

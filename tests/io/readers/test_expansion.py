@@ -19,8 +19,9 @@ import pytest
 
 from hydro import cli
 from hydro.core.errors import DataError
-from hydro.io import log, parquet_pages, table
-from hydro.io.expansion import LEAST, RATIO, Expansion, allowed, limit
+from hydro.io import log, table
+from hydro.io.readers import parquet_pages
+from hydro.io.readers.expansion import LEAST, RATIO, Expansion, allowed, limit
 
 SIZE = 150_000_000
 """Bytes that the bombs expand to, a little more than the limit of a small file."""
@@ -79,7 +80,7 @@ def test_a_table_of_hydro_itself_is_held_to_the_limit(name: str, tmp_path: Path)
 def test_a_recording_that_expands_too_much_is_refused_by_other_commands_too(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    path = tmp_path / "session=a" / "part.parquet"
+    path = tmp_path / "session=dive" / "part.parquet"
     path.parent.mkdir()
     table.write(table.make("raw", logs.raw(60.0), stage="import"), path)
     for source in (path, tmp_path):

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from hydro.core.errors import DataError
 from hydro.core.logs import delays, importing
 from hydro.io import log_import, logmap
-from hydro.io.expansion import Expansion
 from hydro.io.log import Log
 from hydro.io.readers import spill
 from hydro.io.readers.chunks import by_chunk
 from hydro.io.readers.collect import collect
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Selection, Topic
 from hydro.io.readers.tables import Tables
 from hydro.io.sessions import sessions

@@ -11,7 +11,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from hydro.io.expansion import LEAST, NUMBER, Expansion
+from hydro.io.readers.expansion import LEAST, NUMBER, Expansion
 
 _TYPE, _EXPANDED, _STORED = 1, 2, 3
 """Fields of a page's header: its type, and its bytes after and before they are decompressed."""
@@ -37,7 +37,6 @@ def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> No
 
     Raises:
         DataError: it is beyond the limit.
-        ValueError: a page has no header; an IndexError or a RecursionError says the same.
     """
     whole = 0
     texts: list[tuple[int, Any, int]] = []
@@ -75,18 +74,21 @@ class _Page:
 
 
 def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
-    """Yield the pages of a column in one group of rows."""
+    """Yield the pages of a column in one group of rows, up to the first that no reader could read."""
     start = column.data_page_offset
     if column.has_dictionary_page and 0 < column.dictionary_page_offset < start:
         start = column.dictionary_page_offset
     end = start + column.total_compressed_size
     while start < end:
-        header, start = _struct(content, start)
+        try:
+            header, start = _struct(content, start)
+        except (ValueError, IndexError, RecursionError):
+            return
         kind = next((field for field in _KINDS if field in header), None)
         about = header[kind] if kind is not None else {}
         stored, expanded = header.get(_STORED, -1), header.get(_EXPANDED, -1)
         if stored < 0 or expanded < 0:
-            raise ValueError("a page has no header")
+            return
         start += stored
         held = kind is not None and _KINDS[kind] == "values"
         encoding = about.get(4 if kind == 8 else 2)
