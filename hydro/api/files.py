@@ -101,6 +101,7 @@ def import_log(
     strict: bool = False,
     fill: bool = False,
     msg: str | Path | None = None,
+    max_expanded: float | None = None,
 ) -> tuple[pl.DataFrame, ImportReport]:
     """Turn a log into a raw table: one clock, NED and FRD, SI units, commands from -1 to 1.
 
@@ -115,6 +116,8 @@ def import_log(
         fill: values in every row, on lines between the samples of a sensor slower than the rows; by default
             such a column is null between its samples.
         msg: folder with the `.msg` files of ROS messages that the log does not describe.
+        max_expanded: how much the contents of a file may take once decompressed [GB]; by default 100 times
+            the file's size, or 0.1 GB where that is more.
 
     Returns:
         The raw table, and a report: `report.verdict.contradictions` are the frames, units and signs that the
@@ -130,13 +133,14 @@ def import_log(
 
     from hydro.io import log_files, log_import
     from hydro.io.log import opened
+    from hydro.io.readers.expansion import allowed
 
     sources: list[str | Path | BinaryIO] = []
     if isinstance(log, list | tuple):
         sources.extend(log)
     else:
         sources.append(cast("str | Path | BinaryIO", log))
-    with ExitStack() as stack:
+    with allowed(max_expanded), ExitStack() as stack:
         folder = Path(msg) if msg is not None else None
         files = [stack.enter_context(opened(source, folder)) for source in sources]
         source, meaning = log_files.gather(files, map)

@@ -9,7 +9,7 @@ import typer
 from hydro.commands.as_json import Json, print_json, saves
 from hydro.commands.before import Before, Network, learnt
 from hydro.commands.places import Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
     STREAM,
     ModelFile,
@@ -47,6 +47,7 @@ def compare(
     model: Network = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     as_json: Json = False,
     output: Output = STREAM,
 ) -> None:

@@ -18,6 +18,7 @@ from hydro.commands.recordings import (
     Definitions,
     Logs,
     MapFile,
+    MaxExpanded,
     Measured,
     called,
     dataset,
@@ -80,6 +81,7 @@ def diagnose(
     correct_thrusters: CorrectThrusters = False,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     each: Annotated[
         bool,
         typer.Option("--each", help="Diagnose every session of a folder by itself; -o is a folder."),

@@ -12,7 +12,7 @@ from hydro.commands.as_json import Json, print_json
 from hydro.commands.before import Before, Discover, Network, learnt
 from hydro.commands.diagnose import CorrectThrusters
 from hydro.commands.places import FOLDER
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
     Known,
     ModelFile,
@@ -67,6 +67,7 @@ def explain(
     correct_thrusters: CorrectThrusters = False,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     as_json: Json = False,
 ) -> None:
     """Find missing effects, add them one by one and show the errors.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.diagnose import print_findings
-from hydro.commands.recordings import Definitions, Logs, MapFile
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded
 from hydro.commands.shell import STREAM, read
 from hydro.commands.tables import print_table
 from hydro.core.errors import DataError
@@ -36,7 +36,9 @@ WHOLE = ("metrics", "ladder", "evaluations")
 """Kinds of small tables, whose rows are shown instead of their columns."""
 
 
-def check(files: Files, map_: MapFile = None, msg: Definitions = None) -> None:
+def check(
+    files: Files, map_: MapFile = None, msg: Definitions = None, max_expanded: MaxExpanded = None
+) -> None:
     """Check that tables, vehicle files and log maps are valid, and audit the thrusters.
 
     Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,

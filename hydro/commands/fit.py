@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import STREAM, Known, about, noise_for, progress, tell_voltage, vehicle_to_fit
 from hydro.core.effects import examples
 from hydro.core.errors import DataError, UsageError
@@ -60,6 +60,7 @@ def fit(
     shots: Shots = 1000,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Fit chosen effects to a recording and write the vehicle file.

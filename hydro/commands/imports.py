@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import FILE, Output
-from hydro.commands.recordings import Definitions, opened, reading
+from hydro.commands.recordings import Definitions, MaxExpanded, opened, reading
 from hydro.commands.shell import STREAM, message, refuse_terminal, write
 from hydro.core.errors import DataError
 
@@ -65,6 +65,7 @@ def import_(
         typer.Option("--topics", help="Only list what is in the log: topics, rates, numeric fields, spans."),
     ] = False,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     preset: Annotated[
         Preset | None,
         typer.Option(

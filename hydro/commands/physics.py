@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hydro.commands.places import Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, called
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, called
 from hydro.commands.shell import (
     STREAM,
     about,
@@ -58,6 +58,7 @@ def simulate(
     ] = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Simulate a vehicle under given thruster commands.

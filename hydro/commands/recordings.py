@@ -48,6 +48,27 @@ Definitions = Annotated[
 ]
 
 
+def _allow(context: typer.Context, gigabytes: float | None) -> None:
+    """Hold the files that a command reads to a limit, until it ends."""
+    from hydro.io.readers.expansion import allowed
+
+    context.with_resource(allowed(gigabytes))
+
+
+MaxExpanded = Annotated[
+    float | None,
+    typer.Option(
+        "--max-expanded",
+        metavar="GB",
+        min=0.0,
+        show_default=False,
+        callback=_allow,
+        help="Refuse a file whose contents take more than this once decompressed; by default more than 100 "
+        "times its size, and more than 0.1 GB.",
+    ),
+]
+
+
 @dataclass(frozen=True)
 class Logs:
     """How the recordings of a command are read.

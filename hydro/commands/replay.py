@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from hydro.commands.places import FILE, FOLDER, Output
-from hydro.commands.recordings import Definitions, Logs, MapFile, Measured, called
+from hydro.commands.recordings import Definitions, Logs, MapFile, MaxExpanded, Measured, called
 from hydro.commands.shell import (
     CONDITIONING_TITLE,
     PIECE_TITLE,
@@ -86,6 +86,7 @@ def replay(
     vehicle: VehicleFile = None,
     map_: MapFile = None,
     msg: Definitions = None,
+    max_expanded: MaxExpanded = None,
     output: Output = STREAM,
 ) -> None:
     """Replay recorded commands in MuJoCo and measure the errors.

@@ -8,6 +8,8 @@ import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError
 from hydro.io.files import shown
+from hydro.io.readers import parquet_pages
+from hydro.io.readers.expansion import Expansion
 
 MAGIC = b"PAR1"
 
@@ -37,6 +39,18 @@ def columns(file: pq.ParquetFile, name: str) -> dict[str, str]:
     if twice:
         raise DataError(f"{name}: column {shown(twice[0])} appears twice: leave one out")
     return {field.name: stored_as(field.type) for field in fields}
+
+
+def count(file: pq.ParquetFile, content: memoryview, name: str) -> None:
+    """Count what a file expands to.
+
+    Raises:
+        DataError: it is more than the limit (`io.readers.expansion`), or the file is damaged.
+    """
+    try:
+        parquet_pages.count(file, content, Expansion(name, len(content)))
+    except (pa.ArrowException, OSError) as error:
+        raise damaged(name, error) from error
 
 
 def stored_as(arrow: pa.DataType) -> str:

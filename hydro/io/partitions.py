@@ -164,6 +164,8 @@ def _part(session: str, path: Path, kinds: tuple[str, ...]) -> Part:
         schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
         if "session" not in columns:
             raise DataError(f"{name}: a {kind} table has no sessions: give the file, not a folder of them")
+        with pa.memory_map(str(path)) as mapped:
+            parquet.count(file, memoryview(mapped.read_buffer()).cast("B"), name)
         return Part(session, path, kind, columns, file.metadata.num_rows, _nulls(file.metadata), record)
 
 

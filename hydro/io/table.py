@@ -104,8 +104,8 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
         The artefact; columns in the schema's order, each in one contiguous piece.
 
     Raises:
-        DataError: the file cannot be read, is of another kind, breaks its schema, or was changed after
-            its footer was written.
+        DataError: the file cannot be read, is of another kind, breaks its schema, expands beyond the limit
+            (`io.readers.expansion`), or was changed after its footer was written.
         UsageError: the stream is a terminal.
     """
     name = name_of(source)
@@ -124,6 +124,7 @@ def read(source: Source, kind: str | Sequence[str] | None = None) -> Artefact:
     if kind not in wanted:
         raise DataError(f"{name}: a {kind} table, but this needs {' or '.join(wanted)}: give another file")
     schema.with_columns(schema.versions(kind), columns).check_columns(columns, name)
+    parquet.count(file, memoryview(content), name)
     frame = parquet.decode(file, name)
     rules = schema.suited(kind, frame)
     frame = rules.check(frame, name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -13,12 +14,21 @@ import polars as pl
 
 from hydro.core.errors import DataError, shown
 from hydro.io.readers import clocked
+from hydro.io.readers.compressed import count_zlib
+from hydro.io.readers.expansion import NUMBER, Expansion
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
+
+_MAT_HEADER = 128
+"""Bytes before the first element of a `.mat`; the last two tell the order of bytes."""
+_COMPRESSED = 15
+"""Type of an element of a `.mat` that is compressed."""
 
 
 def npz(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
     """The arrays of a `.npz` as a table."""
+    expansion = Expansion.of(options.name, path)
     with zipfile.ZipFile(path) as archive:
+        expansion.add(sum(entry.file_size for entry in archive.infolist()))
         _check_sizes(archive, options.name)
     with np.load(path, allow_pickle=False) as file:
         found = {}
@@ -29,7 +39,7 @@ def npz(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
                 if "allow_pickle" not in str(error):
                     raise
                 options.notes.append(f"{shown(name)} holds Python objects and is not read")
-    return table(found, selection, options)
+    return table(found, selection, options, expansion)
 
 
 def _check_sizes(archive: zipfile.ZipFile, name: str) -> None:
@@ -51,22 +61,39 @@ def mat(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
     """The arrays of a `.mat` of version 5 (`save -v7` and older) as a table; structs as `name.field`."""
     from scipy.io import loadmat
 
+    expansion = Expansion.of(options.name, path)
+    _count_elements(path, expansion)
     found = loadmat(path, simplify_cells=True)
-    return table(
-        {name: each for name, each in found.items() if not name.startswith("__")}, selection, options
-    )
+    named = {name: each for name, each in found.items() if not name.startswith("__")}
+    return table(named, selection, options, expansion)
 
 
-def table(named: Mapping[str, Any], selection: Selection, options: Options) -> pl.DataFrame:
+def _count_elements(path: Path, expansion: Expansion) -> None:
+    """Count what the compressed elements of a `.mat` expand to: no size in it is to be trusted."""
+    with path.open("rb") as file:
+        order = "<" if file.read(_MAT_HEADER)[-2:] == b"IM" else ">"
+        while len(tag := file.read(8)) == 8:
+            kind, length = struct.unpack(f"{order}2I", tag)
+            end = file.tell() + length
+            if kind == _COMPRESSED:
+                count_zlib(file, length, expansion)
+            file.seek(end)
+
+
+def table(
+    named: Mapping[str, Any], selection: Selection, options: Options, expansion: Expansion
+) -> pl.DataFrame:
     """Return arrays as the columns of a table.
 
     Arrays of several lengths, each with an array of its times, have rows of their own in the order of time.
     Else those with as many rows as the longest of the usual length are taken.
 
     Raises:
-        DataError: there is no array of numbers, or the wanted ones do not have the same number of rows.
+        DataError: there is no array of numbers, the wanted ones do not have the same number of rows, or they
+            take more than the limit once they are computed with.
     """
     arrays = dict(_flat(named, "", 0))
+    expansion.add(sum(max(NUMBER * each.size - each.nbytes, 0) for each in arrays.values()))
     columns = {name: each for key, array in arrays.items() for name, each in _columns(key, array)}
     if (timed := clocked.table(columns, selection, options)) is not None:
         return timed

@@ -10,16 +10,20 @@ import os
 import struct
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from functools import partial
 from typing import Any
+
+from hydro.io.readers.compressed import unpacked
+from hydro.io.readers.expansion import Expansion
 
 _HEAD = 55
 """Bytes of an index record before its entries; its last four say how many bytes these have."""
 
 
-def by_chunk() -> type[Any]:
-    """The library's reader of ROS 1 bags, with the index of one chunk at a time."""
+def by_chunk(expansion: Expansion) -> type[Any]:
+    """The library's reader of ROS 1 bags, with the index of one chunk at a time, and a limit on its bytes."""
     from rosbags.rosbag1 import Reader
-    from rosbags.rosbag1.reader import IndexData
+    from rosbags.rosbag1.reader import Header, IndexData
 
     class Placed(IndexData):  # type: ignore[misc]
         """A message's place, ordered by it: times fall where the clock of a simulator begins again."""
@@ -43,6 +47,15 @@ def by_chunk() -> type[Any]:
                 for number, count in info.connection_counts.items():
                     counts[number] += count
             self.connections = [each._replace(msgcount=counts[each.id]) for each in self.connections]
+
+        def read_chunk(self) -> Any:
+            """Read the header of a chunk, whose contents are decompressed up to the limit."""
+            place = self.bio.tell()
+            header = Header.read(self.bio)
+            form, size = header.get_string("compression"), header.get_uint32("size")
+            self.bio.seek(place)
+            unpack = partial(unpacked, form=form, stated=size, expansion=expansion)
+            return super().read_chunk()._replace(decompressor=unpack)
 
         def read_index_data(self, pos: int, indexes: dict[int, list[Any]]) -> None:
             """Read an index record, or pass it by while the bag is opened."""

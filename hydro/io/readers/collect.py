@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hydro.core.errors import DataError, shown
+from hydro.core.errors import DataError, HydroError, shown
 from hydro.io.readers.clocks import BACK
 from hydro.io.readers.messages import Item, Selection, Topic, leaves
 from hydro.io.readers.spill import Spill
@@ -49,6 +49,8 @@ class Listed:
         if self.count <= LOOKED_AT and self.topic.decode is not None:
             try:
                 message = self.topic.decode(raw)
+            except HydroError:
+                raise
             except Exception as error:
                 self.failed += 1
                 if self.failed == self.count:

@@ -6,9 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from hydro.core.errors import DataError, shown
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import DEEPEST, LONGEST, Options, Selection
+from hydro.io.readers.parquet_pages import count
 
 
 def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
@@ -18,8 +22,11 @@ def parquet(path: Path, selection: Selection, options: Options) -> pl.DataFrame:
         DataError: the file is damaged.
     """
     try:
-        frame = pl.read_parquet(path.read_bytes())
-    except (pl.exceptions.PolarsError, OSError) as error:
+        content = path.read_bytes()
+        with pq.ParquetFile(pa.BufferReader(content)) as file:
+            count(file, memoryview(content), Expansion(options.name, len(content)))
+        frame = pl.read_parquet(content)
+    except (pa.ArrowException, pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise DataError(
             f"{options.name}: this Parquet file is damaged ({reason}): write or copy it again"

@@ -11,6 +11,7 @@ import polars as pl
 
 from hydro.core.errors import DataError, shown
 from hydro.io.readers import cells
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Options, Selection
 
 EMPTY = ("", "na", "NA", "n/a", "N/A", "null", "NULL", "None", "-")
@@ -19,6 +20,8 @@ _SEPARATORS = (",", ";", "\t")
 _RECEIVED, _STAMP = "%time", "field.header.stamp"
 """Columns of `rostopic echo -p`, in nanoseconds."""
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_CELL = 16
+"""Bytes of a cell of text in a table, also of an empty one."""
 _CONTROL = re.compile(rb"[\x01-\x08\x0b\x0e-\x1f\x7f]")
 
 
@@ -41,7 +44,7 @@ def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
     """Return the table in these bytes of text; the notes of `options` tell what was mended.
 
     Raises:
-        DataError: they are no table, or name a column twice.
+        DataError: they are no table, name a column twice, or are far fewer than the cells that they make.
     """
     name = options.name
     text = _text(content, options)
@@ -52,6 +55,7 @@ def parse_csv(content: bytes, options: Options) -> pl.DataFrame:
         raise DataError(f"{name}: not a table: its first line should name columns, separated by commas")
     if twice := sorted({column for column in names if names.count(column) > 1}):
         raise DataError(f"{name}: column {shown(twice[0])} appears twice: rename or drop one")
+    Expansion(name, len(content)).add(_CELL * len(names) * (text.count("\n", end) + 1))
     plain = separator.join(f"c{place}" for place in range(len(names)))
     try:
         frame = pl.read_csv(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import msgspec
 
 from hydro.core.errors import DataError
 from hydro.io.readers.ardupilot import WRAP
+from hydro.io.readers.compressed import unpacked
 from hydro.io.readers.damage import Bounded
+from hydro.io.readers.expansion import LEAST, Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros import Definitions
 from hydro.io.readers.ros import topic as ros_topic
@@ -24,6 +27,8 @@ _ENCODINGS = {"cdr": 2, "ros1": 1}
 _MAVLINK = (("time_boot_ms", 1e3), ("time_usec", 1e6))
 _SHORT = "/SERVO_OUTPUT_RAW"
 """The message whose microseconds have 32 bits."""
+_LONGEST_JSON = int(LEAST / 24)
+"""Bytes of the longest JSON message that is decoded: `{},` takes three of them and, as an object, 72."""
 
 
 def messages(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
@@ -33,13 +38,12 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
             yield from messages(part, selection, options)
         return
     from mcap.records import Channel, Footer, Message, Schema
-    from mcap.stream_reader import StreamReader
 
     file = Bounded(path)
-    topics = _Topics(options)
+    expansion = Expansion.of(options.name, path)
+    topics = _Topics(options, expansion)
     with file:
-        records = StreamReader(file, validate_crcs=True, record_size_limit=file.size).records
-        for done, record in enumerate(records):
+        for done, record in enumerate(_records(file, expansion)):
             if isinstance(record, Message):
                 topic = topics.of(record.channel_id)
                 if selection.takes(topic.name):
@@ -57,6 +61,37 @@ def messages(path: Path, selection: Selection, options: Options) -> Iterator[Ite
     )
 
 
+def _records(file: Bounded, expansion: Expansion) -> Iterator[Any]:
+    """Yield the records of a file, those in chunks one at a time."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    reader = StreamReader(file, validate_crcs=True, record_size_limit=file.size, emit_chunks=True)
+    for record in reader.records:
+        if isinstance(record, Chunk):
+            yield from _in_chunk(record, expansion)
+        else:
+            yield record
+
+
+def _in_chunk(chunk: Any, expansion: Expansion) -> Iterator[Any]:
+    """Yield the schemas, channels and messages of a chunk."""
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import get_chunk_data_stream
+
+    content = unpacked(chunk.data, chunk.compression, chunk.uncompressed_size, expansion)
+    stream, length = get_chunk_data_stream(replace(chunk, data=content, compression=""), validate_crc=True)
+    while stream.count < length:
+        kind, size = stream.read1(), stream.read8()
+        if kind == Opcode.MESSAGE:
+            yield Message.read(stream, size)
+        elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield (Schema if kind == Opcode.SCHEMA else Channel).read(stream)
+        else:
+            stream.read(size)
+
+
 def _in_turn(part: Path) -> list[tuple[str, int]]:
     """Return what sorts the files of a recording by their numbers: `dive_2` before `dive_10`."""
     return [(word, int(each or -1)) for word, each in re.findall(r"(\D*)(\d*)", part.name)]
@@ -65,10 +100,10 @@ def _in_turn(part: Path) -> list[tuple[str, int]]:
 class _Topics:
     """The channels of a file as topics, each made when its first message comes."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: Options, expansion: Expansion) -> None:
         self.schemas: dict[int, Any] = {}
         self.channels: dict[int, Any] = {}
-        self._folder = options.definitions
+        self._folder, self._expansion = options.definitions, expansion
         self._known: dict[int, Definitions] = {}
         self._made: dict[int, Topic] = {}
 
@@ -94,7 +129,7 @@ class _Topics:
         kind = kind if kind.count("/") == 2 else "/msg/".join(kind.split("/"))
         if schema is not None and schema.encoding in _FORMS and schema.data:
             known.add(kind, schema.data.decode(errors="replace"), _FORMS[schema.encoding])
-        return ros_topic(channel.topic, kind, known)
+        return ros_topic(channel.topic, kind, known, self._expansion)
 
 
 _JSON = msgspec.json.Decoder()
@@ -104,8 +139,10 @@ def decoded_json(raw: bytes) -> Any:
     """Decode a message of JSON, also one with NaN or Infinity, which Python's loggers write.
 
     Raises:
-        ValueError: it is no JSON.
+        ValueError: it is no JSON, or too long for a measurement.
     """
+    if len(raw) > _LONGEST_JSON:
+        raise ValueError(f"{len(raw):,} bytes of JSON are more than a measurement has")
     try:
         return _JSON.decode(raw)
     except msgspec.DecodeError:

@@ -9,7 +9,17 @@ from pathlib import Path
 import polars as pl
 
 from hydro.core.errors import DataError
-from hydro.io.readers import ardupilot, arrays, columnar, dataflash_text, delimited, mcap_file, ros, ulog
+from hydro.io.readers import (
+    ardupilot,
+    arrays,
+    columnar,
+    dataflash_text,
+    delimited,
+    mcap_file,
+    ros,
+    ros2,
+    ulog,
+)
 from hydro.io.readers.collect import Listed, collect, inventory
 from hydro.io.readers.damage import reading
 from hydro.io.readers.messages import Options, Selection, Stream
@@ -44,7 +54,7 @@ def _magic(*starts: bytes) -> Callable[[bytes], bool]:
 
 READERS = (
     Reader("ROS 1 bag", _magic(b"#ROSBAG V2.0"), messages=ros.bag),
-    Reader("ROS 2 recording", _magic(b"SQLite format 3\0"), messages=ros.sqlite),
+    Reader("ROS 2 recording", _magic(b"SQLite format 3\0"), messages=ros2.sqlite),
     Reader("MCAP file", _magic(b"\x89MCAP0\r\n"), messages=mcap_file.messages),
     Reader("DataFlash log", _magic(b"\xa3\x95"), messages=ardupilot.dataflash),
     Reader("DataFlash log in text", dataflash_text.begins, messages=dataflash_text.dataflash_text),

@@ -1,9 +1,8 @@
-"""ROS 1 bags and ROS 2 recordings in SQLite, by `rosbags`; message definitions for them and for MCAP."""
+"""ROS 1 bags, by `rosbags`; messages and their definitions, also for ROS 2 and MCAP."""
 
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import chain
@@ -12,8 +11,9 @@ from typing import Any
 
 from hydro.core.errors import DataError
 from hydro.io.readers.chunks import by_chunk
-from hydro.io.readers.compressed import ZSTD, decompressed
+from hydro.io.readers.compressed import ZSTD, unzstd
 from hydro.io.readers.damage import BoundedPath
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, number
 from hydro.io.readers.ros_definitions import BUILT_IN
 from hydro.io.readers.versions import Versions
@@ -106,9 +106,8 @@ class Definitions:
         """Return what decodes a type, all of whose parts are put into a store."""
         if new := {name: types[name] for name in needed if name not in store.fielddefs}:
             store.register(new)
-        if self._ros == 1:
-            return partial(_decode, store.deserialize_ros1, kind)
-        return partial(_decode_cdr, store.deserialize_cdr, kind)
+        read = store.deserialize_ros1 if self._ros == 1 else store.deserialize_cdr
+        return partial(_decode, read, kind)
 
     def stamp(self, kind: str) -> Callable[[Any], float | None]:
         """What reads a message's own time, of its header or a field `stamp`."""
@@ -143,9 +142,9 @@ def _decode(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
     return read(raw, kind)
 
 
-def _decode_cdr(read: Callable[[bytes, str], Any], kind: str, raw: bytes) -> Any:
-    """Decode a message, compressed one by one or not: CDR never begins as a frame of zstd does."""
-    return read(decompressed(raw) if raw[:4] == ZSTD else raw, kind)
+def _decode_plain(decode: Callable[[bytes], Any], expansion: Expansion, raw: bytes) -> Any:
+    """Decode a message, compressed one by one or not: no message of ROS begins as a frame of zstd does."""
+    return decode(unzstd(raw, expansion) if raw[:4] == ZSTD else raw)
 
 
 def _header_stamp(message: Any) -> float | None:
@@ -173,29 +172,19 @@ def _from_folder(folder: Path) -> dict[str, Any]:
 
 def bag(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     """The messages of a ROS 1 bag, those of each of its chunks in order of receipt."""
-    with by_chunk()(BoundedPath(path)) as reader:
-        yield from _messages(reader, Definitions(1, options.definitions), selection, options)
+    expansion = Expansion.of(options.name, path)
+    with by_chunk(expansion)(BoundedPath(path)) as reader:
+        yield from messages_of(reader, Definitions(1, options.definitions), selection, options, expansion)
 
 
-def sqlite(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
-    """The messages of a ROS 2 recording in SQLite: the `.db3` file, or its folder with `metadata.yaml`."""
-    from rosbags.rosbag2 import Reader
-
-    with tempfile.TemporaryDirectory() as folder:
-        if path.is_file() and path.suffix != ".db3":  # the library goes by suffix
-            link = Path(folder) / "log.db3"
-            link.symlink_to(path.resolve())
-            path = link
-        with Reader(path) as reader:
-            yield from _messages(reader, Definitions(2, options.definitions), selection, options)
-
-
-def _messages(reader: Any, known: Definitions, selection: Selection, options: Options) -> Iterator[Item]:
+def messages_of(
+    reader: Any, known: Definitions, selection: Selection, options: Options, expansion: Expansion
+) -> Iterator[Item]:
     """The wanted messages of an open reader."""
     for each in reader.connections:
         if each.msgdef.data:
             known.add(each.msgtype, each.msgdef.data, each.msgdef.format.name.lower())
-    topics = {each.id: topic(each.topic, each.msgtype, known) for each in reader.connections}
+    topics = {each.id: topic(each.topic, each.msgtype, known, expansion) for each in reader.connections}
     wanted = [each for each in reader.connections if selection.takes(each.topic)]
     if not wanted:
         return
@@ -206,7 +195,8 @@ def _messages(reader: Any, known: Definitions, selection: Selection, options: Op
             options.progress(done / max(total, 1))
 
 
-def topic(name: str, kind: str, known: Definitions) -> Topic:
+def topic(name: str, kind: str, known: Definitions, expansion: Expansion) -> Topic:
     """A topic of ROS messages, readable where all its types are known."""
     decode, why = known.decoder(kind)
+    decode = decode and partial(_decode_plain, decode, expansion)
     return Topic(name, kind, decode, known.stamp(kind), unread=why)

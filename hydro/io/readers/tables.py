@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from hydro.core.columns import Array, Mask, Rows
+from hydro.core.errors import HydroError
 from hydro.io.readers.clocks import Stamps, one_clock
 from hydro.io.readers.messages import Topic, number, picker
 from hydro.io.readers.spill import Columns, Spill
@@ -48,10 +49,13 @@ class Buffer:
 
         Raises:
             Undecoded: it cannot be decoded; the buffer stays as it was.
+            DataError: it expands beyond the limit of its file.
         """
         assert self.topic.decode is not None
         try:
             message = self.topic.decode(raw)
+        except HydroError:
+            raise
         except Exception as error:
             raise Undecoded(str(error) or type(error).__name__) from error
         if self._pick is None:

@@ -15,6 +15,7 @@ from hydro.core.columns import Array
 from hydro.core.errors import DataError
 from hydro.io.readers.ardupilot import CUT_SHORT, quiet
 from hydro.io.readers.damage import Bounded
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Options, Selection, Topic, tokens
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -22,6 +23,8 @@ _HEADER = 16
 """Bytes before the first message: magic, version, time of start."""
 _MICRO = 1e6
 _EVERY = 4096
+_FIELD = 256
+"""Bytes that a field of a topic takes in the library: an object, its name, and its place in a type."""
 
 Tree = dict[Any, Any]
 """Fields by name: arrays with a row for each message, or lists and mappings of these."""
@@ -33,10 +36,8 @@ def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
     A topic of several instances is called `name` for the first and `name[1]` and so on.  A topic that was
     subscribed to several times, each for a part of the log, is one.
     """
-    from pyulog import ULog
-
     with quiet(io.StringIO()), Bounded(path) as file:
-        log = ULog(file, _types(selection))
+        log = _bounded(Expansion.of(options.name, path))(file, _types(selection))
     parts: dict[tuple[str, int], list[Any]] = {}
     for each in log.data_list:
         parts.setdefault((each.name, each.multi_id), []).append(each.data)
@@ -55,6 +56,34 @@ def ulog(path: Path, selection: Selection, options: Options) -> Iterator[Item]:
         options.notes.append("the log is damaged in places, which are skipped")
     elif _cut_short(path):
         options.notes.append(CUT_SHORT)
+
+
+def _bounded(expansion: Expansion) -> type[Any]:
+    """Return the library's reader, which counts the fields of each topic before it lists them.
+
+    Types are made of types, so that a few of them can have more fields than a memory holds.
+    """
+    from pyulog import ULog
+
+    class Subscribed(ULog._MessageAddLogged):  # type: ignore[misc]
+        def _parse_format(self, formats: Mapping[str, Any]) -> None:
+            expansion.add(_FIELD * _fields(self.message_name, formats, {}))
+            super()._parse_format(formats)
+
+    class Counted(ULog):  # type: ignore[misc]
+        _MessageAddLogged = Subscribed
+
+    return Counted
+
+
+def _fields(kind: str, formats: Mapping[str, Any], known: dict[str, int]) -> int:
+    """Return how many numbers a type has, with those of its parts; `known` has those of other types."""
+    if kind not in formats:
+        return 1
+    if kind not in known:
+        parts = formats[kind].fields
+        known[kind] = sum(max(size, 1) * _fields(part, formats, known) for part, size, _ in parts)
+    return known[kind]
 
 
 def _types(selection: Selection) -> list[str] | None:

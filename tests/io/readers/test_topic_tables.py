@@ -22,6 +22,7 @@ from hydro.io.log import Log
 from hydro.io.readers import spill
 from hydro.io.readers.chunks import by_chunk
 from hydro.io.readers.collect import collect
+from hydro.io.readers.expansion import Expansion
 from hydro.io.readers.messages import Item, Selection, Topic
 from hydro.io.readers.tables import Tables
 from hydro.io.sessions import sessions
@@ -260,7 +261,7 @@ def test_a_bag_is_read_with_the_index_of_one_chunk(tmp_path: Path, compression: 
     with Reader(path) as library:
         expected = [(link.topic, ns, bytes(raw)) for link, ns, raw in library.messages()]
         counts = {link.topic: link.msgcount for link in library.connections}
-    with by_chunk()(path) as reader:
+    with by_chunk(Expansion.of(path.name, path))(path) as reader:
         assert {link.topic: link.msgcount for link in reader.connections} == counts
         found, most = [], 0
         for link, ns, raw in reader.messages():

@@ -1,0 +1,154 @@
+"""Pages of a Parquet file by their own headers, and what they expand to before one of them is decompressed.
+
+Libraries make room for a page by the size in its header, whatever the end of the file says of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from hydro.io.readers.expansion import LEAST, NUMBER, Expansion
+
+_TYPE, _EXPANDED, _STORED = 1, 2, 3
+"""Fields of a page's header: its type, and its bytes after and before they are decompressed."""
+_KINDS = {5: "values", 7: "dictionary", 8: "values"}
+"""Fields of a page's header that describe values, a dictionary, or values in the second version."""
+_COUNT = 1
+"""Field of these that has the number of values."""
+_SURELY_LITTLE = LEAST / 8
+"""Bytes of text that may be decoded before it is known whether they are too many."""
+_PLAIN, _PLAIN_LENGTHS = 0, 6
+"""Encodings of text of which every character is in the page."""
+
+
+def count(file: pq.ParquetFile, content: memoryview, expansion: Expansion) -> None:
+    """Count what the columns of a file expand to.
+
+    A number takes `NUMBER` bytes, however often it is repeated in few; text takes its characters.
+
+    Args:
+        file: The file.
+        content: Its bytes.
+        expansion: Gets the count.
+
+    Raises:
+        DataError: it is beyond the limit.
+    """
+    whole = 0
+    texts: list[tuple[int, Any, int]] = []
+    for group in range(file.metadata.num_row_groups):
+        described = file.metadata.row_group(group)
+        for place in range(described.num_columns):
+            column = described.column(place)
+            pages = list(_pages(content, column))
+            values = max(column.num_values, described.num_rows, sum(page.values for page in pages))
+            whole += max(NUMBER * values, sum(page.expanded for page in pages))
+            if "BYTE_ARRAY" in column.physical_type and not all(page.plain for page in pages):
+                texts.append((group, column, max(page.expanded for page in pages)))
+    expansion.add(whole)
+    for group, column, longest in texts:
+        _count_text(file, group, column, longest, expansion)
+
+
+def _count_text(file: pq.ParquetFile, group: int, column: Any, longest: int, expansion: Expansion) -> None:
+    """Count text that repeats other text: where it could be much, by decoding some rows at a time."""
+    if column.num_values * longest <= _SURELY_LITTLE:
+        expansion.add(column.num_values * longest)
+        return
+    rows = max(int(_SURELY_LITTLE / longest), 1)
+    for batch in file.iter_batches(rows, row_groups=[group], columns=[column.path_in_schema]):
+        expansion.add(batch.nbytes)
+
+
+@dataclass(frozen=True)
+class _Page:
+    """Page of a column: its bytes once decompressed, its values, and whether it repeats no text."""
+
+    expanded: int
+    values: int
+    plain: bool
+
+
+def _pages(content: memoryview, column: Any) -> Iterator[_Page]:
+    """Yield the pages of a column in one group of rows, up to the first that no reader could read."""
+    start = column.data_page_offset
+    if column.has_dictionary_page and 0 < column.dictionary_page_offset < start:
+        start = column.dictionary_page_offset
+    end = start + column.total_compressed_size
+    while start < end:
+        try:
+            header, start = _struct(content, start)
+        except (ValueError, IndexError, RecursionError):
+            return
+        kind = next((field for field in _KINDS if field in header), None)
+        about = header[kind] if kind is not None else {}
+        stored, expanded = header.get(_STORED, -1), header.get(_EXPANDED, -1)
+        if stored < 0 or expanded < 0:
+            return
+        start += stored
+        held = kind is not None and _KINDS[kind] == "values"
+        encoding = about.get(4 if kind == 8 else 2)
+        plain = not held or encoding in (_PLAIN, _PLAIN_LENGTHS)
+        yield _Page(expanded, about.get(_COUNT, 0) if held else 0, plain)
+
+
+def _struct(content: memoryview, place: int) -> tuple[dict[int, Any], int]:
+    """Return the fields of a structure in Thrift's compact protocol by number, and where it ends."""
+    found: dict[int, Any] = {}
+    field = 0
+    while head := content[place]:
+        place += 1
+        if head >> 4:
+            field += head >> 4
+        else:
+            field, place = _integer(content, place)
+        found[field], place = _value(content, place, head & 15)
+    return found, place + 1
+
+
+def _value(content: memoryview, place: int, kind: int) -> tuple[Any, int]:
+    """Return a value of a type of Thrift, None where only its end matters; and where it ends."""
+    if kind in (1, 2):
+        return kind == 1, place
+    if kind == 3:
+        return None, place + 1
+    if kind in (4, 5, 6):
+        return _integer(content, place)
+    if kind == 7:
+        return None, place + 8
+    if kind == 8:
+        length, place = _varint(content, place)
+        return None, place + length
+    if kind in (9, 10):
+        size, kind, place = content[place] >> 4, content[place] & 15, place + 1
+        if size == 15:
+            size, place = _varint(content, place)
+        for _ in range(size):
+            _, place = _value(content, place, 3 if kind in (1, 2) else kind)
+        return None, place
+    if kind == 12:
+        return _struct(content, place)
+    raise ValueError("a page has no header")
+
+
+def _integer(content: memoryview, place: int) -> tuple[int, int]:
+    """Return a signed integer and where it ends."""
+    number, place = _varint(content, place)
+    return (number >> 1) ^ -(number & 1), place
+
+
+def _varint(content: memoryview, place: int) -> tuple[int, int]:
+    """Return an integer of seven bits a byte and where it ends."""
+    number = shift = 0
+    while True:
+        byte = content[place]
+        number |= (byte & 127) << shift
+        place, shift = place + 1, shift + 7
+        if byte < 128:
+            return number, place
+        if shift > 63:
+            raise ValueError("a page has no header")
