@@ -14,6 +14,7 @@ import hydro
 from hydro import cli
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import Diagnosis, Finding, extended
+from hydro.core.diagnosis.transfer import Squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.evaluation import leftover
@@ -32,6 +33,7 @@ from hydro.report.sources import gather
 VEHICLE = Path(__file__).resolve().parents[1] / "datasets" / "vehicles" / "auv151.toml"
 CURRENT = {"v_N": 0.2, "v_E": -0.1, "v_D": 0.0}
 SPREAD = {"v_N": 0.01, "v_E": 0.01, "v_D": 0.01}
+LEFT_OUT = Squares(np.full((2, 6), 0.01), np.ones((2, 6)))
 LINE = ("explain", str(VEHICLE), "measured.parquet", "--holdout", "held.parquet", "-o", "study")
 FILES = [
     f"{kind}-{k}.{end}" for k in (0, 1) for kind, end in (("comparison", "parquet"), ("vehicle", "toml"))
@@ -62,11 +64,11 @@ def counted(tmp_path, monkeypatch) -> list[str]:
     calls: list[str] = []
     true = trials.compare
 
-    def compare(vehicle, raw, yardstick, progress):
+    def compare(vehicle, raw, record, yardstick, progress):
         calls.append("compare")
         key = repr((vehicle, raw["session"][0]))
         if key not in COMPARED:
-            COMPARED[key] = true(vehicle, raw, yardstick=yardstick)
+            COMPARED[key] = true(vehicle, raw, record=record, yardstick=yardstick)
         return COMPARED[key]
 
     def diagnose(vehicle, log, progress, hull, further, file, in_vain):
@@ -87,7 +89,7 @@ def counted(tmp_path, monkeypatch) -> list[str]:
     monkeypatch.setattr(trials, "compare", compare)
     monkeypatch.setattr(trials, "_fit_together", together)
     monkeypatch.setattr(loop, "diagnose_log", diagnose)
-    monkeypatch.setattr(trials.Recordings, "left_out", lambda *_: 0.1)  # the log is short
+    monkeypatch.setattr(trials.Recordings, "left_out", lambda *_: LEFT_OUT)  # the log is short
     return calls
 
 
@@ -157,7 +159,7 @@ def test_what_a_study_keeps_of_the_recordings(counted):
 
 
 def test_a_recording_without_forces_says_why(counted, monkeypatch):
-    def refuse(vehicles, raw):
+    def refuse(vehicles, raw, record):
         raise DataError("samples are of u in 10%")
 
     monkeypatch.setattr(leftover, "leftover", refuse)

@@ -205,8 +205,9 @@ def diagnose(
 
         hull = earlier.hull if earlier else None
         log = preprocess(start, source.frame, hull)
-        found = diagnose_log(start, log, hull=hull, corrected=correct_thrusters, progress=advance)
-        if discover and (correct_thrusters or not log.misdirected):
+        log = log.as_audited() if correct_thrusters else log
+        found = diagnose_log(start, log, hull=hull, progress=advance)
+        if discover and not log.misdirected:
             found = discovered(start, log, found, advance)
     changes = tell_changes(name, log.changes)
     _print(found, earlier, person(as_json))

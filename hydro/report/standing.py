@@ -162,10 +162,10 @@ def _fall(one: Standing) -> str:
 
 
 def _first_finding(sources: Sources) -> str:
-    """The verdict of the first finding of the last diagnosis."""
+    """Return the verdict of the first finding of the last diagnosis; faults of its log come last."""
     if not sources.diagnoses or sources.diagnoses[-1].frame.is_empty():
         return ""
-    rows = sources.diagnoses[-1].frame.sort("rank").filter(pl.col("verdict") != "log_fault")
+    rows = sources.diagnoses[-1].frame.sort(pl.col("verdict") == "log_fault", "rank")
     return words.verdict(rows.row(0, named=True), of_change(sources.diagnoses[-1]))[1]
 
 

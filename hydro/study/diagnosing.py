@@ -63,7 +63,7 @@ def _written(part: Part, target: Path, start: Vehicle, text: str, corrected: boo
     source = table.read_part(part)
     known = vehicle.without_errors_from(start, source.provenance.content)
     log = preprocess(known, source.frame)
-    found = diagnose_log(known, log, corrected=corrected)
+    found = diagnose_log(known, log.as_audited() if corrected else log)
     changes = {"cleaning": list(log.changes)} if log.changes else {}
     made = table.make(
         "diagnosis",

@@ -10,7 +10,9 @@ import numpy as np
 import polars as pl
 import pytest
 import studies
+import synthetic
 
+from hydro.core.diagnosis.findings import Diagnosis, Finding
 from hydro.core.errors import DataError
 from hydro.io import table, vehicle
 from hydro.io.study import NO_FORCES
@@ -84,6 +86,13 @@ def test_the_headline_has_the_errors_before_and_after(page: dict[str, str]) -> N
     assert "noise alone would leave 0.020 m/s" in page["head"]
     assert "10 % of the error is left" in page["model"]
     assert "17 % of the error is left" in page["model"]
+
+
+def test_a_diagnosis_of_faults_alone_has_the_first_for_its_headline() -> None:
+    fault = Finding("log_fault", members=("cmd_1",), advice="thruster 1 pushes opposite to the file")
+    found = Diagnosis((fault,), synthetic.vehicle(), (1.0, 1.0, 1.0))
+    page = Text(render(alone("diagnosis", found.frame()))).found
+    assert "What the log says of cmd_1 is impossible." in page["head"]
 
 
 def test_places_before_and_after_stand_side_by_side(page: dict[str, str]) -> None:

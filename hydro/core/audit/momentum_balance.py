@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
+from scipy.linalg import pinvh
 from scipy.signal import lfilter
 
 from hydro.core.columns import Array, Mask, Rows
@@ -310,7 +311,7 @@ class _Axis:
         """Errors (W,), not whitened, of the fit with every column free, and the number of free parameters."""
         y, columns = self.design(pushed)
         gram = columns.T @ columns
-        inverse = np.linalg.inv(gram + np.eye(len(gram)))
+        inverse = pinvh(gram + np.eye(len(gram)))  # noise-free columns outweigh the priors by all digits
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
         whole = np.hstack([self.terms, self.reach * pushed * self.weights[:, None]])

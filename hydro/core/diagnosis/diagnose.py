@@ -103,7 +103,7 @@ def diagnose(
         (progress or silent)("the recording before", 0.0)
         hull = hull_of(vehicle, before)
     log = preprocess(vehicle, raw, hull)
-    return diagnose_log(vehicle, log, hull=hull, corrected=corrected, progress=progress)
+    return diagnose_log(vehicle, log.as_audited() if corrected else log, hull=hull, progress=progress)
 
 
 def hull_of(vehicle: Vehicle, before: pl.DataFrame, law: Law | None = None) -> Hull:
@@ -131,7 +131,6 @@ def diagnose_log(
     further: bool = False,
     file: Vehicle | None = None,
     in_vain: bool = False,
-    corrected: bool = False,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """The same of a recording that has been preprocessed: from its shots to the findings.
@@ -140,13 +139,12 @@ def diagnose_log(
     What the vehicle has beyond its `file` was fitted to this very recording: that holds nothing.
     With `in_vain` a search beside a part of what the vehicle has came nowhere near the noise: where LOUD
     times the noise is left, what transfers is asked at once.
-    Where the thruster audit contradicts the file, no effect is named: that is the only finding. With
-    `corrected` the search goes on with the columns as the audit states them. It always does with a hull,
-    which was learnt from a recording whose columns were in order.
+    Where the thruster audit contradicts the file, no effect is named: that is the only finding. The search
+    goes on with a log `as_audited`, and with a hull, which was learnt from a recording in order.
     """
     require_ready(log.observed)
     progress = progress or silent
-    if log.misdirected and hull is None and not corrected:
+    if log.misdirected and hull is None:
         return _misdirected(vehicle, log)
     progress("shots", 0.0)
     if hull is not None:

@@ -72,6 +72,10 @@ class Preprocessed:
         if self.audit is not None and self.audit.wrong:
             raise DataError(f"{self.audit.headline()}; or go on as it is with --correct-thrusters")
 
+    def as_audited(self) -> Preprocessed:
+        """Return the recording with its columns as the audit states them, taken as right."""
+        return replace(self, audit=None)
+
     @property
     def track(self) -> Array:
         """Positions [m] and times [s] along the recording, (N, 4)."""

@@ -42,7 +42,8 @@ RIDGE = 0.001
 """Weight of the ridge on cross terms, as a share of each regressor's sum of squares.  It decides only where
 axes move together; a tenth or ten times of it changes an error 5 s ahead by less than 1 %."""
 FOLDS = 5
-"""Groups of sessions at most of which each is left out of a fit once; more cost time and change little."""
+"""Groups of sessions, or blocks of time of a single one, each left out of a fit once; more cost time and
+change little."""
 LOST = 1.02
 """Error over that of a simple predictor from which a model has lost to it: less is a draw."""
 JUDGED = 5.0
@@ -109,7 +110,7 @@ class Yardstick:
     def crossed(cls, vehicle: Vehicle, record: Recording) -> Yardstick:
         """Fit to a recording whose own predictions are to be measured; see `of_others` for any other.
 
-        Each session is predicted by a fit to the others, or each half of a single session by the other half.
+        Each group of sessions is predicted by a fit to the others, or each block of a single session.
         """
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
@@ -291,14 +292,24 @@ def _grows(damped: Sequence[Damped]) -> bool:
 
 
 def _folds(record: Recording) -> Rows:
-    """Return the fold of each row: groups of sessions, or the halves of a single session, (N,)."""
-    session = np.zeros(record.rows, np.int64)
-    for number, (start, stop) in zip(record.session, record.segments, strict=True):
-        session[start:stop] = number
-    names, label = np.unique(session, return_inverse=True)
-    if len(names) > 1:
-        return np.asarray(label * min(FOLDS, len(names)) // len(names), np.int64)
-    return np.asarray(np.arange(record.rows) * 2 // record.rows, np.int64)
+    """Return the fold of each row: groups of sessions, or blocks of time of a single session, (N,).
+
+    Sessions are dealt out by their mean square velocity: the order in which they are listed does not count,
+    and each group has slow and fast ones.
+    """
+    names = np.unique(record.session)
+    parts = [
+        np.concatenate([np.arange(*record.segments[i]) for i in np.flatnonzero(record.session == name)])
+        for name in names
+    ]
+    if len(parts) == 1:
+        parts = np.array_split(parts[0], FOLDS)
+    else:
+        parts.sort(key=lambda rows: float(np.mean(record.nu[rows] ** 2)))
+    fold = np.full(record.rows, -1, np.int64)
+    for number, rows in enumerate(parts):
+        fold[rows] = number % FOLDS
+    return fold
 
 
 def _without(record: Recording, fold: Rows, number: int) -> Recording:
@@ -338,18 +349,18 @@ def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
     beside = record.nu[:, others]
     rates = np.column_stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, beside, -beside, nu])
     windows = _over_windows(rates, record)
-    if not _earns_cross_terms(windows):
+    if not _earns_cross_terms(windows, _folds(record)[_window_starts(record)]):
         return plain
     values = _bounded(windows[:, :-1], windows[:, -1])[1]
     cross = np.insert(values[PLAIN : PLAIN + 5] - values[PLAIN + 5 :], axis, 0.0)
     return Damped(-values[0], -values[1], values[2], values[3] - values[4], delay, tuple(map(float, cross)))
 
 
-def _earns_cross_terms(windows: Array) -> bool:
-    """Return whether cross terms lower the squared error of stretches left out, FOLDS in turn."""
-    part, lost = np.arange(len(windows)) * FOLDS // len(windows), np.zeros(2)
-    for number in range(FOLDS):
-        out = part == number
+def _earns_cross_terms(windows: Array, fold: Rows) -> bool:
+    """Return whether cross terms lower the squared error of each fold by a fit to the others."""
+    lost = np.zeros(2)
+    for number in np.unique(fold):
+        out = fold == number
         for which, count in enumerate((PLAIN, windows.shape[1] - 1)):
             values = _bounded(windows[~out][:, :count], windows[~out][:, -1])[1]
             lost[which] += ((windows[out][:, -1] - windows[out][:, :count] @ values) ** 2).sum()
@@ -375,9 +386,7 @@ def _bounded(columns: Array, change: Array) -> tuple[float, Array]:
 
 def _over_windows(rates: Array, record: Recording) -> Array:
     """Integrals of series (N, K) over windows of every segment, but of the last one its change, (W, K)."""
-    longest = int(np.diff(record.segments).max())
-    rows = max(min(round(WINDOW / record.dt), longest - 1), 1)
-    parts = []
+    rows, parts = _window_rows(record), []
     for start, stop in record.segments:
         within = rates[start:stop]
         sums = np.zeros_like(within)
@@ -385,3 +394,15 @@ def _over_windows(rates: Array, record: Recording) -> Array:
         sums[:, -1] = within[:, -1]
         parts.append(sums[rows:] - sums[:-rows])
     return np.concatenate(parts)
+
+
+def _window_rows(record: Recording) -> int:
+    """Return the number of steps in a window: WINDOW, or the longest segment where that is shorter."""
+    longest = int(np.diff(record.segments).max())
+    return max(min(round(WINDOW / record.dt), longest - 1), 1)
+
+
+def _window_starts(record: Recording) -> Rows:
+    """Return the first row of each window of `_over_windows`, (W,)."""
+    rows = _window_rows(record)
+    return np.concatenate([np.arange(start, max(stop - rows, start)) for start, stop in record.segments])

@@ -9,6 +9,7 @@ the recording and against another one that no fit has seen.  The errors of all s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import polars as pl
 
@@ -77,7 +78,9 @@ def explain(
         return
     recordings = recordings or Recordings.of(vehicle, raw, holdout, hull)
     progress = progress or silent
-    if hull is None and not corrected:
+    if corrected:
+        recordings = replace(recordings, log=recordings.log.as_audited())
+    elif hull is None:
         recordings.log.require_directions()
     while not (steps and over(steps)):
         step = _next(steps, vehicle, recordings, progress, beyond)
@@ -152,7 +155,7 @@ def _next(
     rest = part(progress, 0.6, 0.9 if beyond else 1.0)
     in_vain = bool(steps) and steps[-1].chi2[-1] > LOUD
     diagnosis = diagnose_log(
-        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, corrected=True, progress=rest
+        plain, log, hull=hull, further=number > 0, file=file, in_vain=in_vain, progress=rest
     )
     if beyond is not None:
         diagnosis = beyond(plain, log, diagnosis, part(progress, 0.9, 1.0))

@@ -228,6 +228,26 @@ def test_sessions_are_predicted_by_fits_to_the_others():
     assert without_b == pytest.approx(1.0 / MASS, rel=0.05)
 
 
+def test_each_session_keeps_its_fit_in_any_order():
+    """More sessions than folds, some shorter: groups are made by what the sessions are, not by their rows."""
+    parts = [
+        flown(400 + 20 * (k % 3)).with_columns(
+            pl.lit(f"s{k}").alias("session"), pl.col("u") * (0.5 + 0.1 * k)
+        )
+        for k in range(7)
+    ]
+
+    def fits(order: list[int]) -> np.ndarray:
+        crossed = Yardstick.crossed(heavier(1.0), recording(heavier(1.0), pl.concat(parts[k] for k in order)))
+        first = np.cumsum([0, *(parts[k].height for k in order[:-1])])
+        values = [crossed.left_out[fold][0][:5] for fold in crossed.fold[first]]
+        return np.array(values)[np.argsort(order)]
+
+    np.testing.assert_allclose(
+        fits([0, 1, 2, 3, 4, 5, 6]), fits([5, 2, 6, 0, 4, 1, 3]), rtol=1e-7, atol=1e-10
+    )
+
+
 def test_the_reason_for_a_lead_is_the_part_that_lowers_the_residual_most():
     raw, vehicle = surging(), without_lag()
     record = recording(vehicle, raw)
