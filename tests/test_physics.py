@@ -168,7 +168,11 @@ def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
     files = {
         name: tmp_path / f"{name}.parquet" for name in ("cmd", "raw", "labels", "model", "errors", "flown")
     }
-    pl.DataFrame({"session": ["weave"] * 1500, "t": t, **held}).write_parquet(files["cmd"])
+    begun = dict.fromkeys((*POSE, *VELOCITY), 0.0) | {"z": 10.0}
+    commands = pl.DataFrame({"session": ["weave"] * 1500, "t": t, **held})
+    commands.with_columns(**{name: pl.lit(value) for name, value in begun.items()}).write_parquet(
+        files["cmd"]
+    )
     for line in (
         ["simulate", VEHICLE, files["cmd"], "-o", files["raw"]],
         ["labels", files["raw"], "--subtract", "effects", "-o", files["labels"]],

@@ -134,7 +134,7 @@ def test_a_common_scale_is_no_matter_of_single_thrusters(log, scale):
 
 
 def by_a_mixer(vehicle, *, seed=0, rows=2500):
-    """A recording of demands in five axes, allocated to eight thrusters: three dependences between thrusts."""
+    """A recording of demands in five axes that eight thrusters share: their thrusts depend on one another."""
     rng, t = np.random.default_rng(seed), np.arange(rows) * 0.02
     tau = np.zeros((rows, 6))
     for axis, size in enumerate([120.0, 120.0, 150.0, 10.0, 0.0, 30.0]):

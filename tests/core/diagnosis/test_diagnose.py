@@ -359,7 +359,7 @@ def test_an_effect_that_no_catalogue_has(known):
 @pytest.mark.parametrize("rows", [300, 60])
 def test_a_short_recording(known, rows):
     with pytest.raises(DataError, match="too short for a diagnosis; record at least 8 s"):
-        diagnose(known, flown(known, rows=rows))
+        diagnose(known, flown(known, rows=rows).with_columns(pl.col("z") + 10.0))
 
 
 def without_every(period, whole):
