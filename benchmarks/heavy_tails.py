@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from benchmarks.hidden_effects.scoring import interval
 from numpy.typing import NDArray
 
 from benchmarks.kept_tables import markdown
+from benchmarks.shares import interval
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.recording.sensor_faults import without_faults
 from hydro.core.simulation.simulate import simulate

@@ -168,7 +168,8 @@ def test_a_model_of_what_the_effects_leave_flies_with_them(tmp_path):
     files = {
         name: tmp_path / f"{name}.parquet" for name in ("cmd", "raw", "labels", "model", "errors", "flown")
     }
-    pl.DataFrame({"session": ["weave"] * 1500, "t": t, **held}).write_parquet(files["cmd"])
+    begun = {name: [10.0 if name == "z" else 0.0] * 1500 for name in (*POSE, *VELOCITY)}
+    pl.DataFrame({"session": ["weave"] * 1500, "t": t, **begun, **held}).write_parquet(files["cmd"])
     for line in (
         ["simulate", VEHICLE, files["cmd"], "-o", files["raw"]],
         ["labels", files["raw"], "--subtract", "effects", "-o", files["labels"]],

@@ -28,11 +28,11 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from benchmarks.hidden_effects.scoring import interval
-from benchmarks.imperfect_base.work import Results, add_workers, done
 
 from benchmarks import kept_tables
+from benchmarks.shares import interval
 from benchmarks.thruster_audit.study import DISTURBANCES, FAULTS, SCHEMA, VEHICLES, study
+from benchmarks.work import Results, add_workers, done
 
 
 def run(chosen: argparse.Namespace) -> None:

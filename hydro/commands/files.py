@@ -39,7 +39,7 @@ WHOLE = ("metrics", "ladder", "evaluations")
 def check(
     files: Files, map_: MapFile = None, msg: Definitions = None, max_expanded: MaxExpanded = None
 ) -> None:
-    """Check that tables, vehicle files and log maps are valid, and audit the thrusters.
+    """Check files against their schemas, and audit the thrusters.
 
     Exit code 0, and one line for each file on a terminal, when every file conforms to its schema: columns,
     types, finite values, bounds, order in time, and a content that matches the hash in its footer. Otherwise

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hydro.core.vehicle.description import Thruster, Vector3
 
 NAME = "vehicle"
-HELP = "Write a vehicle file from mass, dimensions and thrusters, or reverse its thrusters."
+HELP = "Make a vehicle file, or reverse its thrusters."
 NEUTRAL = "neutral"
 T200, VOLTAGE = "t200", 16.0
 """Curve by the maker's table, and its supply voltage [V] by default: four charged lithium cells."""

@@ -39,7 +39,7 @@ REVERSED, EXCHANGED = 0.1, 0.1
 """Prior probability that a thruster is reversed, and that one more pair of columns is exchanged."""
 ENUMERATED = 10
 """Number of thrusters up to which all combinations of signs are tried: 1,024 of them."""
-ROUNDS = 8
+ROUNDS = 30
 """Alternations between effectiveness and axis factors at most."""
 WORTH = 12.0
 """Logarithm of the odds against an order below which no exchange of its columns is tried."""

@@ -6,7 +6,10 @@ second (`prediction.weak_form`), is linear in the thrusts. For each axis a,
     y_a = sum_j c_aj F_j + N_a beta_a + e_a
 
 y is the acceleration that the file leaves unexplained with all thrusters at rest, F_j the integrated thrust
-of command column j, and c_aj the acceleration per newton of that column. The nuisance terms N_a have
+of command column j, and c_aj the acceleration per newton of that column. F_j is the part of the thrust curve
+that is odd in the command. A thruster mounted in reverse gives -F(u) to a command u, and one whose command is
+negated gives F(-u); both have the same odd part, and their even parts differ in sign. The even part is
+therefore a nuisance term. The nuisance terms N_a have
 Gaussian priors whose sizes follow from the mass and the box of the hull: an unknown force and ballast,
 restoring moments, a current, damping, and products of velocities (Coriolis forces, Munk moments, lift). The
 errors e_a are autoregressive, because what no term explains changes slowly; whitening them leaves the fast
@@ -157,10 +160,10 @@ def balance(vehicle: Vehicle, record: Recording, beside: Array | None = None) ->
         axes = terms.axes(_current(terms, axes, pushed[best]), axes)
         axes = [axis.whitened(pushed[best]) for axis in axes]
         best = _cheapest(axes, pushed)
-    count = forces.shape[1]
+    count = forces.shape[1] - len(driven)
     gram, score = np.zeros((AXES, count, count)), np.zeros((AXES, count))
     for i in np.flatnonzero(shown):
-        gram[i], score[i] = axes[i].reduced(pushed[best])
+        gram[i], score[i] = axes[i].reduced(pushed[best], count)
     own = forces[windows.rows][:, kinds * len(driven) + np.arange(len(driven))]
     idle = np.std(own, axis=0) < IDLE * limits
     delay = float(DELAYS[best])
@@ -206,22 +209,25 @@ def _tilted(record: Recording) -> Recording:
 
 
 def _forces(table: Array, record: Recording, driven: Rows) -> tuple[Rows, Array]:
-    """Thrust of every command column through every kind of thrust curve: kinds (n,), forces (N, K n) [N]."""
+    """Thrust of every command column through every kind of thrust curve.
+
+    Returns:
+        The kind of each thruster (n,), and forces (N, K n + n) [N]: parts that are odd in the command through
+        each kind of curve, and then parts that are even, of each column through its own thruster's curve.
+    """
     curves = table.copy()
     curves[:, UNIT_WRENCH] = 0.0
     distinct, kinds = np.unique(curves, axis=0, return_inverse=True)
+    kinds = np.asarray(kinds, np.int64).ravel()
     commands = np.ascontiguousarray(record.commands[:, driven])
-    forces = [
-        thrusts(
-            np.ascontiguousarray(np.broadcast_to(row, table.shape)),
-            commands,
-            record.t,
-            record.segments,
-            after_gap=record.after_gap,
-        )
-        for row in distinct
-    ]
-    return np.asarray(kinds, np.int64).ravel(), np.hstack(forces)
+
+    def through(rows: Array, sign: float) -> Array:
+        return thrusts(rows, sign * commands, record.t, record.segments, after_gap=record.after_gap)
+
+    alike = [np.ascontiguousarray(np.broadcast_to(row, table.shape)) for row in distinct]
+    odd = [0.5 * (through(rows, 1.0) - through(rows, -1.0)) for rows in alike]
+    own = np.ascontiguousarray(distinct[kinds])
+    return kinds, np.hstack([*odd, 0.5 * (through(own, 1.0) + through(own, -1.0))])
 
 
 def _cheapest(axes: Sequence[_Axis], pushed: Sequence[Array]) -> int:
@@ -272,8 +278,7 @@ class _Axis:
         shown: Whether the recording shows its acceleration.
         left: Acceleration without thrusters, (W,).
         terms: Nuisance terms, each multiplied by its prior standard deviation, (W, p).
-        doubt: Prior standard deviation of the error of an acceleration per newton.
-        reach: Largest acceleration per newton of a thruster that is believed.
+        size: Root mean square of the thrusters' accelerations per newton.
         consecutive: Which windows follow the one before, (W,).
         weights: Of the windows, by what samples show, (W,).
         filter: Autoregressive coefficients of the errors, (ORDER,).
@@ -283,8 +288,7 @@ class _Axis:
     shown: bool
     left: Array
     terms: Array
-    doubt: float
-    reach: float
+    size: float
     consecutive: Mask
     weights: Array
     filter: Array
@@ -304,7 +308,7 @@ class _Axis:
 
     def design(self, pushed: Array) -> tuple[Array, Array]:
         """Whitened accelerations (W,) and regressors (W, p + k), scaled by their priors."""
-        columns = np.hstack([self.terms, self.reach * pushed * self.weights[:, None]])
+        columns = np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
         return self.filtered(self.left), self.filtered(columns)
 
     def fitted(self, pushed: Array) -> tuple[Array, float]:
@@ -314,7 +318,7 @@ class _Axis:
         inverse = pinvh(gram + np.eye(len(gram)))  # noise-free columns outweigh the priors by all digits
         beta = inverse @ (columns.T @ y)
         freedom = float((inverse * gram).sum())
-        whole = np.hstack([self.terms, self.reach * pushed * self.weights[:, None]])
+        whole = np.hstack([self.terms, REACH * self.size * pushed * self.weights[:, None]])
         return self.left - whole @ beta, freedom
 
     def cost(self, pushed: Array) -> float:
@@ -336,15 +340,18 @@ class _Axis:
             axis = replace(plain, spread=max(float(np.sqrt(squares / room)), 1e-12))
         return axis
 
-    def reduced(self, pushed: Array) -> tuple[Array, Array]:
+    def reduced(self, pushed: Array, count: int) -> tuple[Array, Array]:
         """Products of the thrust columns and the accelerations, nuisance terms integrated out.
+
+        The first `count` columns are odd parts of thrusts, the others even ones, which are nuisance terms.
 
         Errors of the geometry, one for each column, are integrated out last, in the eigenvectors of the
         products: commands of a mixer are linearly dependent, and rounding must not make the products
         indefinite.
         """
-        terms, columns = self.filtered(self.terms), self.filtered(pushed * self.weights[:, None])
-        y, width = self.filtered(self.left), self.terms.shape[1]
+        whole = pushed * self.weights[:, None]
+        terms = self.filtered(np.hstack([self.terms, self.size * whole[:, count:]]))
+        columns, y, width = self.filtered(whole[:, :count]), self.filtered(self.left), terms.shape[1]
         basis, _ = np.linalg.qr(np.vstack([terms, np.eye(width)]))
         columns = np.vstack([columns, np.zeros((width, columns.shape[1]))])
         columns -= basis @ (basis.T @ columns)
@@ -352,7 +359,7 @@ class _Axis:
         sizes, vectors = np.linalg.eigh(gram)
         visible = sizes > ROUNDING * max(float(sizes[-1]), 1e-300)
         sizes, vectors = sizes[visible], vectors[:, visible]
-        kept = 1.0 / (1.0 + self.doubt**2 * sizes)
+        kept = 1.0 / (1.0 + (GEOMETRY * self.size) ** 2 * sizes)
         return (vectors * (kept * sizes)) @ vectors.T, vectors @ (kept * (vectors.T @ score))
 
 
@@ -427,8 +434,7 @@ class _Terms:
             shown=bool((weights > 0.0).any() and np.ptp(left[weights > 0.0]) > 0.0),
             left=left * weights,
             terms=terms * weights[:, None],
-            doubt=GEOMETRY * size,
-            reach=REACH * size,
+            size=size,
             consecutive=windows.consecutive,
             weights=weights,
             filter=np.zeros(ORDER) if known is None else known.filter,

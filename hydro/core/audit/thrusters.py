@@ -194,9 +194,9 @@ class ThrusterAudit:
             yield f"the direction of {_thrusters(rest, 'thruster')} is not visible in this recording"
 
     def _weak(self, i: int) -> bool:
-        """Whether a thruster hardly pushes, by its whole interval."""
-        ends = (self.wiring.sign[i] * self.low[i], self.wiring.sign[i] * self.high[i])
-        return bool(self.seen[i] and max(ends) < WEAK * self.scale[0])
+        """Whether a thruster hardly pushes in either direction, by its whole interval."""
+        most = max(abs(self.low[i]), abs(self.high[i]))
+        return bool(self.seen[i] and most < WEAK * self.scale[0])
 
     def _sizes(self) -> Iterator[str]:
         """Common scale, and thrusters that differ from it."""

@@ -138,6 +138,8 @@ def _moves(record: Recording, axis: int, parts: list[Array], sigma: Array) -> bo
     means = np.array([piece.mean() for part in parts for piece in _pieces(part, rows)])
     if not means.size:
         return False
+    if measured and means.size == 1:  # one window cannot tell motion from a bias
+        return True
     if measured:  # a sensor's bias is no motion
         share = 1.0 if record.seen is None else float(record.seen[:, 6 + axis].mean())
         size, least = float(np.std(means)), sigma[6 + axis] / np.sqrt(max(rows * share, 1.0))

@@ -38,7 +38,7 @@ from hydro.core.prediction.tracking import shot_seconds
 from hydro.core.preprocessing.coloured import coloured
 from hydro.core.preprocessing.sensor_tests import KinematicTest
 from hydro.core.preprocessing.sensor_tests import shown as misread
-from hydro.core.recording.shots import SHOT_SECONDS, Shots
+from hydro.core.recording.shots import SHOT_SECONDS, Shots, room
 from hydro.core.sea.sea_state import SeaState, shown
 from hydro.core.vehicle.description import Vehicle
 
@@ -236,18 +236,16 @@ def stable_shots(vehicle: Vehicle, log: Preprocessed) -> OutputError:
     """
     record, blind = log.record, shot_seconds(log.record)
     for seconds in (blind, *SHOT_LENGTHS) if blind > SHOT_LENGTHS[0] else SHOT_LENGTHS:
-        shots = log.shots(seconds)
-        if len(shots.starts) < LEAST_SHOTS and seconds > SHORTEST:
+        count = room(record, seconds)
+        if count < LEAST_SHOTS and seconds > SHORTEST:
             continue
-        if len(shots.starts) < LEAST_SHOTS:
+        if count < LEAST_SHOTS:
             least, gaps = LEAST_SHOTS * seconds, int(record.after_gap.sum())
             remedy = f"record at least {least:g} s, better some minutes"
             if record.rows * record.dt > least and gaps:
                 remedy = f"{gaps} gaps cut the log to pieces: `hydro import` bridges those of a few samples"
-            raise DataError(
-                f"{len(shots.starts) * seconds:g} s without a gap are too short for a diagnosis; {remedy}"
-            )
-        if (stable := stable_part(shots, vehicle)) is not None:
+            raise DataError(f"{count * seconds:g} s without a gap are too short for a diagnosis; {remedy}")
+        if (stable := stable_part(log.shots(seconds), vehicle)) is not None:
             return stable
     raise Diverges(
         f"the vehicle's predicted motion diverges within {SHOT_LENGTHS[-1]:g} s; check its "

@@ -165,7 +165,7 @@ def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:
     Residuals are those of the file with the columns as the audit states them.
     """
     chi2 = as_it_is(vehicle, stable_start(vehicle, log)[1]).normal.chi2
-    *others, thrusters = log.faults
+    thrusters, *others = log.faults
     told = replace(thrusters, advice=f"{thrusters.advice}. {NOTHING_ELSE}")
     return Diagnosis((told, *others), vehicle, (chi2, chi2, chi2))
 

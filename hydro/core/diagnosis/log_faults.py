@@ -136,7 +136,7 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
         plain,
         raw=in_order(log.raw, found.wiring),
         record=tracked(vehicle, record),
-        faults=(*faults, _misdirected(found)),
+        faults=(_misdirected(found), *faults),
         wiring=None if found.wiring.is_plain else found.wiring,
         sampled=record,
         audit=found,

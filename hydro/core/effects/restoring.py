@@ -313,28 +313,29 @@ DRIFTING_BALLAST = Effect(
     advice=Advice(parted_by=(TILTS,)),
 )
 
-EFFECTS = (
-    Effect(
-        name="net_buoyancy",
-        family="restoring",
-        kind="wrench",
-        definition="dB upward in the world at the centre of buoyancy",
-        source="Fossen (2011), eq. 4.6",
-        excitation="slow heave, or hovering with known thrust",
-        lookalikes=("payload", "surface_suction", "ocean_current"),
-        parameters=(
-            Parameter(
-                "dB",
-                ("N",),
-                "extra buoyancy",
-                plausible=up_to_weight(
-                    0.3, "either way up to 0.3 of the vehicle's weight", "what thrusters hold for long"
-                ),
+NET_BUOYANCY = Effect(
+    name="net_buoyancy",
+    family="restoring",
+    kind="wrench",
+    definition="dB upward in the world at the centre of buoyancy",
+    source="Fossen (2011), eq. 4.6",
+    excitation="slow heave, or hovering with known thrust",
+    lookalikes=("payload", "surface_suction", "ocean_current"),
+    parameters=(
+        Parameter(
+            "dB",
+            ("N",),
+            "extra buoyancy",
+            plausible=up_to_weight(
+                0.3, "either way up to 0.3 of the vehicle's weight", "what thrusters hold for long"
             ),
         ),
-        kernel=net_buoyancy,
-        advice=Advice(parted_by=(TILTS,)),
     ),
+    kernel=net_buoyancy,
+    advice=Advice(parted_by=(TILTS,)),
+)
+EFFECTS = (
+    NET_BUOYANCY,
     BUOYANCY_OFFSET,
     PAYLOAD,
     DRIFTING_BALLAST,

@@ -41,6 +41,7 @@ from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
 from hydro.core.progress import Progress
+from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
 from hydro.core.simulation.estimates import Estimates
 from hydro.core.threads import shared
@@ -93,8 +94,8 @@ class Recordings:
         Each channel is weighed by what the vehicle leaves of it: far from the noise, that of the sensors says
         nothing of what counts.
         """
-        shots = self.log.shots(HORIZON)
-        stable = stable_part(shots, vehicle) if len(shots.starts) >= LEAST_SHOTS else None
+        enough = room(self.log.record, HORIZON) >= LEAST_SHOTS
+        stable = stable_part(self.log.shots(HORIZON), vehicle) if enough else None
         if stable is None or len(stable.shots.starts) < LEAST_SHOTS:
             return None
         problem = stable.some(most)

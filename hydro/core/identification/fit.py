@@ -19,9 +19,7 @@ import polars as pl
 from hydro.core.cleaning.cleaned import cleaned
 from hydro.core.columns import Array
 from hydro.core.effects import CATALOGUE, sensor, velocity_log
-from hydro.core.effects.catalogue import with_role
-from hydro.core.effects.record import Role
-from hydro.core.effects.restoring import BUOYANCY_OFFSET
+from hydro.core.effects.restoring import BUOYANCY_OFFSET, NET_BUOYANCY
 from hydro.core.errors import DataError
 from hydro.core.identification.initial_guess import initial_guesses
 from hydro.core.identification.levenberg_marquardt import (
@@ -110,7 +108,7 @@ def fit(
 
 
 def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
-    """Return effects that a file often lacks and that may have distorted a fit: of the same family.
+    """Return parts of the restoring force that the file lacks and that may have distorted the fit of one.
 
     A sensor that sees what the file lacks spoils the fit of what was asked for: an attitude that is not the
     file's trim draws a net buoyancy to values that lessen the restoring moment.
@@ -118,11 +116,10 @@ def _lacking(vehicle: Vehicle, found: Fit) -> tuple[str, ...]:
     if not found.chi2 > MISFIT or found.method != "output":
         return ()
     named = {entry.effect for entry in found.free.entries}
-    family, there = BUOYANCY_OFFSET.family, {table["name"] for table in vehicle.effect}
-    if not any(CATALOGUE[name].family == family for name in named):
+    if not any(CATALOGUE[name].family == BUOYANCY_OFFSET.family for name in named):
         return ()
-    often = [name for name in with_role(Role.OFTEN_LACKING) if CATALOGUE[name].family == family]
-    return tuple(name for name in often if name not in named | there)
+    there = named | {table["name"] for table in vehicle.effect}
+    return tuple(one.name for one in (NET_BUOYANCY, BUOYANCY_OFFSET) if one.name not in there)
 
 
 def _beside(found: Fit, joint: Fit, lacking: Sequence[str]) -> Fit:

@@ -144,20 +144,12 @@ def make_shots(
     Raises:
         DataError: No segment is as long as one shot.
     """
-    ahead = int(np.ceil(lead / record.dt - 1e-9)) if lead > 0.0 else 0
-    compared = max(round(seconds / record.dt), 6)
-    length = ahead + compared
-    unknown = np.where(record.after_gap, round(UNKNOWN / record.dt), 0)
-    starts = [
-        np.arange(a + min(lost, max(b - a - length, 0)), b - length + 1, compared, dtype=np.int64)
-        for (a, b), lost in zip(record.segments, unknown, strict=True)
-    ]
-    if not sum(part.size for part in starts):
+    ahead, length, starts = _laid(record, seconds, lead)
+    if not (count := sum(part.size for part in starts)):
         raise DataError(
             f"no session has {length} rows ({length * record.dt:g} s) without a gap; record longer sessions"
         )
-    room = sum(part.size for part in starts)
-    kept = evenly(room, most)
+    kept = evenly(count, most)
     at = np.concatenate(starts)[kept]
     rows = at[:, None] + np.arange(length)
     eta, nu = smoothed(record)
@@ -172,9 +164,27 @@ def make_shots(
         sigma=noise(record) if sigma is None else np.asarray(sigma, float),
         eta=eta,
         nu=nu,
-        share=len(kept) / room,
+        share=len(kept) / count,
         seen=None if record.seen is None else record.seen[rows],
     )
+
+
+def room(record: Recording, seconds: float) -> int:
+    """Return the number of shots of a length [s] that a recording has room for."""
+    return sum(part.size for part in _laid(record, seconds, 0.0)[2])
+
+
+def _laid(record: Recording, seconds: float, lead: float) -> tuple[int, int, list[Rows]]:
+    """Return the rows of the lead, the rows of a shot, and the first rows of all shots in each segment."""
+    ahead = int(np.ceil(lead / record.dt - 1e-9)) if lead > 0.0 else 0
+    compared = max(round(seconds / record.dt), 6)
+    length = ahead + compared
+    unknown = np.where(record.after_gap, round(UNKNOWN / record.dt), 0)
+    starts = [
+        np.arange(a + min(lost, max(b - a - length, 0)), b - length + 1, compared, dtype=np.int64)
+        for (a, b), lost in zip(record.segments, unknown, strict=True)
+    ]
+    return ahead, length, starts
 
 
 def kept_evenly(count: int, most: int | None) -> Mask:

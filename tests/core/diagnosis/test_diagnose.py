@@ -182,7 +182,7 @@ def test_what_makes_a_good_files_small_error_is_told_though_it_is_small_beside_t
 
 
 def test_an_effect_is_named_behind_the_faults_of_its_log(known):
-    """Two command columns exchanged, a frozen velocity log and spikes of a gyro."""
+    """Two command columns exchanged, a frozen velocity log and spikes of a gyro: the thrusters come first."""
     raw = recorded(hiding(known, CURRENT))
     wrong = {name: raw[name].to_numpy().copy() for name in "uvwp"}
     wrong["p"][100::500] += 1.0
@@ -190,9 +190,9 @@ def test_an_effect_is_named_behind_the_faults_of_its_log(known):
         wrong[name][700:800] = wrong[name][700]
     exchanged = {"cmd_2": pl.col("cmd_5"), "cmd_5": pl.col("cmd_2")}
     columns = (pl.Series(name, values) for name, values in wrong.items())
-    found = diagnose(misjudged(known), raw.with_columns(*columns, **exchanged))
+    found = diagnose(misjudged(known), raw.with_columns(*columns, **exchanged), corrected=True)
     faults = [one.members for one in found.findings if one.verdict == "log_fault"]
-    assert faults == [("p",), ("u", "v", "w"), ("cmd_2", "cmd_5")]
+    assert faults == [("cmd_2", "cmd_5"), ("p",), ("u", "v", "w")]
     named = found.findings[len(faults)]
     assert (named.verdict, named.effect) == ("missing", "ocean_current")
     assert named.parameters["v_N"] == pytest.approx(CURRENT["v_N"], abs=0.01)
@@ -356,18 +356,27 @@ def test_an_effect_that_no_catalogue_has(known):
     assert "no effect of the catalogue earns it" in first.advice
 
 
-@pytest.mark.parametrize(
-    ("rows", "words"), [(300, "too short for a diagnosis"), (60, "record longer sessions")]
-)
-def test_a_short_recording(known, rows, words):
-    with pytest.raises(DataError, match=words):
-        diagnose(known, flown(known, rows=rows))
+@pytest.mark.parametrize("rows", [300, 60])
+def test_a_short_recording(known, rows):
+    with pytest.raises(DataError, match="too short for a diagnosis; record at least 8 s"):
+        diagnose(known, flown(known, rows=rows).with_columns(pl.col("z") + 10.0))
 
 
-def test_a_recording_that_lost_messages_cuts_to_pieces(known):
-    whole = flown(known, rows=1800).with_row_index()
-    with pytest.raises(DataError, match="14 gaps cut the log to pieces: `hydro import` bridges"):
-        diagnose(known, whole.filter(pl.col("index") % 120 != 119).drop("index"))
+def without_every(period, whole):
+    """The same without every so many rows."""
+    return whole.with_row_index().filter(pl.col("index") % period != period - 1).drop("index")
+
+
+def test_lost_messages_that_leave_pieces_of_two_seconds_do_not_end_a_diagnosis(known):
+    raw = without_every(120, recorded(hiding(known, CURRENT)))
+    first = diagnose(known, raw).findings[0]
+    assert (first.verdict, first.effect) == ("missing", "ocean_current")
+
+
+def test_a_recording_that_lost_messages_cut_to_pieces(known):
+    """Pieces of 0.4 s are shorter than any shot."""
+    with pytest.raises(DataError, match="89 gaps cut the log to pieces: `hydro import` bridges"):
+        diagnose(known, without_every(20, flown(known, rows=1800)))
 
 
 def test_the_commands_of_another_vehicle(known):

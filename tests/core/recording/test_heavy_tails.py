@@ -8,7 +8,7 @@ import pytest
 import synthetic
 from recordings import damped, log, moved, noisy
 
-from hydro.core.columns import POSE, VELOCITY
+from hydro.core.columns import VELOCITY
 from hydro.core.recording.arrays import noise, recording
 from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observations, pseudo_observed
 from hydro.core.recording.sensor_faults import without_faults
@@ -137,7 +137,7 @@ def test_gross_errors_leave_no_trace_and_their_noise_is_known(flight):
     )
     assert corrected.raw.height == raw.height
     for i, name in enumerate(DVL):
-        error = corrected.raw[name].to_numpy() - flight[name].to_numpy()
+        error = corrected.record.nu[:, i] - flight[name].to_numpy()
         assert np.abs(error).max() < 0.1 < 0.4 < np.abs(gross[name]).max()
         assert noise(corrected.record)[6 + i] == pytest.approx(error.std(), rel=0.1)
 
@@ -152,16 +152,18 @@ def test_jumps_that_the_noise_makes_are_no_faults(flight):
 
 
 def test_samples_of_a_slow_sensor_stay_samples(flight):
-    """Rows between them stay null, and the rest of the table as it was."""
+    """The table stays as it was, with null between samples; the observation model has better ones."""
     raw = student(flight, 5)
     sampled = pl.Series(np.arange(raw.height) % 2 == 0)
     slow = raw.with_columns(pl.when(sampled).then(pl.col(name)).alias(name) for name in DVL)
     corrected = without_faults(damped(), slow)
     assert {tail.channel for tail in corrected.tails} == set(DVL)
-    assert corrected.raw.select(POSE).equals(slow.select(POSE))
-    for name in DVL:
-        assert corrected.raw[name].is_null().equals(slow[name].is_null())
-        error = corrected.raw[name].drop_nulls() - flight[name].filter(sampled)
+    assert corrected.raw.equals(slow)
+    seen = corrected.record.seen
+    for i, name in enumerate(DVL):
+        assert seen is not None
+        assert np.array_equal(seen[:, 6 + i], sampled.to_numpy())
+        error = (corrected.record.nu[:, i] - flight[name].to_numpy())[sampled.to_numpy()]
         assert error.std() < 0.9 * (slow[name] - flight[name]).drop_nulls().std()
 
 

@@ -18,6 +18,7 @@ from hydro.core.diagnosis.log_faults import in_order, preprocess
 from hydro.core.recording.arrays import recording
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
+from hydro.core.vehicle.thrusters import allocate, configuration_matrix
 
 N = 8
 
@@ -130,6 +131,39 @@ def test_a_common_scale_is_no_matter_of_single_thrusters(log, scale):
     assert found.scale[1] < scale < found.scale[2]
     (line,) = found.statements()
     assert line.startswith(f"common factor: {found.scale[0]:.2f} times the thrust of the file")
+
+
+def by_a_mixer(vehicle, *, seed=0, rows=2500):
+    """A recording of demands in five axes that eight thrusters share: their thrusts depend on one another."""
+    rng, t = np.random.default_rng(seed), np.arange(rows) * 0.02
+    tau = np.zeros((rows, 6))
+    for axis, size in enumerate([120.0, 120.0, 150.0, 10.0, 0.0, 30.0]):
+        tau[:, axis] = size * np.sin(2 * np.pi * rng.uniform(0.05, 0.4) * t + rng.uniform(0, 6))
+    thrust = allocate(configuration_matrix(vehicle), tau)
+    ahead, astern = vehicle.thruster[0].max_thrust, vehicle.thruster[0].max_reverse_thrust
+    commands = np.where(thrust > 0.0, thrust / ahead, thrust / astern)
+    columns = {f"cmd_{i + 1}": column for i, column in enumerate(commands.T)}
+    return simulate(vehicle, pl.DataFrame({"session": ["a"] * rows, "t": t} | columns))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("mounted", [True, False])
+def test_a_reversed_thruster_whose_curve_is_not_symmetric(seed, mounted):
+    """Mounted in reverse it gives -F(u), with a negated command F(-u): both are -1 times the file's."""
+    known = damped()
+    uneven = [msgspec.structs.replace(one, max_reverse_thrust=90.0) for one in known.thruster]
+    known = msgspec.structs.replace(known, thruster=tuple(uneven))
+    raw = noisy(by_a_mixer(known, seed=seed))
+    assert not audited(raw, known).wrong
+    if mounted:
+        uneven[1] = msgspec.structs.replace(uneven[1], direction=tuple(-x for x in uneven[1].direction))
+        known = msgspec.structs.replace(known, thruster=tuple(uneven))
+    else:
+        raw = raw.with_columns(-pl.col("cmd_2"))
+    found = audited(raw, known)
+    assert found.wiring.reversed == (1,)
+    assert found.low[1] < -1.0 < found.high[1] < -0.5
+    assert len(list(found.statements())) == 1
 
 
 def test_a_dead_thruster_does_not_hide_a_reversed_one():
