@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.columns import Array, Rows
+from hydro.core.columns import POSE, VELOCITY, Array, Rows
 from hydro.core.evaluation.metrics import consecutive
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
@@ -30,6 +30,18 @@ LEAST_DRAWN = 8
 HOVERING_SPEED = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
 TILTED = math.radians(5.0)
 IDLE = 0.05  # of full command
+SHOWN_BY = {
+    "turn": ("psi", "r"),
+    "depth change": ("z", "w"),
+    "acceleration": ("xy", "uv"),
+    "speed": ("xy", "uv"),
+    "drift": ("xy", "uv"),
+    "depth": ("z",),
+    "heading": ("psi",),
+    "pitch": ("theta",),
+    "roll": ("phi",),
+}
+"""Sensors, any of which shows what a family tells apart; what a model fills in says nothing of its errors."""
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 
 
@@ -122,7 +134,7 @@ def families(
         names: Name of each segment's session.
 
     Returns:
-        Families with at least two conditions that occur.
+        Families that the recording's sensors show, with at least two conditions that occur.
     """
     rows = pieces.total(np.ones(record.rows))[:, None]
     motion = pieces.total(np.hstack([eta, nu, nu_dot])) / rows
@@ -133,7 +145,20 @@ def families(
         *_surroundings(motion),
         *_commands(command, vehicle),
     ]
-    return [family for family in found if len(np.unique(family.code[family.code >= 0])) > 1]
+    return [
+        family
+        for family in found
+        if _shown(family.by, record) and len(np.unique(family.code[family.code >= 0])) > 1
+    ]
+
+
+def _shown(by: str, record: Recording) -> bool:
+    """Whether a sensor of the recording has samples of what a family tells apart."""
+    if record.seen is None or by not in SHOWN_BY:
+        return True
+    sampled = dict(zip(POSE + VELOCITY, record.seen.any(axis=0), strict=True))
+    sampled |= {pair: all(sampled[name] for name in pair) for pair in ("xy", "uv")}
+    return any(sampled[sensor] for sensor in SHOWN_BY[by])
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from recordings import damped
+from recordings import damped, moved
 
-from hydro.core.evaluation.regimes import _commands, _manoeuvres, conditions
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.evaluation.regimes import Pieces, _commands, _manoeuvres, conditions, families
+from hydro.core.recording.arrays import recording
 
 OWN = np.array([-0.9, -0.3, -0.01, 0.0, 0.3, 0.9])
 
@@ -68,3 +72,26 @@ def test_manoeuvres_in_words():
     assert np.flatnonzero(found["turning"]).tolist() == [0, 1]
     assert np.flatnonzero(found["changing depth"]).tolist() == [2, 3]
     assert np.flatnonzero(found["changing speed"]).tolist() == [4, 5]
+
+
+@pytest.mark.parametrize(
+    ("sampled", "hidden"),
+    [
+        (("z", "p", "q", "r"), {"acceleration", "speed", "drift", "heading", "pitch", "roll"}),
+        (("x", "y", "z", "phi", "theta", "psi"), set()),
+        (("u", "v", "w", "p", "q", "r"), {"depth", "heading", "pitch", "roll"}),
+    ],
+)
+def test_only_what_sensors_show_tells_places_apart(sampled, hidden):
+    """A model fills in speeds and angles that no sensor saw; its errors are not sorted by them."""
+    vehicle = damped()
+    record = recording(vehicle, moved(vehicle, seed=3, rows=1500))
+    seen = np.tile(np.isin(POSE + VELOCITY, sampled), (record.rows, 1))
+    pieces = Pieces.of(record)
+
+    def named(record) -> set[str]:
+        motion = (record.eta, record.nu, np.gradient(record.nu, record.dt, axis=0))
+        return {one.by for one in families(record, vehicle, pieces, *motion, ["a"])}
+
+    assert named(record) - named(replace(record, seen=seen)) == named(record) & hidden
+    assert {"speed", "drift", "acceleration", "heading"} <= named(record)
