@@ -53,6 +53,7 @@ from hydro.core.diagnosis.model import (
     as_it_is,
     gone_on,
 )
+from hydro.core.diagnosis.relative_thrust import beside_inertia
 from hydro.core.diagnosis.search import Search, candidates
 from hydro.core.diagnosis.unexplained import contradicted, unexplained
 from hydro.core.effects.waves import WAVES
@@ -155,8 +156,10 @@ def diagnose_log(
     baseline = allowing_for_waves(calm)
     found = _searched_for(baseline, progress, in_vain)
     if _waves_explained(baseline, found):
-        return _searched_for(calm, progress, in_vain)
-    return with_waves(found, baseline)
+        found = _searched_for(calm, progress, in_vain)
+    else:
+        found = with_waves(found, baseline)
+    return replace(found, findings=tuple(beside_inertia(one, log.record) for one in found.findings))
 
 
 def _misdirected(vehicle: Vehicle, log: Preprocessed) -> Diagnosis:

@@ -227,28 +227,28 @@ def _effect(
 
 THRUST_LEFT = between(-1.0, 0.5, "", "thrust from none to 1.5 of the file's")
 
-EFFECTS = (
-    _effect(
-        "thruster_gain",
-        thruster_gain,
-        "f_i (1 + g_i)",
-        "Fossen (1994), section 4.1 (propeller thrust)",
-        "every thruster used apart from the others",
-        ("quadratic_damping", "thruster_asymmetry", "buoyancy_offset"),
-        Parameter(
-            "g",
-            ("1",),
-            "relative gain of each thruster",
-            ("thrusters",),
-            low=-1.0,
-            plausible=THRUST_LEFT,
-        ),
-        Advice(parted_by=(COASTING,)),
-        Identification(absorbs=SLIGHTLY_ABSORBED, plainer=common_gain),
-        instead=(
-            Parameter("common", ("1",), "relative gain of all thrusters", low=-1.0, plausible=THRUST_LEFT),
-        ),
+THRUSTER_GAIN = _effect(
+    "thruster_gain",
+    thruster_gain,
+    "f_i (1 + g_i)",
+    "Fossen (1994), section 4.1 (propeller thrust)",
+    "every thruster used apart from the others",
+    ("quadratic_damping", "thruster_asymmetry", "buoyancy_offset"),
+    Parameter(
+        "g",
+        ("1",),
+        "relative gain of each thruster",
+        ("thrusters",),
+        low=-1.0,
+        plausible=THRUST_LEFT,
     ),
+    Advice(parted_by=(COASTING,)),
+    Identification(absorbs=SLIGHTLY_ABSORBED, plainer=common_gain),
+    instead=(Parameter("common", ("1",), "relative gain of all thrusters", low=-1.0, plausible=THRUST_LEFT),),
+)
+
+EFFECTS = (
+    THRUSTER_GAIN,
     _effect(
         "thruster_asymmetry",
         thruster_asymmetry,

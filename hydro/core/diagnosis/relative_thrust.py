@@ -1,0 +1,38 @@
+"""Rates of turn show the thrust of horizontal thrusters only as a multiple of the file's inertia.
+
+A moment N and an inertia I enter a rate of turn by N / I alone.  Where no sensor shows surge or sway, weak
+thrusters and an inertia that is too small in the file predict the same motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.effects.actuator import THRUSTER_GAIN
+from hydro.core.recording.arrays import Recording
+
+STATED = ("missing", "cannot_tell_apart")
+HORIZONTAL = (("x", "y"), ("u", "v"))
+"""Pairs of sensors, either of which shows a force in the plane beside a moment."""
+WORDS = (
+    "rates alone show thrust only as a multiple of the file's inertia, which may be too small instead: record "
+    "a velocity or a position, or measure the inertia"
+)
+
+
+def beside_inertia(finding: Finding, record: Recording) -> Finding:
+    """The finding, only suspected where it is a gain of thrusters that a wrong inertia predicts as well."""
+    if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or _shows_forces(record):
+        return finding
+    sure = min(finding.confidence, FANCIFUL)
+    return replace(finding, verdict="suspect", confidence=sure, advice=f"{WORDS}; {finding.advice}")
+
+
+def _shows_forces(record: Recording) -> bool:
+    """Whether a sensor shows surge and sway."""
+    if record.seen is None:
+        return True
+    sampled = dict(zip(POSE + VELOCITY, record.seen.any(axis=0), strict=True))
+    return any(all(sampled[name] for name in pair) for pair in HORIZONTAL)

@@ -1,0 +1,38 @@
+"""Where rates alone are measured, weak thrusters and a wrong inertia cannot be told apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import damped, moved
+
+from hydro.core.columns import POSE, VELOCITY
+from hydro.core.diagnosis.findings import FANCIFUL, Finding
+from hydro.core.diagnosis.relative_thrust import beside_inertia
+from hydro.core.recording.arrays import recording
+
+GAIN = Finding("missing", "thruster_gain", ("thruster_gain",), 0.7, confidence=0.95)
+
+
+@pytest.mark.parametrize(
+    ("sampled", "verdict"),
+    [
+        ("z p q r", "suspect"),
+        ("z phi theta psi p q r", "suspect"),
+        ("x z p q r", "suspect"),
+        ("x y z p q r", "missing"),
+        ("u v p q r", "missing"),
+    ],
+)
+def test_a_gain_is_stated_where_a_sensor_shows_force_beside_moment(sampled, verdict):
+    vehicle = damped()
+    record = recording(vehicle, moved(vehicle, seed=3, rows=200))
+    seen = np.tile(np.isin(POSE + VELOCITY, sampled.split()), (record.rows, 1))
+    found = beside_inertia(GAIN, replace(record, seen=seen))
+    assert found.verdict == verdict
+    assert found.confidence == (FANCIFUL if verdict == "suspect" else 0.95)
+    other = replace(GAIN, effect="ocean_current")
+    assert beside_inertia(other, replace(record, seen=seen)) == other
+    assert beside_inertia(GAIN, record) == GAIN
