@@ -17,7 +17,7 @@ STATED = ("missing", "cannot_tell_apart")
 HORIZONTAL = (("x", "y"), ("u", "v"))
 """Pairs of sensors, either of which shows a force in the plane beside a moment."""
 WORDS = (
-    "rates alone show thrust only as a multiple of the file's inertia, which may be too small instead: record "
+    "rates alone show thrust only as a multiple of the file's inertia, which may be too small: record "
     "a velocity or a position, or measure the inertia"
 )
 
