@@ -243,8 +243,16 @@ def explain(
     from hydro.io.table import conform
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
-    how = {"hull": hull, "beyond": beyond, "corrected": correct_thrusters, "progress": progress}
-    for step in steps(vehicle, raw, holdout=holdout, **how):
+    every = steps(
+        vehicle,
+        raw,
+        holdout=holdout,
+        hull=hull,
+        beyond=beyond,
+        corrected=correct_thrusters,
+        progress=progress,
+    )
+    for step in every:
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),

@@ -57,6 +57,7 @@ def check(files: Files, map_: MapFile = None, msg: Definitions = None) -> None:
     unsound = 0
     vehicles = [file for file in files if _is_vehicle(file)]
     for file in files:
+        artefact: Artefact | None
         try:
             if map_ is not None and file not in vehicles:
                 artefact = Logs(map_, msg).read([file])

@@ -245,7 +245,7 @@ def flip_thrusters(text: str, numbers: Sequence[int], name: str = "vehicle") -> 
         values = getattr(thruster, key)
         if values is None:
             raise DataError(f"{name}: thruster {number} ({thruster.name}) has no direction to reverse")
-        written = document["thruster"][number - 1][key]  # type: ignore[index]
+        written = document["thruster"][number - 1][key]
         for i, value in enumerate(written):
             written[i] = -float(value) if value else value
     return tomlkit.dumps(document)
