@@ -166,9 +166,8 @@ def diagnose(
 
     hull = _hull(vehicle, before, model, discover=discover)
     log = preprocess(vehicle, raw, hull)
-    log = log.as_audited() if correct_thrusters else log
-    found = diagnose_log(vehicle, log, hull=hull, progress=progress)
-    if discover and not log.misdirected:
+    found = diagnose_log(vehicle, log, hull=hull, corrected=correct_thrusters, progress=progress)
+    if discover and (correct_thrusters or not log.misdirected):
         found = discovered(vehicle, log, found, progress)
     return conform("diagnosis", found.frame())
 
@@ -244,7 +243,7 @@ def explain(
     from hydro.io.table import conform
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
-    told = steps(
+    every = steps(
         vehicle,
         raw,
         holdout=holdout,
@@ -253,7 +252,7 @@ def explain(
         corrected=correct_thrusters,
         progress=progress,
     )
-    for step in told:
+    for step in every:
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),

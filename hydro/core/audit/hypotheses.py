@@ -74,7 +74,7 @@ class Order:
 
     def effectiveness(self) -> tuple[Array, Array]:
         """Effectiveness (n,) with no sign given, and its covariance (n, n)."""
-        covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2), float)
+        covariance = np.asarray(np.linalg.inv(self.gram + np.eye(len(self.gram)) / FREE**2), np.float64)
         return covariance @ self.score, covariance
 
 

@@ -109,7 +109,7 @@ class ThrusterAudit:
     def headline(self, file: str = FILE, sources: Sequence[str] | None = None) -> str:
         """Return the sentence on directions and order, with the command or map line that mends them."""
         if not self.wrong:
-            clear = _numbers(self.clear)
+            clear = _places(self.clear)
             if not clear:
                 return "no thruster's direction is visible in this recording"
             verb = "pushes" if len(clear) == 1 else "push"
@@ -180,7 +180,7 @@ class ThrusterAudit:
 
     def _unseen(self) -> Iterator[str]:
         """Thrusters of which nothing is stated."""
-        if idle := _numbers(self.idle):
+        if idle := _places(self.idle):
             yield f"{_thrusters(idle)} did not run: nothing can be said about {_it(idle)}"
         grouped = set(idle)
         for group in self.together:
@@ -189,7 +189,7 @@ class ThrusterAudit:
                 f"{_thrusters(group)} act alike in this recording and cannot be told apart: "
                 "nothing is said about one of them; run each of them alone"
             )
-        rest = tuple(i for i in _numbers(~self.clear) if i not in grouped and not self._weak(i))
+        rest = tuple(i for i in _places(~self.clear) if i not in grouped and not self._weak(i))
         if rest:
             yield f"the direction of {_thrusters(rest, 'thruster')} is not visible in this recording"
 
@@ -204,7 +204,7 @@ class ThrusterAudit:
         words = f"{scale:.2f} times the thrust of the file (95 % interval {low:.2f} to {high:.2f})"
         if abs(np.log(scale)) > STATED / NORMAL * np.log(high / scale):
             yield f"common factor: {words}; check supply voltage, thrust curve, command scale and inertia"
-        for i in _numbers(self.seen):
+        for i in _places(self.seen):
             if self._weak(i):
                 yield (
                     f"thruster {i + 1} hardly pushes: {self.effectiveness[i]:.2f} times the file's thrust "
@@ -328,7 +328,7 @@ def _groups(covariance: Array, seen: Mask, idle: Mask, scale: float) -> list[tup
     """Thrusters that are not seen singly and whose effectivenesses are correlated, (connected) together."""
     spread = np.sqrt(np.diagonal(covariance))
     alike = np.abs(covariance / np.outer(spread, spread)) > TOGETHER
-    left = [int(i) for i in np.flatnonzero(~seen & ~idle)]
+    left = list(_places(~seen & ~idle))
     found = []
     while left:
         group, waiting = [left.pop(0)], [0]
@@ -358,9 +358,9 @@ def _full(values: Any, driven: Rows, count: int, other: Any) -> Any:
     return out
 
 
-def _numbers(mask: Mask) -> tuple[int, ...]:
-    """Indices where a mask is set."""
-    return tuple(np.flatnonzero(mask).tolist())
+def _places(mask: Mask) -> tuple[int, ...]:
+    """Indices where a mask is true."""
+    return tuple(int(i) for i in np.flatnonzero(mask))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -152,8 +152,7 @@ class Windows:
     def consecutive(self) -> Mask:
         """Which windows overlap the window before them by half, (W,)."""
         first, step = self.rows[self.starts], self.test.size // 2
-        found: Mask = np.diff(first, prepend=-1 - step) == step
-        return found
+        return np.asarray(np.diff(first, prepend=-1 - step) == step)
 
     def sums(self, values: Array) -> Array:
         """Integrals of signals times the test function, (W, k).
@@ -178,8 +177,7 @@ class Windows:
         rates = accelerations_at(rows, model, record, self.eta, nu, at_rest)
         window = self.starts[:, None] + np.arange(self.test.size)
         states = true_velocity(model, record, record.nu)[rows]
-        found: Array = -np.einsum("l,wli->wi", self.slope, states[window]) - self.sums(rates)
-        return found
+        return np.asarray(-np.einsum("l,wli->wi", self.slope, states[window]) - self.sums(rates))
 
     @property
     def shown(self) -> Mask:
