@@ -166,8 +166,9 @@ def diagnose(
 
     hull = _hull(vehicle, before, model, discover=discover)
     log = preprocess(vehicle, raw, hull)
-    found = diagnose_log(vehicle, log, hull=hull, corrected=correct_thrusters, progress=progress)
-    if discover and (correct_thrusters or not log.misdirected):
+    log = log.as_audited() if correct_thrusters else log
+    found = diagnose_log(vehicle, log, hull=hull, progress=progress)
+    if discover and not log.misdirected:
         found = discovered(vehicle, log, found, progress)
     return conform("diagnosis", found.frame())
 
@@ -243,7 +244,7 @@ def explain(
     from hydro.io.table import conform
 
     hull, beyond = _hull(vehicle, before, model, discover=discover), discovered if discover else None
-    every = steps(
+    told = steps(
         vehicle,
         raw,
         holdout=holdout,
@@ -252,7 +253,7 @@ def explain(
         corrected=correct_thrusters,
         progress=progress,
     )
-    for step in every:
+    for step in told:
         yield replace(
             step,
             comparison=conform("comparison", step.comparison),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hydro.core.columns import POSE, VELOCITY
 from hydro.core.diagnosis.findings import FANCIFUL, Finding
 from hydro.core.effects.actuator import THRUSTER_GAIN
 from hydro.core.recording.arrays import Recording
@@ -31,8 +30,5 @@ def beside_inertia(finding: Finding, record: Recording) -> Finding:
 
 
 def _shows_forces(record: Recording) -> bool:
-    """Whether a sensor shows surge and sway."""
-    if record.seen is None:
-        return True
-    sampled = dict(zip(POSE + VELOCITY, record.seen.any(axis=0), strict=True))
-    return any(all(sampled[name] for name in pair) for pair in HORIZONTAL)
+    """Whether sensors show surge and sway."""
+    return any(record.sampled.issuperset(pair) for pair in HORIZONTAL)

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydro.core.columns import POSE, VELOCITY, Array, Rows
+from hydro.core.columns import Array, Rows
 from hydro.core.evaluation.metrics import consecutive
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
@@ -30,18 +30,18 @@ LEAST_DRAWN = 8
 HOVERING_SPEED = 0.1  # m/s below which a vehicle hovers and its drift angle says nothing
 TILTED = math.radians(5.0)
 IDLE = 0.05  # of full command
-SHOWN_BY = {
-    "turn": ("psi", "r"),
-    "depth change": ("z", "w"),
-    "acceleration": ("xy", "uv"),
-    "speed": ("xy", "uv"),
-    "drift": ("xy", "uv"),
-    "depth": ("z",),
-    "heading": ("psi",),
-    "pitch": ("theta",),
-    "roll": ("phi",),
+SHOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "turn": (("psi",), ("r",)),
+    "depth change": (("z",), ("w",)),
+    "acceleration": (("x", "y"), ("u", "v")),
+    "speed": (("x", "y"), ("u", "v")),
+    "drift": (("x", "y"), ("u", "v")),
+    "depth": (("z",),),
+    "heading": (("psi",),),
+    "pitch": (("theta",),),
+    "roll": (("phi",),),
 }
-"""Sensors, any of which shows what a family tells apart; what a model fills in says nothing of its errors."""
+"""Sensors of which one group at least shows what a family tells apart: not what a model has filled in."""
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 
 
@@ -154,11 +154,8 @@ def families(
 
 def _shown(by: str, record: Recording) -> bool:
     """Whether a sensor of the recording has samples of what a family tells apart."""
-    if record.seen is None or by not in SHOWN_BY:
-        return True
-    sampled = dict(zip(POSE + VELOCITY, record.seen.any(axis=0), strict=True))
-    sampled |= {pair: all(sampled[name] for name in pair) for pair in ("xy", "uv")}
-    return any(sampled[sensor] for sensor in SHOWN_BY[by])
+    alternatives = SHOWN_BY.get(by, ((),))
+    return any(record.sampled.issuperset(sensors) for sensors in alternatives)
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:

@@ -79,6 +79,12 @@ class Recording:
         return len(self.t)
 
     @property
+    def sampled(self) -> frozenset[str]:
+        """Channels of pose and velocity that have samples."""
+        some = np.arange(12) if self.seen is None else np.flatnonzero(self.seen.any(axis=0))
+        return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
+
+    @property
     def track(self) -> Array:
         """Positions x y z [m] and times [s], (N, 4)."""
         return np.column_stack([self.eta[:, :3], self.t])
