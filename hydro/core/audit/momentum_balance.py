@@ -414,19 +414,23 @@ class _Terms:
         windows, flat = self.windows, self.model.program.flat.copy()
         constants_of(flat)[CURRENT:][:2] += current
         program = replace(self.model.program, flat=flat)
-        left = windows.unpropelled(replace(self.model, program=program))
+        model = replace(self.model, program=program)
+        drifting = windows.drifting(model)
         if self.beside is not None:
-            left -= windows.sums(self.beside[windows.rows] @ self.inverse.T)
+            drifting += self.beside[windows.rows] @ self.inverse.T
+        left = windows.moved(model) - windows.sums(drifting)
         R = rotation(*windows.eta[windows.rows, 3:].T)
         nu = windows.nu[windows.rows].copy()
         nu[:, :3] -= np.einsum("kji,j->ki", R[:, :2], current)
         return [self._axis(i, left[:, i], nu, R, None if known is None else known[i]) for i in wanted]
 
     def _axis(self, axis: int, left: Array, nu: Array, R: Array, known: _Axis | None) -> _Axis:
-        """Collect the terms of one axis."""
+        """Collect the terms of one axis, an unknown place of the velocity log among them."""
         windows = self.windows
         weights = np.ones(len(left)) if windows.known is None else windows.known[:, axis]
         terms = windows.sums(self._along(axis, nu, R))
+        if axis < 3:
+            terms = np.hstack([terms, windows.changes(self._lever(axis, nu))])
         size = float(np.sqrt(np.mean(self.arms[axis] ** 2)))
         lever = 1.0 if axis < 3 else 0.5 * self.vehicle.hull.length
         size = max(size, LEAST_ARM * lever * self.inverse[axis, axis])
@@ -440,6 +444,12 @@ class _Terms:
             filter=np.zeros(ORDER) if known is None else known.filter,
             spread=max(float(np.std(left)), 1e-12) if known is None else known.spread,
         )
+
+    def _lever(self, axis: int, nu: Array) -> Array:
+        """Velocity that a log half a hull's size ahead, right or below sees besides the body's, (K, 3)."""
+        hull = self.vehicle.hull
+        places = 0.5 * np.diag([hull.length, hull.width, hull.height])
+        return np.cross(nu[:, None, 3:], places)[:, :, axis]
 
     def _along(self, axis: int, nu: Array, R: Array) -> Array:
         """Nuisance accelerations at the rows of the windows, times their prior deviations, (K, p).

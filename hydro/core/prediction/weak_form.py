@@ -166,18 +166,25 @@ class Windows:
         found: Array = csr_array(weights, shape=(count, len(values))) @ values
         return found
 
-    def unpropelled(self, model: Candidate) -> Array:
-        """Acceleration that a vehicle with its thrusters at rest leaves unexplained, integrated, (W, 6).
+    def changes(self, values: Array) -> Array:
+        """Integrals of the derivative of signals times the test function, (W, k).
 
-        The residuals are in m/s and rad/s, not whitened.
+        Args:
+            values: Signals at the rows of the windows, (K, k).
         """
-        record, rows = self.record, self.rows
-        nu = true_velocity(model, record, self.nu)
-        at_rest = np.zeros((rows.size, record.commands.shape[1]))
-        rates = accelerations_at(rows, model, record, self.eta, nu, at_rest)
         window = self.starts[:, None] + np.arange(self.test.size)
-        states = true_velocity(model, record, record.nu)[rows]
-        return np.asarray(-np.einsum("l,wli->wi", self.slope, states[window]) - self.sums(rates))
+        return np.asarray(-np.einsum("l,wli->wi", self.slope, values[window]))
+
+    def drifting(self, model: Candidate) -> Array:
+        """Acceleration of a vehicle with its thrusters at rest, at the rows of the windows, (K, 6)."""
+        record, rows = self.record, self.rows
+        at_rest = np.zeros((rows.size, record.commands.shape[1]))
+        nu = true_velocity(model, record, self.nu)
+        return np.asarray(accelerations_at(rows, model, record, self.eta, nu, at_rest))
+
+    def moved(self, model: Candidate) -> Array:
+        """Acceleration that the recording shows, integrated, (W, 6)."""
+        return self.changes(true_velocity(model, self.record, self.record.nu)[self.rows])
 
     @property
     def shown(self) -> Mask:

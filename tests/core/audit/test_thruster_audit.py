@@ -61,6 +61,18 @@ def test_a_sound_log_is_left_alone_whatever_else_is_missing(beside):
     assert preprocess(damped(), raw).wiring is None
 
 
+@pytest.mark.parametrize("place", [(0.6, 0.0, 0.0), (-0.5, -0.3, 0.2), (0.0, 0.3, -0.25)])
+def test_a_velocity_log_away_from_the_origin_is_no_matter_of_thrusters(place):
+    """What it logs has omega x r besides: closed form."""
+    raw = noisy(moved(damped(), rows=2500, seed=1))
+    rates = raw.select("p", "q", "r").to_numpy()
+    logged = raw.select("u", "v", "w").to_numpy() + np.cross(rates, place)
+    found = audited(raw.with_columns(pl.DataFrame(logged, schema=["u", "v", "w"])))
+    assert not found.wrong
+    assert (found.low < 1.0).all()
+    assert (found.high > 1.0).all()
+
+
 def test_values_at_their_bounds_may_be_otherwise(log):
     """A power of 4, the most that a formula may have, is what a study may end at."""
     steep = {"name": "formula", "forces": ["X |u|^n sgn(u)"], "force": [-1e-3], "exponents": [4.0]}
