@@ -91,9 +91,9 @@ class ThrusterAudit:
             file: Name of the vehicle file, for the command that mends it.
             sources: Names of the columns in the log, in the order of the map, where there is one.
         """
-        yield from self.statements(file, sources) if self.wrong else (self.headline(),)
-        if not self.wrong:
-            yield from self.statements()
+        if self.clear.any() and not self.wrong:
+            yield self.headline()
+        yield from self.statements(file, sources)
         yield from self._unseen()
         if not self.shown.all():
             hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
@@ -110,8 +110,6 @@ class ThrusterAudit:
         """Return the sentence on directions and order, with the command or map line that mends them."""
         if not self.wrong:
             clear = _places(self.clear)
-            if not clear:
-                return "no thruster's direction is visible in this recording"
             verb = "pushes" if len(clear) == 1 else "push"
             return f"{_thrusters(clear)} {verb} as the file says"
         if self.wiring.is_plain:
@@ -320,7 +318,8 @@ def _common_error(found: Balance) -> float:
 
 def _interval(middle: float, error: float) -> tuple[float, float, float]:
     """A positive number with its 95 % interval, from the standard error of its logarithm."""
-    factor = float(np.exp(NORMAL * error))
+    with np.errstate(over="ignore"):  # of thrusters that never ran the interval has no end
+        factor = float(np.exp(NORMAL * error))
     return middle, middle / factor, middle * factor
 
 
