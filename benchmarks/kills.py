@@ -68,7 +68,8 @@ def works() -> list[Work]:
     replay = bundled("stonefish") / "replay90.parquet"
     short = f"collect --vehicle {vehicle} --excitation walks --rows 3000 -o raw.parquet"
     labels = "labels raw.parquet -o labels.parquet"
-    few = "--set vehicles=4 --set sac.random=40 --set evaluate=80 --set record=40 --set episodes=1"
+    small = "--set sac.layers=[32,32] --set sac.batch=64 --set sac.random=40"
+    few = f"--set vehicles=4 {small} --set evaluate=80 --set record=40 --set episodes=1"
     return [
         Work("import", f"import {logs}/example.csv --map {logs}/map.toml -o raw.parquet"),
         Work("collect", short),

@@ -6,6 +6,7 @@ says what, where and what to do; tracebacks come only with `--debug`.
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from collections.abc import Callable, Mapping
@@ -14,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command
 
 from hydro.commands import (
     collect,
@@ -176,9 +178,15 @@ def _main(arguments: list[str] | None) -> int:
         return _exit_code(error)
 
 
+@functools.cache
+def _parser() -> Any:
+    """Build the parser of all commands, once in a process: that takes longer than many a command."""
+    return get_command(app)
+
+
 def _run(arguments: list[str]) -> int:
     """Run the Typer application; what it returns on `raise typer.Exit` is the code."""
-    code = app(arguments, prog_name="hydro", standalone_mode=False)
+    code = _parser()(arguments, prog_name="hydro", standalone_mode=False)
     return code if isinstance(code, int) else 0
 
 

@@ -106,7 +106,7 @@ def test_changes_are_added_until_nothing_more_has_changed(capsys) -> None:
     assert "Noise explains the error that is left" not in page
     assert run(*line) == 0
     assert "(already done)" in capsys.readouterr().err
-    other = ["explain", "vehicle.toml", "after.parquet", "--before", "same.parquet", "-o", "study"]
+    other = ["explain", "vehicle.toml", "heldout.parquet", "--before", "earlier.parquet", "-o", "study"]
     assert run(*other) == 0
     assert "the files of another study there are replaced" in capsys.readouterr().err
 

@@ -134,7 +134,7 @@ def test_examples_run(name: str, tmp_path: Path, work: Path) -> None:
     (data / "vehicle.toml").write_bytes((ROOT / "datasets" / "stonefish" / "vehicle.toml").read_bytes())
     for folder in ("logs", "hidden"):
         shutil.copytree(ROOT / "datasets" / folder, data.parent / folder)
-    shorten(data.parent / "hidden", 20.0)
+    shorten(data.parent / "hidden", 10.0)
     for artefact in ("labels", "split", "model"):
         (tmp_path / f"{artefact}.parquet").write_bytes((work / f"{artefact}.parquet").read_bytes())
     handed_on = b""

@@ -102,7 +102,7 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     binaries = checkout / ".venv" / "bin"
     binaries.mkdir(parents=True)
     shutil.copytree(ROOT / "datasets", checkout / "datasets")
-    shorten(checkout / "datasets" / "hidden", 20.0)
+    shorten(checkout / "datasets" / "hidden", 10.0)
     shutil.copy(ROOT / "Makefile", checkout)
     shutil.copy(ROOT / "pyproject.toml", checkout)
     (binaries / "hydro").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hydro.cli "$@"\n')

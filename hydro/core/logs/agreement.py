@@ -134,8 +134,27 @@ class Evidence:
         def spinning(block: Rates) -> Array:
             return gather(lambda log, at: conventions.rates(log, block, at))
 
-        self.placed, self.attitude, self.turning = placed, attitude, turning
+        @cache
+        def travel(block: Position) -> Array:
+            x = placed(block)
+            return np.asarray((x[:, -1] - x[:, 0]) / self.length)
+
+        @cache
+        def travelled(block: Position) -> float:
+            return _rms(travel(block) * _levels(block))
+
+        @cache
+        def turned(block: Attitude) -> float:
+            return _rms(turning(block))
+
+        @cache
+        def rotation_error(attitude_block: Attitude, block: Rates, rule: str) -> float:
+            return _rms(turning(attitude_block) - self.mean(spinning(block), rule))
+
+        self.placed, self.travel, self.travelled = placed, travel, travelled
+        self.attitude, self.turning, self.turned = attitude, turning, turned
         self.velocity, self.moving, self.spinning = velocity, moving, spinning
+        self.rotation_error = rotation_error
 
     @cached_property
     def few(self) -> Evidence:
@@ -143,34 +162,33 @@ class Evidence:
         every = -(-len(self.t) // FEW)
         return self if every == 1 else Evidence(self._logs, [t[::every] for t in self._windows])
 
-    def travel(self, block: Position) -> Array:
-        """Rate of the position over each window, NED (W, 3) [m/s]."""
-        x = self.placed(block)
-        return np.asarray((x[:, -1] - x[:, 0]) / self.length)
-
     def mean(self, values: Array, rule: str) -> Array:
         """Mean over each window by a rule of integration, (W, 3) of (W, m + 1, 3)."""
         weights = self.rules[rule]
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
+
+    def translation(self, given: LogMap, rule: str) -> Array:
+        """What the first identity leaves in each window, (W, 3) [m/s]; 0 where the log lacks one side."""
+        if given.position is None or given.attitude is None or given.velocity is None:
+            return np.zeros((len(self.t), 3))
+        moving = self.moving(given.attitude, given.velocity, rule)
+        return np.asarray((self.travel(given.position) - moving) * _levels(given.position))
 
     def residuals(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """What the two identities leave in each window, (W, 6): translation [m/s], rotation [rad/s].
 
         0 where the log lacks one side.
         """
-        out = np.zeros((len(self.t), 6))
-        of = testable(given)
-        if given.position is not None and given.attitude is not None and given.velocity is not None:
-            moving = self.moving(given.attitude, given.velocity, rule)
-            out[:, :3] = (self.travel(given.position) - moving) * of[:3]
+        rotation = np.zeros((len(self.t), 3))
         if given.attitude is not None and given.rates is not None:
-            out[:, 3:] = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
-        return out
+            rotation = self.turning(given.attitude) - self.mean(self.spinning(given.rates), rule)
+        return np.hstack([self.translation(given, rule), rotation])
 
     def errors(self, given: LogMap, rule: str = "trapezoid") -> Array:
         """RMS of the residuals, (2,): [m/s] and [rad/s]."""
-        squares = (self.residuals(given, rule) ** 2).reshape(-1, 2, 3).sum(axis=2)
-        return np.asarray(np.sqrt(squares.mean(axis=0)))
+        both = given.attitude is not None and given.rates is not None
+        rotation = self.rotation_error(given.attitude, given.rates, rule) if both else 0.0
+        return np.array([_rms(self.translation(given, rule)), rotation])
 
     def shares(self, given: LogMap) -> Array:
         """The errors as shares of what there is to explain, (2,).
@@ -182,12 +200,9 @@ class Evidence:
 
     def motion(self, given: LogMap) -> Array:
         """RMS of what there is to explain: the rates of position and attitude, (2,): [m/s] and [rad/s]."""
-        seen = np.zeros((len(self.t), 2, 3))
-        if given.position is not None:
-            seen[:, 0] = self.travel(given.position) * testable(given)[:3]
-        if given.attitude is not None:
-            seen[:, 1] = self.turning(given.attitude)
-        return np.asarray(np.sqrt((seen**2).sum(axis=2).mean(axis=0)))
+        placed = given.position is not None and tested(given)[0]
+        travelled = self.travelled(given.position) if placed else 0.0
+        return np.array([travelled, 0.0 if given.attitude is None else self.turned(given.attitude)])
 
     def moves(self, given: LogMap) -> Mask:
         """Return whether position and attitude, or the logged velocities, move beyond their noise, (2,)."""
@@ -229,6 +244,16 @@ class Evidence:
         if block is None:
             return 0.0
         return float((self.placed(block)[..., 2] < -CLEARLY).mean())
+
+
+def _levels(block: Position) -> Mask:
+    """Return which components of the travel a log of this position tells of, (3,): of a depth, down alone."""
+    return np.array([bool(block.columns), bool(block.columns), True])
+
+
+def _rms(vectors: Array) -> float:
+    """Return the root mean square length of vectors (W, 3)."""
+    return float(np.sqrt((vectors**2).sum() / len(vectors)))
 
 
 def _white(differences: Array, power: float) -> Array:
