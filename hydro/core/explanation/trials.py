@@ -25,8 +25,8 @@ from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
 from hydro.core.diagnosis.transfer import Squares, error_ahead, left_out_squares, resolved
-from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
-from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
+from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
@@ -51,10 +51,13 @@ PART, FEW, QUICK = 96, 48, 6
 """Shots that the catalogue is linearised about; shots, HORIZON long, and steps of the fits that tell apart
 what may be added."""
 TRIED, SHORTLIST = 8, 4
-"""How many are fitted so, and how many of these with stretches left out."""
+"""How many effects are fitted so, and how many of these with stretches left out."""
 LOWER = 0.98
 """Part of the error of stretches left out that what is not stated may leave of it to be added, and from which
 two errors are alike."""
+
+STEADY = with_role(Role.STEADY_LOAD)
+"""Steady loads, tried with each effect that changes the thrust which balances them."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,7 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     if undecided:
         progress("all effects against what is left", 0.0)
         every += _beside(last, every, recordings)
+    every = [one for found in every for one in (found, *_with_loads(last, found))]
     problem = recordings.judged(last.vehicle)
     found = quick_fits(last, every, recordings, problem, progress)
     quick = sorted(found, key=lambda one: (one.fanciful, one.error))
@@ -200,7 +204,8 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
         before = min(before, recordings.left_out(last.vehicle, []), key=recordings.error)
-    for one in quick[:SHORTLIST]:
+    listed = list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
+    for one in (one for one in quick if one.effect in listed):
         if errors and one.fanciful > errors[0][1].fanciful:
             break
         after = recordings.left_out(one.vehicle, names_of(one.wanted), problem)
@@ -222,6 +227,17 @@ def _beside(
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
     return others[: max(TRIED - len(every), 0)]
+
+
+def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
+    """Return an option with the steady loads that the vehicle lacks; none where no thruster changes.
+
+    Mean thrust balances steady loads.  A change of the thrusters changes that thrust, and alone it would
+    move the vehicle off its balance.
+    """
+    loads = {name: {"name": name} for name in STEADY if not (name in found or last.vehicle.effects(name))}
+    changes_thrust = CATALOGUE[next(iter(found))].kind == "actuator"
+    return [{**found, **loads}] if changes_thrust and loads else []
 
 
 @dataclass(frozen=True)
@@ -297,8 +313,7 @@ def _trial(
     Raises:
         DataError: The fit diverges.
     """
-    is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
-    added = (next(iter(found)),) if is_new else tuple(found)
+    added = tuple(name for name in found if not last.vehicle.effects(name)) or tuple(found)
     every = (*last.tables, *found.values())
     chance = [dict(one) for one in every if CATALOGUE[one["name"]].is_random]
     fit: Fit | None
