@@ -69,7 +69,8 @@ DRAG = frozenset(with_role(Role.DRAG))
 BEFORE_OTHERS = 0.7
 """Part of the best score from which drag is named first where the file has none."""
 KEPT = 1.0 / 3.0
-"""Part of an effect's information that must remain where a regime is left out."""
+"""Part of an effect's information that must remain where a regime is left out, and of the shots where a
+session is."""
 GAPS = 30.0
 """Logarithm of the evidence that a law of the hull may have of an unchanged one that no library holds,"""
 HULLS = ("inertia", "damping", "hull", "memory")
@@ -348,7 +349,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:
         return squares_ahead(vehicle, ahead)
-    fold, shots = sessions_of(problem.shots), problem.shots
+    fold, shots = _predicted_together(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
@@ -366,6 +367,16 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     except Diverges:
         return Squares(np.broadcast_to(BEYOND[6:] ** 2, sums.shape), np.ones(sums.shape))
     return Squares(sums, counts)
+
+
+def _predicted_together(shots: Shots) -> Rows:
+    """Return the session of each shot, (S,), or its stretch where one session has most of the shots.
+
+    A disturbance may last for a session: stretches of one session do not show whether a model transfers.
+    """
+    _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
+    enough = len(label) - count.max() >= KEPT * len(label)
+    return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
 def left_out_error(
