@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
@@ -325,6 +326,10 @@ class Squares:
         average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return average
 
+    def only(self, axes: NDArray[np.bool_]) -> Squares:
+        """Return those of some axes, (6,), alone."""
+        return Squares(self.sums * axes, self.counts * axes)
+
     def error(self, weights: Array) -> float:
         """Root mean square error of all axes together [m/s].
 
@@ -417,8 +422,17 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
         return Squares(np.zeros((0, 6)), np.zeros((0, 6)))
     model = candidate(vehicle)
     shots = multiple_shooting.corrected_first(ahead, model)
-    there = multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:]
-    error = np.nan_to_num(there - shots.measured[..., 7:], nan=np.inf)
+    return _squares(multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:], shots)
+
+
+def squares_at_rest(ahead: Shots) -> Squares:
+    """Return the squared errors of zero velocity over the same stretches."""
+    return _squares(np.zeros_like(ahead.measured[..., 7:]), ahead)
+
+
+def _squares(predicted: Array, shots: Shots) -> Squares:
+    """Return the squared errors of predicted velocities, (S, T, 6), over shots."""
+    error = np.nan_to_num(predicted - shots.measured[..., 7:], nan=np.inf)
     squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
     seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))

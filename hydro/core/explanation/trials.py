@@ -24,7 +24,13 @@ from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
-from hydro.core.diagnosis.transfer import Squares, error_ahead, left_out_squares, resolved
+from hydro.core.diagnosis.transfer import (
+    Squares,
+    error_ahead,
+    left_out_squares,
+    resolved,
+    squares_at_rest,
+)
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
 from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
@@ -132,6 +138,14 @@ class Recordings:
         """Return the root mean square error of all axes together [m/s]."""
         return squares.error(self.yardstick.weights.velocity)
 
+    def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
+        """Return the axes that are predicted significantly worse than before.
+
+        An axis counts where it was predicted better than by zero velocity: elsewhere nothing is lost.
+        """
+        predicted = before.mean < squares_at_rest(self.log.shots(HORIZON)).mean
+        return worse_axes(before.only(predicted), after.only(predicted))
+
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
@@ -211,7 +225,7 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     def predicts(one: Quick) -> float:
         """Return the error of left-out stretches; infinite where an axis is predicted worse."""
         after = recordings.left_out(one.vehicle, names_of(one.wanted))
-        return np.inf if worse_axes(before, after) else recordings.error(after)
+        return np.inf if recordings.spoils(before, after) else recordings.error(after)
 
     listed = list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
     for one in (one for one in quick if one.effect in listed):
