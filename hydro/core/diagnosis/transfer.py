@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
@@ -69,7 +70,8 @@ DRAG = frozenset(with_role(Role.DRAG))
 BEFORE_OTHERS = 0.7
 """Part of the best score from which drag is named first where the file has none."""
 KEPT = 1.0 / 3.0
-"""Part of an effect's information that must remain where a regime is left out."""
+"""Part of an effect's information that must remain where a regime is left out, and of the shots where a
+session is."""
 GAPS = 30.0
 """Logarithm of the evidence that a law of the hull may have of an unchanged one that no library holds,"""
 HULLS = ("inertia", "damping", "hull", "memory")
@@ -324,6 +326,10 @@ class Squares:
         average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return average
 
+    def only(self, axes: NDArray[np.bool_]) -> Squares:
+        """Return those of some axes, (6,), alone."""
+        return Squares(self.sums * axes, self.counts * axes)
+
     def error(self, weights: Array) -> float:
         """Root mean square error of all axes together [m/s].
 
@@ -348,7 +354,7 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     fitted = [name for name in effects if not CATALOGUE[name].is_random]
     if not fitted:
         return squares_ahead(vehicle, ahead)
-    fold, shots = sessions_of(problem.shots), problem.shots
+    fold, shots = _predicted_together(problem.shots), problem.shots
     fold = fold * FOLDS // max(int(fold.max()) + 1, FOLDS)
     within = fold[np.maximum(np.searchsorted(shots.starts, ahead.starts, side="right") - 1, 0)]
     whole = begun(vehicle, fitted, problem, np.zeros((1, 3)))
@@ -366,6 +372,16 @@ def left_out_squares(vehicle: Vehicle, effects: Sequence[str], problem: OutputEr
     except Diverges:
         return Squares(np.broadcast_to(BEYOND[6:] ** 2, sums.shape), np.ones(sums.shape))
     return Squares(sums, counts)
+
+
+def _predicted_together(shots: Shots) -> Rows:
+    """Return the session of each shot, (S,), or its stretch where one session has most of the shots.
+
+    A disturbance may last for a session: stretches of one session do not show whether a model transfers.
+    """
+    _, label, count = np.unique(shots.session, return_inverse=True, return_counts=True)
+    enough = len(label) - count.max() >= KEPT * len(label)
+    return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
 def left_out_error(
@@ -406,8 +422,17 @@ def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
         return Squares(np.zeros((0, 6)), np.zeros((0, 6)))
     model = candidate(vehicle)
     shots = multiple_shooting.corrected_first(ahead, model)
-    there = multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:]
-    error = np.nan_to_num(there - shots.measured[..., 7:], nan=np.inf)
+    return _squares(multiple_shooting.predict(multiple_shooting.prepare(model, shots), shots)[..., 7:], shots)
+
+
+def squares_at_rest(ahead: Shots) -> Squares:
+    """Return the squared errors of zero velocity over the same stretches."""
+    return _squares(np.zeros_like(ahead.measured[..., 7:]), ahead)
+
+
+def _squares(predicted: Array, shots: Shots) -> Squares:
+    """Return the squared errors of predicted velocities, (S, T, 6), over shots."""
+    error = np.nan_to_num(predicted - shots.measured[..., 7:], nan=np.inf)
     squares = np.clip(error, -BEYOND[6:], BEYOND[6:]) ** 2
     seen = np.ones(squares.shape, bool) if shots.seen is None else shots.seen[..., 6:]
     return Squares((squares * seen).sum(axis=1), seen.sum(axis=1).astype(np.float64))

@@ -117,6 +117,7 @@ class Role(Enum):
     COMMANDED = "its force may depend on the commands, which jump at a row"
     DRAG = "drag that grows faster than speed: every hull has it, whether its file says so or not"
     COUPLING = "couples axes: drawn back first where a passive hull cannot have what was fitted"
+    STEADY_LOAD = "a steady force or moment, which the mean thrust of a hovering vehicle balances"
 
 
 @dataclass(frozen=True)

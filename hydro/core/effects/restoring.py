@@ -22,6 +22,7 @@ from hydro.core.effects.record import (
     Index,
     Parameter,
     Rest,
+    Role,
     Shape,
     Shapes,
     Table,
@@ -224,6 +225,7 @@ BUOYANCY_OFFSET = Effect(
     ),
     kernel=buoyancy_offset,
     advice=Advice(parted_by=(TILTS,)),
+    roles=frozenset({Role.STEADY_LOAD}),
 )
 PAYLOAD = Effect(
     name="payload",
@@ -333,6 +335,7 @@ NET_BUOYANCY = Effect(
     ),
     kernel=net_buoyancy,
     advice=Advice(parted_by=(TILTS,)),
+    roles=frozenset({Role.STEADY_LOAD}),
 )
 EFFECTS = (
     NET_BUOYANCY,

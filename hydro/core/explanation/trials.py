@@ -9,7 +9,7 @@ changed is fitted with nothing but the changes of earlier steps.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,9 +24,15 @@ from hydro.core.diagnosis.findings import FIT, extended
 from hydro.core.diagnosis.log_faults import Preprocessed, preprocess, preprocess_alike
 from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
-from hydro.core.diagnosis.transfer import Squares, error_ahead, left_out_squares, resolved
-from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects
-from hydro.core.effects.record import BOOKKEEPING
+from hydro.core.diagnosis.transfer import (
+    Squares,
+    error_ahead,
+    left_out_squares,
+    resolved,
+    squares_at_rest,
+)
+from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
+from hydro.core.effects.record import BOOKKEEPING, Role
 from hydro.core.errors import DataError
 from hydro.core.evaluation.compare import compare
 from hydro.core.evaluation.yardsticks import Yardstick
@@ -51,10 +57,13 @@ PART, FEW, QUICK = 96, 48, 6
 """Shots that the catalogue is linearised about; shots, HORIZON long, and steps of the fits that tell apart
 what may be added."""
 TRIED, SHORTLIST = 8, 4
-"""How many are fitted so, and how many of these with stretches left out."""
+"""How many effects are fitted so, and how many of these with stretches left out."""
 LOWER = 0.98
 """Part of the error of stretches left out that what is not stated may leave of it to be added, and from which
 two errors are alike."""
+
+STEADY = with_role(Role.STEADY_LOAD)
+"""Steady loads, tried with each effect that changes the thrust which balances them."""
 
 
 @dataclass(frozen=True)
@@ -129,19 +138,29 @@ class Recordings:
         """Return the root mean square error of all axes together [m/s]."""
         return squares.error(self.yardstick.weights.velocity)
 
+    def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
+        """Return the axes that are predicted significantly worse than before.
+
+        An axis counts where it was predicted better than by zero velocity: elsewhere nothing is lost.
+        """
+        predicted = before.mean < squares_at_rest(self.log.shots(HORIZON)).mean
+        return worse_axes(before.only(predicted), after.only(predicted))
+
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
         return promising(vehicle, own, OutputError.of(self.problem.shots, vehicle), self.log.track)
 
-    def tried(self, vehicle: Vehicle, wanted: Wanted, problem: OutputError) -> Vehicle:
-        """The vehicle with effects fitted to some shots.
+    def tried(
+        self, vehicle: Vehicle, wanted: Wanted, problem: OutputError, iterations: int = QUICK
+    ) -> Vehicle:
+        """The vehicle with effects fitted to some shots, in so many steps at most.
 
         Raises:
             Diverges: The predicted motion does.
         """
         begun = free(vehicle, wanted, reach=self.log.track)
         problem = problem.at_measured_states(begun.at(begun.starts[0]))
-        return fit_model(vehicle, wanted, problem, self.log.track, QUICK).vehicle
+        return fit_model(vehicle, wanted, problem, self.log.track, iterations).vehicle
 
 
 @dataclass(frozen=True)
@@ -176,6 +195,7 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
     if undecided:
         progress("all effects against what is left", 0.0)
         every += _beside(last, every, recordings)
+    every = [one for found in every for one in (found, *_with_loads(last, found))]
     problem = recordings.judged(last.vehicle)
     found = quick_fits(last, every, recordings, problem, progress)
     quick = sorted(found, key=lambda one: (one.fanciful, one.error))
@@ -192,26 +212,43 @@ def best_trial(last: Step, file: Vehicle, recordings: Recordings, progress: Prog
 
 
 def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem: OutputError) -> list[Quick]:
-    """Return the quick fits that predict left-out stretches better and no axis significantly worse.
+    """Return the quick fits, ended, that predict left-out stretches better and no axis significantly worse.
 
     The best comes first.  Of those that predict alike, to within LOWER, the one with the fewest numbers does.
+    Steady loads without which it predicts alike are left out of it.
     """
     errors = list[tuple[float, Quick]]()
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
         before = min(before, recordings.left_out(last.vehicle, []), key=recordings.error)
-    for one in quick[:SHORTLIST]:
+
+    def predicts(one: Quick) -> float:
+        """Return the error of left-out stretches; infinite where an axis is predicted worse."""
+        after = recordings.left_out(one.vehicle, names_of(one.wanted))
+        return np.inf if recordings.spoils(before, after) else recordings.error(after)
+
+    listed = list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
+    for one in (one for one in quick if one.effect in listed):
         if errors and one.fanciful > errors[0][1].fanciful:
             break
-        after = recordings.left_out(one.vehicle, names_of(one.wanted), problem)
-        if not worse_axes(before, after):
-            errors.append((recordings.error(after), one))
+        ended = one.ended(recordings)
+        error = predicts(ended)
+        if np.isfinite(error):
+            errors.append((error, ended))
     here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
     better = [(error, one) for error, one in errors if error < LOWER * here or states(last, one.effect)]
+    if not better:
+        return []
     better.sort(key=lambda found: found[0])
-    least = better[0][0] if better else np.inf
-    alike = sorted((one for error, one in better if error <= least / LOWER), key=lambda one: one.entries)
-    return [*alike[:1], *(one for _, one in better if one is not alike[0])]
+    most = better[0][0] / LOWER
+    first = min((one for error, one in better if error <= most), key=lambda one: one.entries)
+    others = [one for _, one in better if one is not first]
+    for load in [name for name in STEADY if name in first.found and name != first.effect]:
+        rest = {name: table for name, table in first.found.items() if name != load}
+        for one in _quick_fit(last, rest, recordings, problem):
+            ended = one.ended(recordings)
+            first = ended if predicts(ended) <= most else first
+    return [first, *others]
 
 
 def _beside(
@@ -222,6 +259,17 @@ def _beside(
     tried = {next(iter(one)) for one in every}
     others: list[dict[str, Table]] = [{table["name"]: table} for table in found if table["name"] not in tried]
     return others[: max(TRIED - len(every), 0)]
+
+
+def _with_loads(last: Step, found: Mapping[str, Table]) -> list[dict[str, Table]]:
+    """Return an option with the steady loads that the vehicle lacks; none where no thruster changes.
+
+    Mean thrust balances steady loads.  A change of the thrusters changes that thrust, and alone it would
+    move the vehicle off its balance.
+    """
+    loads = {name: {"name": name} for name in STEADY if not (name in found or last.vehicle.effects(name))}
+    changes_thrust = CATALOGUE[next(iter(found))].kind == "actuator"
+    return [{**found, **loads}] if changes_thrust and loads else []
 
 
 @dataclass(frozen=True)
@@ -247,6 +295,15 @@ class Quick:
         """What is new in it."""
         return next(iter(self.found))
 
+    def ended(self, recordings: Recordings) -> Quick:
+        """Return it with its fit ended, to shots weighed by what it leaves; as it is where that diverges."""
+        try:
+            problem = recordings.judged(self.vehicle)
+            vehicle = recordings.tried(self.vehicle, names_of(self.wanted), problem, ITERATIONS)
+        except DataError:
+            return self
+        return replace(self, vehicle=vehicle)
+
     @property
     def entries(self) -> int:
         """How many numbers of what is fitted together it has."""
@@ -262,24 +319,29 @@ def quick_fits(
 ) -> Iterator[Quick]:
     """Quick fits of what may be added, and of the plainer effects that it may be; of what diverges none."""
 
-    def fitted(found: Mapping[str, Table]) -> list[Quick]:
-        wanted = _wanted(last, found)
-        try:
-            vehicle = recordings.tried(last.vehicle, wanted, problem)
-            fanciful = bool(implausible(vehicle, list(found)))
-            return [Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))]
-        except DataError:
-            return []
-
     def tried(found: Mapping[str, Table]) -> list[Quick]:
-        effect, quick = next(iter(found)), fitted(found)
+        effect, quick = next(iter(found)), _quick_fit(last, found, recordings, problem)
         rest = {name: table for name, table in found.items() if name != effect}
         plain = [table for one in quick for table in plainer(one.vehicle, effect, last.vehicle, itself=True)]
-        return [*quick, *(one for table in plain for one in fitted({table["name"]: table, **rest}))]
+        others = [{table["name"]: table, **rest} for table in plain]
+        return [*quick, *(one for each in others for one in _quick_fit(last, each, recordings, problem))]
 
     for number, (found, quick) in enumerate(zip(every, shared(tried, every), strict=True)):
         progress(f"{next(iter(found))} was tried with all that is there", 0.5 * number / len(every))
         yield from quick
+
+
+def _quick_fit(
+    last: Step, found: Mapping[str, Table], recordings: Recordings, problem: OutputError
+) -> list[Quick]:
+    """Return the quick fit of what may be added; none where it diverges."""
+    wanted = _wanted(last, found)
+    try:
+        vehicle = recordings.tried(last.vehicle, wanted, problem)
+        fanciful = bool(implausible(vehicle, list(found)))
+        return [Quick(found, wanted, vehicle, fanciful, recordings.error_ahead(vehicle))]
+    except DataError:
+        return []
 
 
 def _trial(
@@ -297,8 +359,7 @@ def _trial(
     Raises:
         DataError: The fit diverges.
     """
-    is_new = next(iter(found)) not in {effect["name"] for effect in last.vehicle.effect}
-    added = (next(iter(found)),) if is_new else tuple(found)
+    added = tuple(name for name in found if not last.vehicle.effects(name)) or tuple(found)
     every = (*last.tables, *found.values())
     chance = [dict(one) for one in every if CATALOGUE[one["name"]].is_random]
     fit: Fit | None

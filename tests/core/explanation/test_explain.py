@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import polars as pl
 import pytest
+from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from hydro.core.columns import POSE, VELOCITY
@@ -51,6 +52,44 @@ def flown(vehicle: Vehicle, seed: int, seconds: float = 32.0) -> pl.DataFrame:
     moved = simulate(vehicle, pl.DataFrame(columns))
     logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
     return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY]))
+
+
+def hovering(vehicle: Vehicle, seed: int, load: float) -> pl.DataFrame:
+    """One session of a vehicle with quadratic thrust whose mean thrust down balances a load up [N]."""
+    raw, most = flown(vehicle, seed, 1.0), 4 * 155.0  # T5 to T8 push down, with so much [N] together
+    t, rng = np.arange(1600) * 0.02, np.random.default_rng(seed)
+    moving = 0.2 * sum(
+        np.sin(2 * np.pi * f * t[:, None] + rng.uniform(0, 6, 8))
+        for f in rng.uniform([[0.03] * 8, [0.2] * 8], [[0.15] * 8, [0.6] * 8])
+    )
+    down = moving[:, 4:]
+    trim = brentq(lambda c: most * np.mean((c + down) * np.abs(c + down)) - load, 0.0, 1.0)
+    moving[:, 4:] += trim
+    commands = {f"cmd_{i + 1}": moving[:, i] for i in range(8)}
+    session = pl.DataFrame({"session": [f"run-{seed}"] * len(t), "t": t, **commands})
+    moved = simulate(vehicle, session)
+    logged = disturb(moved.select(*POSE, *VELOCITY).to_numpy(), PROFILES["ordinary"], rng)
+    return moved.with_columns(pl.DataFrame(logged, schema=[*POSE, *VELOCITY])).select(raw.columns)
+
+
+def test_a_thrust_curve_joins_with_the_buoyancy_that_standing_thrust_balances(known, monkeypatch):
+    """Alone it would take the standing thrust away, and the vehicle would rise or sink."""
+    hidden = [{"name": "thruster_curve", "da": 1.0}, {"name": "net_buoyancy", "dB": 40.0}]
+    true = extended(known, hidden)
+    load = 40.0 + known.buoyancy.force - known.rigid_body.mass * known.environment.gravity
+    raw = pl.concat([hovering(true, seed, load) for seed in (21, 22)])
+    told = iter([[finding("far_from_noise")], [finding("nothing_missing")]])
+    monkeypatch.setattr(
+        module, "diagnose_log", lambda vehicle, *_, **__: Diagnosis(tuple(next(told)), vehicle, (9e9,) * 3)
+    )
+    first, second = explain(known, raw)
+    assert set(second.added) == {"thruster_curve", "net_buoyancy"}
+    (curve,), (load_found,) = (second.vehicle.effects(one["name"]) for one in hidden)
+    assert curve["da"] == pytest.approx(1.0, abs=0.1)
+    assert load_found["dB"] == pytest.approx(40.0, abs=4.0)
+    row = second.ladder.filter(dataset="fit", axis="all", horizon=HORIZON)
+    assert row["rmse"][0] < 1.5 * row["noise_floor"][0]
+    assert first.error("fit") > 5.0 * row["rmse"][0]
 
 
 @pytest.fixture(scope="module")
@@ -243,7 +282,7 @@ def better(monkeypatch):
     """Says which effect predicts best what a fit leaves out."""
 
     def let(best: str, beside: Sequence[dict] = (), others: float = 0.2, refit: float = 0.2) -> None:
-        def tried(_, vehicle, wanted, problem):
+        def tried(_, vehicle, wanted, problem, iterations=0):
             return extended(vehicle, [{"name": one} if isinstance(one, str) else one for one in wanted])
 
         def error(_, vehicle, names, problem=None):
@@ -256,7 +295,7 @@ def better(monkeypatch):
         monkeypatch.setattr(trials.Recordings, "tried", tried)
         monkeypatch.setattr(trials.Recordings, "left_out", error)
         monkeypatch.setattr(trials.Recordings, "error", lambda _, squares: squares)
-        monkeypatch.setattr(trials, "worse_axes", lambda *_: ())
+        monkeypatch.setattr(trials.Recordings, "spoils", lambda *_: ())
         monkeypatch.setattr(
             trials.Recordings, "error_ahead", lambda recordings, vehicle: error(recordings, vehicle, [])
         )
@@ -302,11 +341,12 @@ def test_a_plainer_effect_is_tried_and_joins_where_it_predicts_as_well(staged, b
 
 def test_what_the_last_fit_takes_beyond_belief_gives_way_to_the_next(staged, better, monkeypatch):
     better("command_delay", beside=[{"name": "ocean_current", "v_N": 0.1}], others=0.15)
-    quick_or_last = iter([[], [], ["beyond belief"], []])
+    quick_or_last = iter([[], [], [], ["beyond belief"], ["beyond belief"], []])
     monkeypatch.setattr(trials, "implausible", lambda *_: next(quick_or_last))
     suspect = replace(finding("suspect", "command_delay", d=0.1), confidence=0.5)
     steps, asked = staged([[suspect], [finding("nothing_missing")]], [2.0, 1.0])
-    assert [one[-1]["name"] for one in asked] == ["command_delay", "ocean_current"]
+    assert [one[2]["name"] for one in asked] == ["command_delay", "command_delay", "ocean_current"]
+    assert asked[1][3:] == ["net_buoyancy", "buoyancy_offset"]
     assert steps[1].added == ("ocean_current",)
 
 
