@@ -25,7 +25,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.diagnosis.baseline import Baseline
@@ -325,10 +324,6 @@ class Squares:
         """Mean squared error on each axis, (6,)."""
         average: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return average
-
-    def only(self, axes: NDArray[np.bool_]) -> Squares:
-        """Return those of some axes, (6,), alone."""
-        return Squares(self.sums * axes, self.counts * axes)
 
     def error(self, weights: Array) -> float:
         """Root mean square error of all axes together [m/s].

@@ -141,10 +141,10 @@ class Recordings:
     def spoils(self, before: Squares, after: Squares) -> tuple[str, ...]:
         """Return the axes that are predicted significantly worse than before.
 
-        An axis counts where it was predicted better than by zero velocity: elsewhere nothing is lost.
+        An axis counts where zero velocity would be significantly worse, too: elsewhere nothing is lost.
         """
-        predicted = before.mean < squares_at_rest(self.log.shots(HORIZON)).mean
-        return worse_axes(before.only(predicted), after.only(predicted))
+        learnt = worse_axes(before, squares_at_rest(self.log.shots(HORIZON)))
+        return tuple(axis for axis in worse_axes(before, after) if axis in learnt)
 
     def promising(self, vehicle: Vehicle, own: Sequence[str]) -> list[dict[str, Any]]:
         """What else of the catalogue promises to explain what a vehicle leaves, see `screening.promising`."""
@@ -217,38 +217,40 @@ def _best_of(quick: Sequence[Quick], last: Step, recordings: Recordings, problem
     The best comes first.  Of those that predict alike, to within LOWER, the one with the fewest numbers does.
     Steady loads without which it predicts alike are left out of it.
     """
-    errors = list[tuple[float, Quick]]()
     before = recordings.left_out(last.vehicle, _fitted_there(last), problem)
     if not last.tables:  # the file as given was fitted to nothing here
         before = min(before, recordings.left_out(last.vehicle, []), key=recordings.error)
 
-    def predicts(one: Quick) -> float:
-        """Return the error of left-out stretches; infinite where an axis is predicted worse."""
-        after = recordings.left_out(one.vehicle, names_of(one.wanted))
-        return np.inf if recordings.spoils(before, after) else recordings.error(after)
+    here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
 
-    listed = list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
+    def predicted(one: Quick) -> tuple[float, Quick]:
+        """Return the error of left-out stretches, infinite where an axis is worse, and the ended fit."""
+        one = one.ended(recordings)
+        after = recordings.left_out(one.vehicle, names_of(one.wanted))
+        return np.inf if recordings.spoils(before, after) else recordings.error(after), one
+
+    def joins(error: float, one: Quick) -> bool:
+        """Return whether it may be added."""
+        return error < LOWER * here or (states(last, one.effect) and np.isfinite(error))
+
+    errors, listed = list[tuple[float, Quick]](), list(dict.fromkeys(one.effect for one in quick))[:SHORTLIST]
     for one in (one for one in quick if one.effect in listed):
         if errors and one.fanciful > errors[0][1].fanciful:
             break
-        ended = one.ended(recordings)
-        error = predicts(ended)
-        if np.isfinite(error):
-            errors.append((error, ended))
-    here = recordings.error(before) if last.left_out is None or not last.tables else last.left_out
-    better = [(error, one) for error, one in errors if error < LOWER * here or states(last, one.effect)]
+        found = predicted(one)
+        errors += [found] if np.isfinite(found[0]) else []
+    better = [found for found in errors if joins(*found)]
     if not better:
         return []
-    better.sort(key=lambda found: found[0])
-    most = better[0][0] / LOWER
-    first = min((one for error, one in better if error <= most), key=lambda one: one.entries)
-    others = [one for _, one in better if one is not first]
+    alike = min(error for error, _ in better) / LOWER
+    first = min((found for found in better if found[0] <= alike), key=lambda found: found[1].entries)[1]
     for load in [name for name in STEADY if name in first.found and name != first.effect]:
         rest = {name: table for name, table in first.found.items() if name != load}
-        for one in _quick_fit(last, rest, recordings, problem):
-            ended = one.ended(recordings)
-            first = ended if predicts(ended) <= most else first
-    return [first, *others]
+        for error, one in map(predicted, _quick_fit(last, rest, recordings, problem)):
+            better += [(error, one)] if joins(error, one) else []
+            first = one if error <= alike else first
+    better.sort(key=lambda found: found[0])
+    return [first, *(one for _, one in better if one is not first)]
 
 
 def _beside(
