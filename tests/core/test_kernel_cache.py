@@ -78,6 +78,16 @@ def found(name: str = NAME) -> tuple[Path | None, list[str]]:
     return place, [str(one.message) for one in caught]
 
 
+def test_a_failure_to_write_is_told_once_and_ends_all_writing() -> None:
+    with pytest.warns(HydroWarning, match="cannot be kept") as told:
+        kernel_cache._fails("here", OSError(errno.ENOSPC, "no space"))
+    assert len(told) == 1
+    assert not kernel_cache._Saving.works
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        kernel_cache._fails("there", OSError(errno.ENOSPC, "no space"))
+
+
 def test_a_kernel_is_kept_where_nobody_else_can_write(module: ModuleType) -> None:
     place, lines = found()
     assert place is not None

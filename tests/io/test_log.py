@@ -69,6 +69,13 @@ def test_a_column_of_text_holds_numbers_if_its_first_entry_is_one(cells, numbers
     assert log.numeric(pl.Series(cells, dtype=pl.String)) is numbers
 
 
+def test_a_typed_column_holds_numbers_by_its_type():
+    numbers = (pl.Int8, pl.Float32, pl.Boolean, pl.Duration)
+    others = (pl.Date, pl.Time, pl.Datetime, pl.Binary)
+    assert all(log.numeric(pl.Series([None], dtype=dtype)) for dtype in numbers)
+    assert not any(log.numeric(pl.Series([None], dtype=dtype)) for dtype in others)
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 @pytest.mark.parametrize("bom", [b"", b"\xef\xbb\xbf"])
 def test_a_csv_with_any_separator_and_comments(separator, bom):

@@ -45,6 +45,19 @@ def audited(raw: pl.DataFrame, vehicle=None):
     return audit(vehicle, recording(vehicle, raw))
 
 
+def test_a_servo_has_no_direction_to_audit(log):
+    servo = type(synthetic.vehicle().thruster[0])(name="fin", curve="none")
+    vehicle = damped()
+    vehicle = msgspec.structs.replace(vehicle, thruster=(servo, *vehicle.thruster))
+    names = [f"cmd_{i + 1}" for i in range(N)]
+    raw = log.rename({name: f"cmd_{i + 2}" for i, name in enumerate(names)})
+    raw = raw.with_columns(cmd_1=pl.lit(0.3), cmd_4=-pl.col("cmd_4"))
+    found = audited(raw, vehicle)
+    assert found.wiring.reversed == (3,)
+    assert np.isnan(found.effectiveness[0])
+    assert (found.seen[0], found.clear[0], found.idle[0]) == (False, False, False)
+
+
 @pytest.mark.parametrize(
     "beside",
     [
@@ -243,15 +256,3 @@ def test_a_vehicle_without_thrusters_is_no_matter(log):
     bare = msgspec.structs.replace(synthetic.vehicle(), thruster=())
     raw = log.drop([f"cmd_{i + 1}" for i in range(N)])
     assert audited(raw, bare) is None
-
-
-def test_a_servo_has_no_direction_to_audit(log):
-    servo = type(synthetic.vehicle().thruster[0])(name="fin", curve="none")
-    vehicle = damped()
-    vehicle = msgspec.structs.replace(vehicle, thruster=(servo, *vehicle.thruster))
-    names = [f"cmd_{i + 1}" for i in range(N)]
-    raw = log.rename({name: f"cmd_{i + 2}" for i, name in enumerate(names)})
-    raw = raw.with_columns(cmd_1=pl.lit(0.3), cmd_4=-pl.col("cmd_4"))
-    found = audited(raw, vehicle)
-    assert found.wiring.reversed == (3,)
-    assert np.isnan(found.effectiveness[0])

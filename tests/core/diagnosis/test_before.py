@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import polars as pl
 import pytest
 import synthetic
 from recordings import WEAK, damped, flown
 
+from hydro.core.diagnosis import before as before_
 from hydro.core.diagnosis import contenders
+from hydro.core.diagnosis.before import Change, Changes
+from hydro.core.diagnosis.contenders import Contender
 from hydro.core.diagnosis.diagnose import diagnose, diagnose_log, hull_of
 from hydro.core.diagnosis.findings import SURE
 from hydro.core.diagnosis.log_faults import preprocess
@@ -50,6 +56,18 @@ def drag(before):
 def diagnosed(vehicle, raw, hull):
     """Diagnose a recording beside a hull that is known already."""
     return diagnose_log(vehicle, preprocess(vehicle, raw, hull), hull=hull)
+
+
+def test_of_all_candidates_of_a_step_one_is_chosen():
+    """The best change of a step that was taken, and of one that was refused the model without any."""
+    model = cast(Any, SimpleNamespace(vehicle=damped(WEAK, OFFSET), values=np.zeros(1)))
+    rivals = {name: Contender(name, model, np.ones(8)) for name in (GAINS, "buoyancy_offset")}
+    change = Change(rivals[GAINS], rivals, np.full(8, 2.0), 1.0)
+    compared = cast(Any, SimpleNamespace(chi2=lambda _: 1.0))
+    for refused in (None, change):
+        listed = before_._candidates(compared, model, Changes((change,), refused))
+        chosen = [(one.step, one.effect) for one in listed if one.chosen]
+        assert chosen == [(0, GAINS), (1, "")][: 1 if refused is None else 2]
 
 
 def test_the_hull_is_learnt(hull):

@@ -158,6 +158,11 @@ def test_a_share_lies_between_nothing_and_everything():
     assert confidence.explained_share(np.full(RESAMPLED, -1.0), np.full(RESAMPLED, 2.0), 4)[0] == 0.0
 
 
+def test_a_share_that_is_the_same_of_every_shot_is_told_as_it_is():
+    excess = np.random.default_rng(0).exponential(10.0, RESAMPLED)
+    assert confidence.explained_share(0.3 * excess, excess, 1) == pytest.approx((0.3, 0.3, 0.3))
+
+
 @pytest.mark.parametrize(("rest", "sure"), [(0.6, 0.33), (0.3, 0.495), (0.1, 0.99)])
 def test_what_is_unknown_casts_doubt_on_what_is_no_larger(rest, sure):
     named = Finding("missing", "added_mass", ("added_mass",), 0.3, confidence=0.99, advice="add it")

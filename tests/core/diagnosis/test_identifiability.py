@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from recordings import damped, moved, noisy
 
-from hydro.core.diagnosis.identifiability import undetermined
+from hydro.core.diagnosis import identifiability
+from hydro.core.diagnosis.identifiability import undetermined, unseen
+from hydro.core.diagnosis.model import Model
 from hydro.core.effects import CATALOGUE
+from hydro.core.errors import DataError
 from hydro.core.evaluation.score_test import Evidence
 from hydro.core.identification.suspects import suspects
 from hydro.core.prediction import multiple_shooting, sensitivity
@@ -64,6 +70,28 @@ def test_what_is_known_of_their_sum_alone():
     covariance = 0.01**2 * np.eye(8)
     covariance[4:, 4:] = 25.0 * (np.eye(4) - 0.25) + 0.01**2
     assert undetermined(found, covariance) == {"thruster_gain": ("thrusters 5-8 (one from another)",)}
+
+
+def test_an_alias_is_told_as_one_and_not_as_what_the_recording_does_not_show(monkeypatch):
+    """The recording says nothing of either effect; the payload is what the model has by other names."""
+    vehicle = damped(
+        {"name": "net_buoyancy", "dB": 3.0}, {"name": "buoyancy_offset", "dx": 0.01, "dy": 0.0, "dz": 0.0}
+    )
+    known = ["net_buoyancy", "buoyancy_offset"]
+    unknown = free(vehicle, known)
+    evidence = SimpleNamespace(covariance=lambda own, columns, chi2: 1e6 * np.eye(len(columns)))
+    model = Model(unknown, 1.1 * unknown.starts[0], None, cast(Any, SimpleNamespace(chi2=1.0)))
+    ranked = {"payload": (0.0, range(4)), "surface_suction": (0.0, range(1))}
+    last = SimpleNamespace(ranked=ranked, evidence=evidence, own=[])
+    baseline = SimpleNamespace(log=SimpleNamespace(track=None, noise=None, middle=None), effects=known)
+
+    def diverges(*_, **__):
+        raise DataError("every manoeuvre diverges")
+
+    monkeypatch.setattr(identifiability, "showing", diverges)
+    outcome = SimpleNamespace(model=model, last=last, effects=[])
+    told = {one.effect: one.verdict for one in unseen(cast(Any, baseline), cast(Any, outcome))}
+    assert told == {"payload": "not_separable", "surface_suction": "not_excited"}
 
 
 def gains(raw):

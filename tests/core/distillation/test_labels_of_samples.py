@@ -77,6 +77,19 @@ def test_forces_lie_within_their_standard_deviations(made):
     assert (np.sqrt((score[5:-5] ** 2).mean(axis=0)) < 1.5).all()
 
 
+@pytest.mark.parametrize(
+    ("causes", "more"), [(1, ""), (3, ""), (5, " and 2 more causes"), (9, " and 6 more causes")]
+)
+def test_three_causes_are_told_and_the_others_are_counted(causes, more):
+    """Row k, k + 1 times, has one standard deviation beyond its bound, another in each."""
+    rows = np.repeat(np.arange(causes), np.arange(causes) + 1)
+    spread = 1e-3 + 1e3 * np.eye(len(DEVIATIONS))[rows]
+    labels = pl.DataFrame(spread, schema=list(DEVIATIONS)).with_columns(pl.lit(None).alias(RES[0]))
+    told = unlabelled(labels)
+    assert told.endswith(f"({max(causes - 2, 1):,}){more}")
+    assert told.count(" is not determined to ") == min(causes, 3)
+
+
 def test_labels_with_nulls_are_near_those_without(vehicle, flown, made):
     whole = labels(vehicle, flown)
     for name in (*(f"{name}_s" for name in VELOCITY), *(f"{name}_dot" for name in VELOCITY)):

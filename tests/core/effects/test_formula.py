@@ -13,7 +13,7 @@ from strategies import states, vectors, velocities
 
 from hydro.core.columns import POSE, VELOCITY, Array, command_columns
 from hydro.core.effects import CATALOGUE, assemble, validate
-from hydro.core.effects.formula import AXES, NAMES, amounts, joined, one_term
+from hydro.core.effects.formula import AXES, NAMES, amounts, joined, one_term, parsed
 from hydro.core.effects.layout import MOST_COMMANDS
 from hydro.core.errors import DataError
 from hydro.core.identification.fit import fit
@@ -38,6 +38,25 @@ def recorded(t: Array, motion: Array, commands: Array) -> pl.DataFrame:
     names = (*POSE, *VELOCITY, *command_columns(commands.shape[1]))
     values = dict(zip(names, np.hstack([motion, commands]).T, strict=True))
     return pl.DataFrame({"session": ["one"] * len(t), "t": t} | values)
+
+
+@pytest.mark.parametrize(
+    ("term", "right"),
+    [
+        ("X |u|^1.5 u", True),
+        ("X u^3", True),
+        ("X u^1.5", False),  # of no sign where u is below 0
+        ("X |u|^4.1", False),
+        ("X u^5", False),
+        ("X |u|^-1", False),
+    ],
+)
+def test_a_power_lies_within_bounds_and_is_whole_where_the_sign_counts(term: str, right: bool):
+    if right:
+        assert parsed(term)[0][0] == AXES.index("X")
+    else:
+        with pytest.raises(DataError, match="the power of"):
+            parsed(term)
 
 
 @st.composite

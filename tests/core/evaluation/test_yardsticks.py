@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import msgspec
 import numpy as np
 import polars as pl
@@ -147,6 +149,15 @@ def test_a_march_is_the_solution_of_its_equation():
                 atol=1e-9,
             )
             assert found[shot, -1, axis] == pytest.approx(true.y[0, -1], abs=2e-3)
+
+
+def test_without_fits_that_leave_a_fold_out_the_one_fit_predicts_every_start():
+    record, starts = recording(heavier(1.0), flown(400)), np.array([0, 150, 300])
+    rows, first = starts[:, None] + np.arange(50), np.ones((3, 6))
+    axes, tau = tuple(Damped(-0.5, 0.0, 0.0, 0.0, 0.0) for _ in range(6)), np.zeros((400, 6))
+    one = Yardstick(heavier(1.0), cast(Any, None), axes)
+    decay = one._by_least_squares(record, starts, rows, first, tau)
+    np.testing.assert_allclose(decay[:, :, 0], np.tile(np.exp(-0.5 * DT * np.arange(50)), (3, 1)), rtol=1e-2)
 
 
 def test_errors_of_the_predictors_are_those_of_their_words():

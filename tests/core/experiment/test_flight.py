@@ -113,6 +113,13 @@ def test_every_rival_keeps_to_the_limits(limits):
     assert "every predicted position stays within" in words
 
 
+def test_space_counts_from_where_a_motion_begins():
+    motion = np.zeros((3, 12))
+    motion[:, :2] = [[30.0, -40.0], [31.0, -40.0], [30.0, -38.0]]
+    assert Limits(space=2.1).hold(motion)
+    assert not Limits(space=1.9).hold(motion)
+
+
 def test_thrust_is_shared_along_its_curve():
     quadratic = msgspec.structs.replace(
         bar(), thruster=(Thruster("T", 20.0, 20.0, wrench=(1.0, 0, 0, 0, 0, 0), curve="quadratic"),)

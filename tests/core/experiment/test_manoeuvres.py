@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import polars as pl
 import pytest
+import synthetic
 from recordings import damped
 
 from hydro.core.columns import POSE, VELOCITY
@@ -75,6 +76,13 @@ def test_a_slow_turn_goes_once_around():
     assert 4.0 < np.ptp(heading) < 20.0
 
 
+def test_a_slow_turn_against_strong_damping_goes_once_around_in_its_time():
+    vehicle = hiding(synthetic.vehicle(), {"name": "linear_damping", "diagonal": [2000.0] * 3 + [60.0] * 3})
+    (sweep,) = (one for one in library(vehicle, 20.0) if one.name == "heading sweep")
+    rate = simulate(vehicle, sweep.table())["r"].to_numpy()[-1]
+    assert abs(rate) == pytest.approx(2.0 * np.pi / 20.0, rel=0.05)
+
+
 def test_tilts_are_near_fifteen_degrees():
     vehicle = damped()
     (tilts,) = (one for one in library(vehicle) if one.name == "static tilts")
@@ -110,6 +118,14 @@ def test_the_difference_counts_in_units_of_the_noise_and_is_that_of_the_closest_
     assert best([lag, lag], NOISE).difference == pytest.approx(0.0, abs=1e-6)
     assert best([lag, delay, delay], NOISE).difference == pytest.approx(0.0, abs=1e-6)
     assert best([lag, delay, bar()], NOISE).difference <= apart.difference + 1e-9
+
+
+def test_a_third_rival_without_the_delay_of_two_changes_nothing_between_them():
+    early, late = (bar({"name": "sensor_delay", "d": d}) for d in (0.1, 0.14))
+    far = bar({"name": "sensor_bias", "b": [0.5, 0.0, 0.0]})
+    apart = best([early, late], NOISE).difference
+    assert apart > 0.1
+    assert best([early, late, far], NOISE).difference == pytest.approx(apart, rel=1e-9)
 
 
 def test_what_grows_with_frequency_is_told_by_a_chirp_and_not_by_a_slow_turn():

@@ -27,6 +27,20 @@ def test_rotation_is_orthogonal_with_determinant_one_and_equal_to_scipy(phi, the
     np.testing.assert_allclose(R, scipy_rotation(phi, theta, psi).as_matrix(), atol=1e-14)
 
 
+@given(attitudes(), attitudes())
+def test_a_product_of_quaternions_turns_by_both(first, second):
+    """Right turn first, as scipy has it."""
+    right, left = (Rotation.from_euler("xyz", angles) for angles in (first, second))
+    out = np.zeros(4)
+    frames.quaternion_product_kernel(
+        left.as_quat(scalar_first=True), *right.as_quat(scalar_first=True).tolist(), out
+    )
+    np.testing.assert_allclose(
+        Rotation.from_quat(out, scalar_first=True).as_matrix(), (left * right).as_matrix(), atol=1e-14
+    )
+    assert np.linalg.norm(out) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("attitude", "body", "world"),
     [

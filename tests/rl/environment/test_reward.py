@@ -81,6 +81,14 @@ def test_the_cost_of_obstacles_is_the_papers():
     assert reward.obstacle_cost(W, 0.39) > reward.obstacle_cost(W, 0.41)
 
 
+def test_standing_as_a_dock_does_pays_within_two_metres_of_it():
+    w = reward.weights(Reward(alignment=0.3))
+    for yaw, pay in ((0.0, 1.0), (np.pi / 2, 0.5), (np.pi, 0.0)):
+        bow = rotation(0.0, 0.0, yaw).ravel()
+        assert reward.alignment(w, bow, 1.9) == pytest.approx(0.3 * pay, abs=1e-12)
+        assert reward.alignment(w, bow, 2.1) == 0.0
+
+
 def test_effort_costs():
     still, full = np.zeros(6), np.ones(6)
     assert reward.effort_cost(W, 0.0, still, still) == 0.0
