@@ -276,9 +276,10 @@ def _why_lost(study: Study, file: Vehicle, errors: pl.DataFrame) -> list[str]:
     """Return what least squares gains from on each axis that the chosen step loses to it."""
     from hydro.core.diagnosis.log_faults import preprocess
     from hydro.core.evaluation.yardsticks import Yardstick
+    from hydro.core.prediction.tracking import tracked
     from hydro.report import yardsticks
 
-    record = preprocess(file, study.measured.frame).observed
+    record = tracked(file, preprocess(file, study.measured.frame).observed)
     return yardsticks.explained(errors, Yardstick.fitted(file, record), record)
 
 

@@ -46,6 +46,7 @@ from hydro.core.identification.outcome import Fit
 from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
+from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
@@ -90,7 +91,7 @@ class Recordings:
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
-        return cls(log, other, Yardstick.crossed(vehicle, log.observed), hull)
+        return cls(log, other, Yardstick.crossed(vehicle, tracked(vehicle, log.observed)), hull)
 
     @cached_property
     def problem(self) -> OutputError:
