@@ -124,6 +124,11 @@ def test_the_bundled_vehicles_are_sound(datasets: Path) -> None:
         ("[1.0, 0.0, 0.0]", "[1.0, 1.0, 0.0]", "thruster[0].direction: must have length 1, but it is 1.4142"),
         ("[1.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]", "thruster[0].direction: must have length 1, but it is 0:"),
         (
+            "[1.0, 0.0, 0.0]",
+            "[0.0, 3.0, -4.0]",
+            "thruster[0].direction: must have length 1, but it is 5: write [0.0, 0.6, -0.8]",
+        ),
+        (
             "time_constant",
             "curve = 'cubic'\ntime_constant",
             "thruster[0].curve: expected linear or quadratic or t200 or none, got cubic",

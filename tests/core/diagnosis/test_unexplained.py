@@ -26,6 +26,14 @@ from hydro.io import vehicle as files
 SIGMA = np.repeat([0.02, 0.001, 0.01, 0.002], 3)
 
 
+def test_the_velocity_with_which_it_grows_most_is_told_first():
+    left = unexplained.Leftover(axis=0, powers=(1.2, None, 2.1, 0.0, 1.6, None))
+    assert left.growing() == (
+        "; by velocities, it grows with w to the power 2.1, q to the power 1.6, u to the power 1.2"
+    )
+    assert "heave first" in left.experiment()
+
+
 @pytest.fixture(scope="module")
 def known(datasets) -> Vehicle:
     return files.read(datasets / "vehicles" / "auv151.toml")[0]

@@ -10,7 +10,7 @@ import pytest
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import assemble
 from hydro.core.errors import DataError
-from hydro.core.evaluation.leftover import BINS, block_mean, leftover, stands_out, steady_force
+from hydro.core.evaluation.leftover import BINS, Means, block_mean, leftover, stands_out, steady_force
 from hydro.core.simulation.sensor_noise import PROFILES, disturb
 from hydro.core.simulation.simulate import simulate
 from hydro.core.vehicle.description import Vehicle
@@ -19,6 +19,18 @@ from hydro.io import vehicle as files
 
 TAKEN = 0.3
 """Share of the quadratic sway drag that the file lacks."""
+
+
+def test_the_share_that_bins_explain_has_no_unit():
+    """Half of the variance between bins and half within them, in whatever unit."""
+    speed = np.repeat(np.arange(BINS, dtype=float), 100)
+    step = np.repeat(np.where(np.arange(BINS) % 2, 1.0, -1.0), 100)
+    force = step + np.tile([1.0, -1.0], len(speed) // 2)
+    for unit in (1e-3, 1.0, 50.0):
+        means = Means(
+            np.tile(unit * force, (6, 1)).T, np.tile(speed, (6, 1)).T, np.ones(len(speed)), np.zeros(1)
+        )
+        assert means.explained(0, 1) == pytest.approx(np.var(step) / np.var(force), rel=0.05)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from recordings import damped
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
-from hydro.core.experiment.library import FASTEST, FLIGHT_LENGTH, _multisines, library
+from hydro.core.experiment.library import FASTEST, FLIGHT_LENGTH, _multisines, _stiffness, library
 from hydro.core.experiment.manoeuvres import best, plain, showing
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.recording.arrays import recording
@@ -74,6 +74,16 @@ def test_a_slow_turn_goes_once_around():
     (sweep,) = (one for one in library(vehicle) if one.name == "heading sweep")
     heading = np.unwrap(simulate(vehicle, sweep.table())["psi"].to_numpy())
     assert 4.0 < np.ptp(heading) < 20.0
+
+
+def test_only_what_rights_itself_is_held_at_a_tilt_against_its_righting_moment():
+    vehicle = synthetic.vehicle()
+    arm = synthetic.MASS * synthetic.GRAVITY * synthetic.WEIGHT_ARM[2]
+    righting = arm - synthetic.BUOYANCY * synthetic.BUOYANCY_ARM[2]
+    assert righting > 0.0
+    assert _stiffness(vehicle) == pytest.approx(righting)
+    top = msgspec.structs.replace(vehicle, buoyancy=Buoyancy(synthetic.BUOYANCY, (0.0, 0.0, 0.5)))
+    assert _stiffness(top) == 0.0
 
 
 def test_a_slow_turn_against_strong_damping_goes_once_around_in_its_time():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hydro.core.identification.levenberg_marquardt import Prior, descend
-from hydro.core.prediction.normal_equations import Normal
+from hydro.core.prediction.normal_equations import Normal, bounded_step
 from hydro.core.prediction.parameters import free
 from tests.synthetic import vehicle
 
@@ -56,3 +56,18 @@ def test_without_a_prior_little_is_known():
     prior = Prior.weak(np.array([1.0, 2.0]))
     assert prior.cost(np.array([1.0, 2.0])) == 0.0
     assert prior.cost(np.array([11.0, 2.0])) == pytest.approx(1.0)
+
+
+def test_a_bounded_step_is_the_least_within_its_bounds():
+    """At the minimum, the slope along each entry is 0, or points out of the bound where the entry lies."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        root, score = rng.standard_normal((6, 4)), 3.0 * rng.standard_normal(4)
+        matrix, (low, high) = root.T @ root, np.sort(rng.standard_normal((2, 4)), axis=0)
+        step = bounded_step(matrix, score, low, high)
+        assert ((low <= step) & (step <= high)).all()
+        slope = score - matrix @ step
+        within = (step > low + 1e-9) & (step < high - 1e-9)
+        np.testing.assert_allclose(slope[within], 0.0, atol=1e-7)
+        assert (slope[step >= high - 1e-9] > -1e-7).all()
+        assert (slope[step <= low + 1e-9] < 1e-7).all()

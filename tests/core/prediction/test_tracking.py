@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import msgspec
 import numpy as np
 import polars as pl
@@ -11,10 +14,11 @@ from recordings import damped, moved, noisy
 
 from hydro.core.columns import POSE, VELOCITY
 from hydro.core.identification.fit import fit
-from hydro.core.prediction.tracking import shot_seconds, tracked
+from hydro.core.prediction.tracking import BLIND_SECONDS, LEAST_ROOM, shot_seconds, tracked
 from hydro.core.prediction.visibility import not_shown
 from hydro.core.prediction.weak_form import Windows
 from hydro.core.recording.arrays import recording
+from hydro.core.recording.shots import SHOT_SECONDS
 
 DEPTH_AND_ATTITUDE = ("z", "phi", "theta", "psi")
 TURN = 2.0  # rad that the whole world is turned by, so that the first heading is not the one to guess
@@ -97,3 +101,15 @@ def test_what_is_not_shown_is_told_sensor_by_sensor(flown):
     assert velocity.startswith("no velocity (u, v, w): the other sensors and the model show surge to ")
     assert rates.startswith("no rates of turn (p, q, r): ")
     assert not_shown(damped(), flown) == ()
+
+
+@pytest.mark.parametrize("dt", [0.005, 0.02, 0.2])
+def test_shots_are_longer_where_a_recording_has_room_for_them_in_seconds(dt):
+    """Whatever its sample time; no attitude or velocity was measured."""
+    lengths = []
+    for seconds in (0.9 * LEAST_ROOM * BLIND_SECONDS, 1.1 * LEAST_ROOM * BLIND_SECONDS):
+        rows = round(seconds / dt)
+        seen = np.zeros((rows, 12), bool)
+        record = SimpleNamespace(seen=seen, segments=np.array([[0, rows]]), dt=dt)
+        lengths.append(shot_seconds(cast(Any, record)))
+    assert lengths == [SHOT_SECONDS, BLIND_SECONDS]

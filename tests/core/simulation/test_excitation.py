@@ -15,6 +15,7 @@ from hydro.core.simulation.excitation import (
     SHORTEST,
     SWEEPS,
     Session,
+    _sweep,
     demands,
     holds_heading,
     plan,
@@ -25,6 +26,16 @@ from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import configuration_matrix, static_thrust
 
 DT = 0.02
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_sweep_is_slow_and_of_all_frequencies_below_one_hertz(seed):
+    """Its power lies where a vehicle answers, and no tenth of a hertz up to 0.3 Hz is left out."""
+    wave = _sweep(round(600.0 / DT), DT, np.random.default_rng(seed))
+    power, f = np.abs(np.fft.rfft(wave)) ** 2, np.fft.rfftfreq(len(wave), DT)
+    assert power[f < 1.0].sum() > 0.98 * power.sum()
+    for low in (0.02, 0.1, 0.2):
+        assert power[(f >= low) & (f < low + 0.1)].sum() > 0.02 * power.sum()
 
 
 def vehicle(*thrusters: Thruster) -> Vehicle:

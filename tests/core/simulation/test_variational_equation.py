@@ -13,9 +13,19 @@ from hydro.core.prediction.normal_equations import eliminate
 from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
+from hydro.core.simulation.variational_equation import DEVIATION, STIFF, _is_stiff
 
 DT, ROWS = 0.05, 41
 MEMORY = {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]}
+
+
+@pytest.mark.parametrize("velocity", range(6))
+def test_a_quick_decay_of_any_velocity_is_stiff(velocity):
+    slope = -0.9 * STIFF / DT * np.eye(DEVIATION)
+    slope[:6] *= 9.0  # a pose does not decay
+    assert not _is_stiff(slope, DT)
+    slope[6 + velocity, 6 + velocity] *= 1.2
+    assert _is_stiff(slope, DT)
 
 
 def shot():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import hydro
 from hydro.core.errors import DataError
 from hydro.io import log
+from hydro.io.readers.arrays import _flat
+from hydro.io.readers.messages import DEEPEST
 
 FAST, SLOW = np.arange(200) * 0.05, np.arange(41) * 0.25
 MAP = """
@@ -66,3 +69,13 @@ def test_an_array_of_another_length_without_times_is_still_refused(tmp_path):
     (tmp_path / "map.toml").write_text(MAP.format(time="t").replace("depth.z", "gains"))
     with pytest.raises(DataError, match="name arrays of one length in the map"):
         hydro.import_log(saved(tmp_path / "log.npz"), tmp_path / "map.toml")
+
+
+def test_arrays_are_found_in_structs_as_deep_as_all_readers_go():
+    array = np.arange(4.0)
+    nested: dict[str, Any] = {"x": array}
+    for _ in range(DEEPEST):
+        nested = {"s": nested, "n": "text"}
+    ((name, found),) = _flat(nested, "", 0)
+    assert (name, found.tolist()) == (".".join(["s"] * DEEPEST) + ".x", array.tolist())
+    assert not [*_flat({"s": nested}, "", 0)]

@@ -18,12 +18,18 @@ from torchrl.envs.utils import check_env_specs
 
 import hydro.rl
 from hydro.core.errors import DataError, UsageError
-from hydro.rl.environment.environments import Encoded, FleetConfig, Single, make_fleet
+from hydro.rl.environment.action import ACTIONS
+from hydro.rl.environment.environments import Encoded, FleetConfig, Single, _spaces, make_fleet
 from hydro.rl.environment.observation import ENCODING
 from hydro.rl.environment.torch_env import FleetEnv
 from hydro.rl.world.config import Episode, Settings
 
 SHORT = Settings(task=Episode(steps=20))
+
+
+def test_actions_are_demands_of_either_sign_up_to_their_limit():
+    actions = _spaces(SHORT)[1]
+    np.testing.assert_array_equal([actions.low, actions.high], [[-1.0] * ACTIONS, [1.0] * ACTIONS])
 
 
 @pytest.mark.parametrize("name", hydro.rl.IDS)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hydro.core.errors import UsageError
 from hydro.core.vehicle.frames import rotation
 from hydro.rl.environment import reward
-from hydro.rl.world.config import Reward, Settings, World
+from hydro.rl.world.config import Episode, Reward, Settings, World
 
 W = reward.weights(Reward())
 
@@ -130,3 +130,10 @@ def test_pillars_cost_where_a_task_has_them_alone():
 def test_choices_that_contradict_each_other_are_refused(choices, word):
     with pytest.raises(UsageError, match=word):
         replace(Settings(), **choices)
+
+
+def test_a_tank_may_be_as_long_as_open_water_and_no_longer():
+    task = Episode(margin=1.0, most=8.0)
+    assert replace(Settings(), task=task, world=World(length=10.0)).world.length == 10.0
+    with pytest.raises(UsageError, match=r"world\.length"):
+        replace(Settings(), task=task, world=World(length=9.99))

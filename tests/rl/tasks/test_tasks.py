@@ -56,6 +56,8 @@ def test_a_slalom_has_no_way_but_between_its_baffles():
         norths = np.unique(drawn.pillars[:, 0])
         assert len(norths) == 4
         assert (np.diff(norths) >= SETTINGS.slalom.spacing - 1e-9).all()
+        run_up = SETTINGS.task.margin + SETTINGS.slalom.run_up
+        assert run_up - 1e-9 <= norths[0] < norths[-1] <= SIZE[0] - run_up + 1e-9
         walls = []
         for north in norths:
             east = np.sort(drawn.pillars[drawn.pillars[:, 0] == north, 1])
@@ -115,6 +117,16 @@ def test_a_trajectory_is_even_and_within_the_tank(name):
     assert low - 0.01 < np.median(steps) < high + 0.01
     assert np.percentile(steps, 98) - np.percentile(steps, 2) < 0.02 * np.median(steps)
     assert len(drawn.course) > TASKS[name].steps(SETTINGS)
+
+
+def test_first_headings_lie_about_the_way_along_a_trajectory():
+    off = []
+    for vehicle in range(30):
+        drawn = scene("circle", vehicle=vehicle)
+        way = drawn.course[25] - drawn.course[0]
+        off.append(drawn.heading - np.arctan2(way[1], way[0]))
+    assert np.abs(off).max() <= SETTINGS.task.slant + 1e-9
+    assert min(-np.min(off), np.max(off)) > 0.5 * SETTINGS.task.slant
 
 
 def test_a_circle_keeps_its_radius_and_a_helix_its_depth_does_not():

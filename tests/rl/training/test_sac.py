@@ -11,6 +11,7 @@ from scipy import integrate
 from torchrl.objectives import SACLoss
 
 from hydro.core.errors import DataError, UsageError
+from hydro.rl.environment.action import ACTIONS
 from hydro.rl.environment.encoding import Encoding
 from hydro.rl.training.advice import SPREAD
 from hydro.rl.training.config import SACConfig
@@ -23,6 +24,11 @@ SMALL = SACConfig(layers=(16, 16), batch=32, capacity=500, horizon=3)
 ENCODING = Encoding(
     np.array([1.0, 2.0, 4.0, 1.0, 1.0], dtype=np.float32), np.array([False, False, False, True, False])
 )
+
+
+def test_the_entropy_asked_for_is_a_nat_less_for_each_action():
+    """Haarnoja et al. 2018, appendix D."""
+    assert SACConfig().target_entropy == -ACTIONS
 
 
 def plain(count):
