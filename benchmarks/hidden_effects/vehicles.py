@@ -40,13 +40,13 @@ def preset(name: str) -> Vehicle:
     return vehicle
 
 
-def misjudged(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """The vehicle with each number of its damping up to a quarter wrong."""
+def misjudged(vehicle: Vehicle, rng: np.random.Generator, share: float = WRONG) -> Vehicle:
+    """Return the vehicle with each number of its damping wrong by up to a share of it."""
 
     def wrong(value: Any) -> Any:
         if isinstance(value, list | tuple):
             return [wrong(inner) for inner in value]
-        return value * rng.uniform(1.0 - WRONG, 1.0 + WRONG)
+        return value * rng.uniform(1.0 - share, 1.0 + share)
 
     tables = [
         {k: v if k == "name" else wrong(v) for k, v in table.items()} if table["name"] in DAMPING else table

@@ -1,6 +1,6 @@
-"""Draw mutants, run the nearest tests of each, and keep a table that a later call goes on with.
+"""Draw mutants, run the nearest tests of each, and keep a table that a later call continues.
 
-`seed0.csv` beside this file is the last run of 200 mutants.  Its survivors are tested again by
+`seed0.csv` in this folder is the last run of 200 mutants.  Its survivors are tested again by
 
     python -m benchmarks.mutants --again alive -o benchmarks/mutants/seed0.csv
 """

@@ -1,4 +1,4 @@
-"""Which wrong directions, swapped columns and common scales the thruster audit finds, and its false alarms.
+"""Measure how often the thruster audit finds wrong thrusters, and how often it raises a false alarm.
 
     python -m benchmarks.thruster_audit run --studies 200 --correct 300 --first-seed 200000 -o audit.parquet
     python -m benchmarks.thruster_audit report audit.parquet --keep COMMIT
@@ -13,7 +13,7 @@ A fault is a random subset of reversed thrusters (in the file, or in the log's c
 or a common scale of 0.6 to 1.4. Reversed and swapped thrusters are right where just these are stated. A
 common scale is right where no direction is stated and its 95 % interval holds the true one. An alarm is any
 statement about a correct file. Seeds below 10,000 are for development, those from 200,000 for published
-figures. A results file grows by one row per study; the same command goes on where an earlier one stopped.
+figures. A results file grows by one row per study; the same command continues an earlier one.
 """
 
 from __future__ import annotations

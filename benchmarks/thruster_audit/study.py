@@ -142,23 +142,6 @@ def in_plant(
     return pl.concat(flown)
 
 
-def misjudged(actual: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """Return the vehicle with each number of its damping up to DAMPING wrong."""
-
-    def wrong(value: Any) -> Any:
-        if isinstance(value, list | tuple):
-            return [wrong(inner) for inner in value]
-        return value * rng.uniform(1.0 - DAMPING, 1.0 + DAMPING)
-
-    tables = [
-        {k: v if k == "name" else wrong(v) for k, v in table.items()}
-        if table["name"] in vehicles.DAMPING
-        else table
-        for table in actual.effect
-    ]
-    return msgspec.structs.replace(actual, effect=tuple(tables))
-
-
 def flown(name: str, disturbance: str, seed: int) -> tuple[Vehicle, pl.DataFrame]:
     """Return a vehicle file without a fault of its thrusters, and a recording."""
     rng = np.random.default_rng([seed, 37])
@@ -169,7 +152,7 @@ def flown(name: str, disturbance: str, seed: int) -> tuple[Vehicle, pl.DataFrame
     hidden = disturbed(disturbance, actual, rng)
     if name.startswith("panels"):
         return first_day(actual), by_panels(actual, hidden, held, seed)
-    given = misjudged(actual, rng)
+    given = vehicles.misjudged(actual, rng, DAMPING)
     return given, in_plant(given, actual, hidden, held, seed)
 
 

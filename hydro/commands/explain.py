@@ -29,11 +29,11 @@ from hydro.core.errors import DataError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import polars as pl
     from rich.console import Console
 
     from hydro.core.diagnosis.log_faults import Preprocessed
     from hydro.core.explanation.ladder import Step
+    from hydro.core.explanation.trials import Recordings
     from hydro.core.vehicle.description import Vehicle
     from hydro.io.study import Study
     from hydro.io.table import Artefact
@@ -161,7 +161,7 @@ def explain(
         study.end(steps, ending(steps))
         _save_recorded(study, {step.number: step.vehicle for step in (steps[0], best(steps))}, recordings.log)
         _save_bands(study, best(steps))
-    _print(study, steps, best(steps), ending(steps), person(as_json))
+    _print(study, steps, best(steps), ending(steps), recordings, person(as_json))
     if as_json:
         _print_json(study, steps, best(steps), ending(steps))
 
@@ -233,7 +233,9 @@ def _tell(step: Step, remark: str = "") -> None:
     typer.echo(f"{line} ({remark})" if remark else line, err=True)
 
 
-def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, console: Console) -> None:
+def _print(
+    study: Study, steps: Sequence[Step], chosen: Step, reason: str, recordings: Recordings, console: Console
+) -> None:
     """The ladder, what was added, what the last diagnosis says, and where the files are."""
     import polars as pl
 
@@ -248,7 +250,9 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
             print_table(ladder.errors(every, dataset), ladder.title(every, dataset), console)
     simple = yardsticks.of_ladder(every, chosen.number, yardsticks.judged_on(every))
     if told := yardsticks.sentence(simple):
-        console.print(told, *_why_lost(study, steps[0].vehicle, simple), sep="\n")
+        console.print(
+            told, *yardsticks.explained(simple, recordings.yardstick, recordings.log.record), sep="\n"
+        )
     if change.PARAMETER in study.parameters:
         console.print(f"\n{change.learnt(study.parameters[change.PARAMETER])}", *change.fall(every), sep="\n")
     for last, step in pairwise(steps):
@@ -270,17 +274,6 @@ def _print(study: Study, steps: Sequence[Step], chosen: Step, reason: str, conso
     console.print(
         f"\nThe file to use is {study.folder / f'vehicle-{chosen.number}.toml'}; all others are beside it."
     )
-
-
-def _why_lost(study: Study, file: Vehicle, errors: pl.DataFrame) -> list[str]:
-    """Return what least squares gains from on each axis that the chosen step loses to it."""
-    from hydro.core.diagnosis.log_faults import preprocess
-    from hydro.core.evaluation.yardsticks import Yardstick
-    from hydro.core.prediction.tracking import tracked
-    from hydro.report import yardsticks
-
-    record = tracked(file, preprocess(file, study.measured.frame).observed)
-    return yardsticks.explained(errors, Yardstick.fitted(file, record), record)
 
 
 def _implausible(step: Step) -> list[str]:

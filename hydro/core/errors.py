@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 
 
 class HydroError(Exception):
@@ -28,6 +29,13 @@ class UsageError(HydroError):
 def shown(text: str) -> str:
     """A text as it may stand in an error line: in quotes and escaped where it would break the line."""
     return text if text.isprintable() else repr(text)
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return words in a sentence: `a, b and c`."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def in_shell(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.effects import CATALOGUE
+from hydro.core.errors import listed
 from hydro.core.experiment.advice import separating
 from hydro.report import plots, words
 from hydro.report.change import of_change
@@ -72,8 +73,8 @@ def confusions(sources: Sources) -> list[dict[str, str]]:
                 asked = separating(members)
             rows[effect] = {
                 "effect": words.effect_name(effect),
-                "tied": words.listed([words.effect_name(name) for name in tied]),
-                "usual": words.listed([words.effect_name(name) for name in usual if name not in tied]),
+                "tied": listed([words.effect_name(name) for name in tied]),
+                "usual": listed([words.effect_name(name) for name in usual if name not in tied]),
                 "parted": asked.removeprefix("to tell them apart: "),
             }
     return list(rows.values())
@@ -104,13 +105,13 @@ def _group_title(step: int, last: int, taken: list[str]) -> str:
     """Above the cards of one diagnosis; a lone one needs no title."""
     if step == last:
         return f"What is left after step {step}" if step else ""
-    named = words.listed([words.effect_name(name) for name in taken])
+    named = listed([words.effect_name(name) for name in taken])
     return f"Step {step + 1} added {named}" if named else f"Found at step {step}"
 
 
 def _unseen(rows: pl.DataFrame) -> str:
     """Effects that the recording could not show, in words."""
-    return words.listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
+    return listed([words.effect_name(name) for name in rows.filter(verdict="not_excited")["effect"]])
 
 
 def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool, changed: bool) -> dict[str, Any]:
@@ -132,7 +133,7 @@ def _card(row: dict[str, Any], name: str, charts: Charts, *, added: bool, change
         "interval": None if row["share_low"] is None else (row["share_low"], row["share_high"]),
         "confidence": row["confidence"],
         "p_value": row["p_value"],
-        "rivals": words.listed(rivals, "or"),
+        "rivals": listed(rivals, "or"),
         "values": [(one.name, words.with_error(one), one.unit) for one in values],
         "long": len(values) > MOST_VALUES,
         "charts": drawn,

@@ -7,6 +7,7 @@ from typing import Any
 import polars as pl
 
 from hydro.core.columns import UNITS, VELOCITY
+from hydro.core.errors import listed
 from hydro.report import plots, seeds, tables, words
 from hydro.report.charts import Charts
 from hydro.report.sources import Named
@@ -93,7 +94,7 @@ def _replays(frame: pl.DataFrame, number: int, charts: Charts) -> dict[str, Any]
 
 
 def _data(frame: pl.DataFrame) -> str:
-    return words.listed(frame["dataset"].unique(maintain_order=True).to_list())
+    return listed(frame["dataset"].unique(maintain_order=True).to_list())
 
 
 def _by_axis(frame: pl.DataFrame, group: str, number: int, charts: Charts) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from hydro.core.errors import listed
 from hydro.core.explanation.ladder import HORIZON, best_step
 from hydro.report import comparison, words
 from hydro.report.change import of_change
@@ -132,7 +133,7 @@ def headline(sources: Sources) -> str:
     if first.after is None:
         told = f"The model errs by {words.figure(first.before)} {first.unit} {look}."
         return f"{told} {_first_finding(sources) or _worst_place(sources)}".strip()
-    added = words.listed(added_effects(sources))
+    added = listed(added_effects(sources))
     begin = f"With {added} added" if added else "With what was found"
     falls = "falls" if first.after < first.before else "goes"
     told = f"{begin}, the error {look} {falls} {_fall(first)} {first.unit}"
@@ -178,7 +179,7 @@ def _what_it_is(sources: Sources) -> str:
     """What the page shows where there is neither comparison nor diagnosis."""
     best = [told for one in sources.metrics if _of_study(one) and (told := _best(one.frame))]
     if best:
-        return f"Of these networks {words.listed(best)}."
+        return f"Of these networks {listed(best)}."
     if sources.replays:
         return "Measured motion against simulated."
     if sources.metrics:

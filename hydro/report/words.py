@@ -14,7 +14,7 @@ from hydro.core import toml_text
 from hydro.core.columns import DOF, POSE, WRENCH
 from hydro.core.effects import CATALOGUE
 from hydro.core.effects.record import Parameter
-from hydro.core.errors import DataError
+from hydro.core.errors import DataError, listed
 from hydro.core.prediction.parameters import unit_at
 
 VERDICTS = {
@@ -86,13 +86,6 @@ def effect_name(name: str) -> str:
 def effects_named(names: str) -> str:
     """`a_b, c` as `a b and c`."""
     return listed([effect_name(name) for name in names.split(", ") if name])
-
-
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """`a, b and c`."""
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def meaning(effect: str) -> str:

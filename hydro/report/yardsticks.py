@@ -5,6 +5,7 @@ from __future__ import annotations
 import polars as pl
 
 from hydro.core.columns import VELOCITY
+from hydro.core.errors import listed
 from hydro.core.evaluation.yardsticks import (
     JUDGED,
     LEAST_SQUARES,
@@ -60,8 +61,8 @@ def verdict(errors: pl.DataFrame) -> str:
     told = []
     for name in PREDICTORS:
         if axes := [axis for axis, best in found if best == name]:
-            told.append(f"to {name} on {words.listed(axes)}")
-    return f"loses {words.listed(told)}" if told else ""
+            told.append(f"to {name} on {listed(axes)}")
+    return f"loses {listed(told)}" if told else ""
 
 
 def sentence(errors: pl.DataFrame) -> str:

@@ -18,6 +18,7 @@ from hydro.core.audit.hypotheses import INERTIA, Posterior, posterior
 from hydro.core.audit.momentum_balance import Balance, balance
 from hydro.core.audit.wiring import Wiring
 from hydro.core.columns import VELOCITY, Array, Mask, Rows, command_column
+from hydro.core.errors import listed
 from hydro.core.recording.arrays import Recording
 from hydro.core.vehicle.description import Vehicle
 
@@ -39,7 +40,7 @@ MOST_ALTERNATIVES, LIKELY = 3, 0.05
 
 @dataclass(frozen=True)
 class ThrusterAudit:
-    """What a recording says about the thrusters of a file.
+    """Directions, order and effectiveness of the thrusters of a file by a recording.
 
     Attributes:
         wiring: Directions and order that are stated; the file's where nothing is.
@@ -97,7 +98,7 @@ class ThrusterAudit:
         yield from self._unseen()
         if not self.shown.all():
             hidden = [name for name, shown in zip(VELOCITY, self.shown, strict=True) if not shown]
-            yield f"accelerations of {_listed(hidden)} are not measured and play no part in this"
+            yield f"accelerations of {listed(hidden)} are not measured and play no part in this"
 
     def statements(self, file: str = FILE, sources: Sequence[str] | None = None) -> Iterator[str]:
         """Yield what contradicts the file: directions and order, a common scale, weak thrusters."""
@@ -362,14 +363,9 @@ def _places(mask: Mask) -> tuple[int, ...]:
     return tuple(int(i) for i in np.flatnonzero(mask))
 
 
-def _listed(names: Sequence[str]) -> str:
-    """Names in a sentence: `1, 2 and 5`."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
 def _thrusters(indices: Sequence[int], word: str = "thruster") -> str:
     """Numbers in a sentence: `thrusters 1, 2 and 5`."""
-    return f"{word}{'s' if len(indices) > 1 else ''} {_listed([str(i + 1) for i in indices])}"
+    return f"{word}{'s' if len(indices) > 1 else ''} {listed([str(i + 1) for i in indices])}"
 
 
 def _it(indices: Sequence[int]) -> str:

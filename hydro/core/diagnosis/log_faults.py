@@ -10,7 +10,7 @@ import polars as pl
 
 from hydro.core.audit.thrusters import ThrusterAudit, audit
 from hydro.core.audit.wiring import Wiring
-from hydro.core.cleaning.cleaned import cleaned, heavy_tails_told
+from hydro.core.cleaning.cleaned import Cleaned, cleaned, heavy_tails_told
 from hydro.core.columns import Array, command_column
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.errors import DataError
@@ -126,19 +126,15 @@ def preprocess(vehicle: Vehicle, raw: pl.DataFrame, hull: Hull | None = None) ->
         DataError: The recording does not fit the vehicle.
     """
     log = cleaned(vehicle, raw)
-    faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
-    plain = Preprocessed(log.raw, tracked(vehicle, log.record), faults, tails=log.tails, sampled=log.record)
+    plain = _ordered(vehicle, log, None)
     found = audit(vehicle, log.record, beside=None if hull is None else _beside(vehicle, plain, hull))
     if found is None or not found.wrong:
         return replace(plain, audit=found)
-    record = _ordered(vehicle, log.raw, log.record, found.wiring)
+    ordered = _ordered(vehicle, log, found.wiring)
     return replace(
-        plain,
-        raw=in_order(log.raw, found.wiring),
-        record=tracked(vehicle, record),
-        faults=(_misdirected(found), *faults),
+        ordered,
+        faults=(_misdirected(found), *ordered.faults),
         wiring=None if found.wiring.is_plain else found.wiring,
-        sampled=record,
         audit=found,
     )
 
@@ -154,18 +150,17 @@ def preprocess_alike(vehicle: Vehicle, raw: pl.DataFrame, wiring: Wiring | None)
     Raises:
         DataError: The recording does not fit the vehicle.
     """
-    log = cleaned(vehicle, raw)
+    return _ordered(vehicle, cleaned(vehicle, raw), wiring)
+
+
+def _ordered(vehicle: Vehicle, log: Cleaned, wiring: Wiring | None) -> Preprocessed:
+    """Return a cleaned recording with its commands in the order that the vehicle file means."""
+    raw, record = log.raw, log.record
+    if wiring is not None:
+        raw = in_order(raw, wiring)
+        record = replace(record, commands=recording(vehicle, raw).commands)
     faults = tuple(Finding("log_fault", members=one.columns, advice=one.message) for one in log.faults)
-    record = _ordered(vehicle, log.raw, log.record, wiring)
-    ordered = in_order(log.raw, wiring)
-    return Preprocessed(ordered, tracked(vehicle, record), faults, tails=log.tails, sampled=record)
-
-
-def _ordered(vehicle: Vehicle, raw: pl.DataFrame, record: Recording, wiring: Wiring | None) -> Recording:
-    """Return a recording with its commands in the order that the vehicle file means."""
-    if wiring is None:
-        return record
-    return replace(record, commands=recording(vehicle, in_order(raw, wiring)).commands)
+    return Preprocessed(raw, tracked(vehicle, record), faults, tails=log.tails, sampled=record)
 
 
 def in_order(raw: pl.DataFrame, wiring: Wiring | None) -> pl.DataFrame:

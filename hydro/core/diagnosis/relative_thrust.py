@@ -10,11 +10,9 @@ from dataclasses import replace
 
 from hydro.core.diagnosis.findings import FANCIFUL, Finding
 from hydro.core.effects.actuator import THRUSTER_GAIN
-from hydro.core.recording.arrays import Recording
+from hydro.core.recording.arrays import HORIZONTAL, Recording
 
 STATED = ("missing", "cannot_tell_apart")
-HORIZONTAL = (("x", "y"), ("u", "v"))
-"""Pairs of sensors, either of which shows a force in the plane beside a moment."""
 WORDS = (
     "rates alone show thrust only as a multiple of the file's inertia, which may be too small: record "
     "a velocity or a position, or measure the inertia"
@@ -23,12 +21,7 @@ WORDS = (
 
 def beside_inertia(finding: Finding, record: Recording) -> Finding:
     """The finding, only suspected where it is a gain of thrusters that a wrong inertia predicts as well."""
-    if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or _shows_forces(record):
+    if finding.verdict not in STATED or finding.effect != THRUSTER_GAIN.name or record.shows(HORIZONTAL):
         return finding
     sure = min(finding.confidence, FANCIFUL)
     return replace(finding, verdict="suspect", confidence=sure, advice=f"{WORDS}; {finding.advice}")
-
-
-def _shows_forces(record: Recording) -> bool:
-    """Whether sensors show surge and sway."""
-    return any(record.sampled.issuperset(pair) for pair in HORIZONTAL)

@@ -379,32 +379,6 @@ def _predicted_together(shots: Shots) -> Rows:
     return np.asarray(label, np.int64) if enough else sessions_of(shots)
 
 
-def left_out_error(
-    vehicle: Vehicle, effects: Sequence[str], problem: OutputError, ahead: Shots, weights: Array
-) -> float:
-    """Return the root mean square error of `left_out_squares` over all axes [m/s].
-
-    Args:
-        vehicle: The vehicle with the fitted values.
-        effects: Names of what was fitted.
-        problem: The shots that are fitted to.
-        ahead: Predictions over the same recording.
-        weights: Of the axes, (6,).
-    """
-    return left_out_squares(vehicle, effects, problem, ahead).error(weights)
-
-
-def error_ahead(vehicle: Vehicle, ahead: Shots, weights: Array) -> float:
-    """Return the root mean square error of the velocities that a vehicle as it is predicts [m/s].
-
-    Args:
-        vehicle: The vehicle.
-        ahead: What it predicts; 0 where nothing is.
-        weights: Of the axes, (6,).
-    """
-    return squares_ahead(vehicle, ahead).error(weights)
-
-
 def squares_ahead(vehicle: Vehicle, ahead: Shots) -> Squares:
     """Return the squared errors of the velocities that a vehicle as it is predicts.
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hydro.core.columns import Array, Rows
 from hydro.core.evaluation.metrics import consecutive
-from hydro.core.recording.arrays import Recording
+from hydro.core.recording.arrays import HORIZONTAL, Recording
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 from hydro.core.vehicle.thrusters import MAX_THRUST, configuration_matrix, thruster_table
@@ -33,15 +33,13 @@ IDLE = 0.05  # of full command
 SHOWN_BY: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "turn": (("psi",), ("r",)),
     "depth change": (("z",), ("w",)),
-    "acceleration": (("x", "y"), ("u", "v")),
-    "speed": (("x", "y"), ("u", "v")),
-    "drift": (("x", "y"), ("u", "v")),
+    **dict.fromkeys(("acceleration", "speed", "drift"), HORIZONTAL),
     "depth": (("z",),),
     "heading": (("psi",),),
     "pitch": (("theta",),),
     "roll": (("phi",),),
 }
-"""Sensors of which one group at least shows what a family tells apart: not what a model has filled in."""
+"""Channels that show the quantity of a family, alternatives to one another; a model's own values do not."""
 NICE = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])
 
 
@@ -148,14 +146,8 @@ def families(
     return [
         family
         for family in found
-        if _shown(family.by, record) and len(np.unique(family.code[family.code >= 0])) > 1
+        if record.shows(SHOWN_BY.get(family.by, ((),))) and len(np.unique(family.code[family.code >= 0])) > 1
     ]
-
-
-def _shown(by: str, record: Recording) -> bool:
-    """Whether a sensor of the recording has samples of what a family tells apart."""
-    alternatives = SHOWN_BY.get(by, ((),))
-    return any(record.sampled.issuperset(sensors) for sensors in alternatives)
 
 
 def conditions(found: Sequence[Family]) -> Iterator[Condition]:

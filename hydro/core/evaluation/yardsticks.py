@@ -115,7 +115,7 @@ class Yardstick:
         tau, fold = _wrench(vehicle, record), _folds(record)
         parts = [_without(record, fold, number) for number in range(int(fold.max()) + 1)]
         left_out = tuple(_fitted(part, tau) for part in parts)
-        return replace(cls.fitted(vehicle, record), left_out=left_out, fold=fold)
+        return cls(vehicle, Weights.of(candidate(vehicle)), _fitted(record, tau), left_out, fold)
 
     @property
     def of_others(self) -> Yardstick:
@@ -276,7 +276,8 @@ def _matrix(damped: Sequence[Damped]) -> Array:
 
 def _fitted(record: Recording, tau: Array) -> tuple[Damped, ...]:
     """Fit every axis, and halve the cross terms until the motion without thrust does not grow."""
-    damped = [_least_squares(record, tau, axis) for axis in range(6)]
+    fold = _folds(record)[_window_starts(record)]
+    damped = [_least_squares(record, tau, axis, fold) for axis in range(6)]
     while _grows(damped):
         damped = [one._replace(cross=tuple(0.5 * k for k in one.cross)) for one in damped]
     return tuple(damped)
@@ -328,11 +329,11 @@ def _without(record: Recording, fold: Rows, number: int) -> Recording:
     )
 
 
-def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
+def _least_squares(record: Recording, tau: Array, axis: int, fold: Rows) -> Damped:
     """Fit damping, thrust, delay and cross terms of one axis to its changes of velocity over WINDOW.
 
     Integrals need no derivative of noisy samples.  Cross terms stay where they lower the error of stretches
-    that they were not fitted to.
+    that they were not fitted to: those of another `fold` of windows, (W,).
     """
     nu, steady = record.nu[:, axis], np.ones(record.rows)
     others = np.delete(np.arange(6), axis)
@@ -349,7 +350,7 @@ def _least_squares(record: Recording, tau: Array, axis: int) -> Damped:
     beside = record.nu[:, others]
     rates = np.column_stack([-nu, -np.abs(nu) * nu, thrust, steady, -steady, beside, -beside, nu])
     windows = _over_windows(rates, record)
-    if not _earns_cross_terms(windows, _folds(record)[_window_starts(record)]):
+    if not _earns_cross_terms(windows, fold):
         return plain
     values = _bounded(windows[:, :-1], windows[:, -1])[1]
     cross = np.insert(values[PLAIN : PLAIN + 5] - values[PLAIN + 5 :], axis, 0.0)

@@ -26,9 +26,9 @@ from hydro.core.diagnosis.misread import by_kinematics
 from hydro.core.diagnosis.model import Diverges, Wanted, as_it_is, fit_model, names_of
 from hydro.core.diagnosis.transfer import (
     Squares,
-    error_ahead,
     left_out_squares,
     resolved,
+    squares_ahead,
     squares_at_rest,
 )
 from hydro.core.effects.catalogue import CATALOGUE, implausible, own_effects, with_role
@@ -46,7 +46,6 @@ from hydro.core.identification.outcome import Fit
 from hydro.core.identification.suspects import plainer
 from hydro.core.prediction.output_error import OutputError
 from hydro.core.prediction.parameters import free
-from hydro.core.prediction.tracking import tracked
 from hydro.core.progress import Progress
 from hydro.core.recording.shots import room
 from hydro.core.residual.hull import Hull
@@ -91,7 +90,7 @@ class Recordings:
         log = preprocess(vehicle, raw, hull)
         require_ready(log.observed)
         other = None if holdout is None else preprocess_alike(vehicle, holdout, log.wiring)
-        return cls(log, other, Yardstick.crossed(vehicle, tracked(vehicle, log.observed)), hull)
+        return cls(log, other, Yardstick.crossed(vehicle, log.record), hull)
 
     @cached_property
     def problem(self) -> OutputError:
@@ -123,7 +122,7 @@ class Recordings:
 
     def error_ahead(self, vehicle: Vehicle) -> float:
         """Error of the vehicle's velocities over the recording, HORIZON ahead [m/s]."""
-        return error_ahead(vehicle, self.log.shots(HORIZON), self.yardstick.weights.velocity)
+        return self.error(squares_ahead(vehicle, self.log.shots(HORIZON)))
 
     def left_out(
         self, vehicle: Vehicle, fitted: Sequence[str], problem: OutputError | None = None

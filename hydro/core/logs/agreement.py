@@ -168,7 +168,7 @@ class Evidence:
         return np.asarray(np.einsum("wki,k->wi", values, weights / weights.sum()))
 
     def translation(self, given: LogMap, rule: str) -> Array:
-        """What the first identity leaves in each window, (W, 3) [m/s]; 0 where the log lacks one side."""
+        """Return the residual of the first identity in each window, (W, 3) [m/s]; 0 without both sides."""
         if given.position is None or given.attitude is None or given.velocity is None:
             return np.zeros((len(self.t), 3))
         moving = self.moving(given.attitude, given.velocity, rule)

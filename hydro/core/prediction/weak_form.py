@@ -143,9 +143,7 @@ class Windows:
         rates = np.hstack([accelerations_at(rows, model, record, self.eta, nu, rotors), moving])
         states = np.hstack([true_velocity(model, record, record.nu)[rows], record.eta[rows, :3]])
         window = self.starts[:, None] + np.arange(self.test.size)
-        error = -np.einsum("l,wli->wi", self.slope, states[window]) - np.einsum(
-            "l,wli->wi", self.test, rates[window]
-        )
+        error = self.changes(states) - np.einsum("l,wli->wi", self.test, rates[window])
         return self.counted(error @ self.whitener.T)
 
     @property

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -22,6 +23,8 @@ from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_eul
 CUBIC_REACH = 0.24
 """Half-width of the cubic that `smoothed` lays through each measurement [s]."""
 Number = TypeVar("Number", bound=np.generic)
+HORIZONTAL = (("x", "y"), ("u", "v"))
+"""Channels that show horizontal motion, alternatives to each other."""
 LEAST_NOISE = 1e-4
 LEAST_SAMPLES = 5
 MOSTLY = (
@@ -78,11 +81,15 @@ class Recording:
         """Number of rows N."""
         return len(self.t)
 
-    @property
+    @cached_property
     def sampled(self) -> frozenset[str]:
         """Channels of pose and velocity that have samples."""
         some = np.arange(12) if self.seen is None else np.flatnonzero(self.seen.any(axis=0))
         return frozenset((POSE + VELOCITY)[channel] for channel in some.tolist())
+
+    def shows(self, alternatives: Iterable[Iterable[str]]) -> bool:
+        """Return whether every channel of one of the alternatives has samples."""
+        return any(self.sampled.issuperset(channels) for channels in alternatives)
 
     @property
     def track(self) -> Array:

@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 
 from hydro.io.readers.expansion import LEAST, NUMBER, Expansion
 
-_TYPE, _EXPANDED, _STORED = 1, 2, 3
-"""Fields of a page's header: its type, and its bytes after and before they are decompressed."""
+_EXPANDED, _STORED = 2, 3
+"""Fields of a page's header: its bytes after and before they are decompressed."""
 _KINDS = {5: "values", 7: "dictionary", 8: "values"}
 """Fields of a page's header that describe values, a dictionary, or values in the second version."""
 _COUNT = 1

@@ -34,7 +34,7 @@ from hydro.core.diagnosis.findings import Diagnosis, tables
 from hydro.core.diagnosis.log_faults import preprocess
 from hydro.core.diagnosis.model import Diverges, Model, fit_model
 from hydro.core.diagnosis.search import FEW, Search, leader, same_way
-from hydro.core.diagnosis.transfer import left_out_error
+from hydro.core.diagnosis.transfer import left_out_squares
 from hydro.core.effects import CATALOGUE
 from hydro.core.errors import DataError
 from hydro.core.experiment import advice
@@ -422,8 +422,8 @@ def test_stretches_left_out_want_what_is_missing_and_nothing_needless(known):
     errors = []
     for names in ([], ["ocean_current"], ["ocean_current", "cross_axis_drag"]):
         model = fit_model(known, names, problem, log.track, 8)
-        errors.append(left_out_error(model.vehicle, names, problem, log.shots(5.0), np.ones(6)))
-    truth = left_out_error(hiding(known, CURRENT), [], problem, log.shots(5.0), np.ones(6))
+        errors.append(left_out_squares(model.vehicle, names, problem, log.shots(5.0)).error(np.ones(6)))
+    truth = left_out_squares(hiding(known, CURRENT), [], problem, log.shots(5.0)).error(np.ones(6))
     assert errors[0] > 1.5 * truth
     assert errors[1] == pytest.approx(truth, rel=0.1)
     assert errors[2] > 0.995 * errors[1]

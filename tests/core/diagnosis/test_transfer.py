@@ -19,10 +19,10 @@ from hydro.core.diagnosis.transfer import (
     Rival,
     Survey,
     dragged,
-    error_ahead,
     left_out,
     one_change,
     ranked,
+    squares_ahead,
     weighed,
 )
 from hydro.core.effects import CATALOGUE
@@ -87,15 +87,15 @@ def test_an_error_ahead_is_the_root_of_the_weighed_mean_squares_of_velocities():
     shots = make_shots(recording(damped(), moved(damped(), rows=250)), sigma=np.ones(12))
     weights = np.array([0.5, 0.1, 0.1, 0.1, 0.1, 0.1])
     buoyant = damped({"name": "net_buoyancy", "dB": 30.0})
-    assert error_ahead(damped(), shots, weights) < 0.1 * error_ahead(buoyant, shots, weights)
+    assert squares_ahead(damped(), shots).error(weights) < 0.1 * squares_ahead(buoyant, shots).error(weights)
     motion = predict(prepare(candidate(buoyant), shots), shots)
     expected = np.sqrt(weights @ ((motion - shots.measured)[..., 7:] ** 2).mean(axis=(0, 1)))
-    assert error_ahead(buoyant, shots, weights) == pytest.approx(expected)
+    assert squares_ahead(buoyant, shots).error(weights) == pytest.approx(expected)
     driven = damped(
         {"name": "formula", "forces": ["X u"], "force": [1e5], "moments": ["N r"], "moment": [1e5]}
     )
-    assert error_ahead(driven, shots, weights) <= np.sqrt(weights @ BEYOND[6:] ** 2)
-    assert error_ahead(driven, shots, weights) > 10.0
+    assert squares_ahead(driven, shots).error(weights) <= np.sqrt(weights @ BEYOND[6:] ** 2)
+    assert squares_ahead(driven, shots).error(weights) > 10.0
 
 
 def test_a_fold_that_has_most_of_the_information_does_not_count():
