@@ -1,11 +1,12 @@
-"""Delays of a velocity log that are tried."""
+"""A velocity log off the origin, and delays of one that are tried."""
 
 from __future__ import annotations
 
 import numpy as np
-from bench import BARE
+from bench import BARE, equipped
 
-from hydro.core.effects.sensor import LONGEST_DELAY, SENSOR_DELAY
+from hydro.core.effects import velocity_log
+from hydro.core.effects.sensor import LONGEST_DELAY, SENSOR_DELAY, measured
 
 
 def test_fine_delays_refine_the_coarse_ones_as_far_as_a_log_is_late():
@@ -18,3 +19,10 @@ def test_fine_delays_refine_the_coarse_ones_as_far_as_a_log_is_late():
     tried = np.log([*fine, LONGEST_DELAY])
     assert np.diff(tried).max() < np.diff(np.log([*coarse, LONGEST_DELAY])).max()
     assert (np.diff(tried) > 0.0).all()
+
+
+def test_a_velocity_log_off_the_origin_reads_the_velocity_of_its_place():
+    arm, turning = np.array([0.5, -0.2, 0.3]), np.array([0.1, 0.2, -0.3])
+    log = velocity_log(equipped({"name": "sensor_lever_arm", "r": arm.tolist()}))
+    read = measured(log, np.zeros(1), np.r_[np.zeros(3), turning][None])
+    np.testing.assert_allclose(read[0], [*np.cross(turning, arm), *turning], atol=1e-12)
