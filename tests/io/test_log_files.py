@@ -83,3 +83,14 @@ def _gathered(paths: Sequence[Path], meaning: Path | None) -> tuple[Log, LogMap]
     with ExitStack() as stack:
         files: list[LogFile] = [stack.enter_context(opened(path)) for path in paths]
         return log_files.gather(files, meaning)
+
+
+def test_a_drafted_map_looks_at_the_numbers_of_whichever_file_has_them(tmp_path: Path) -> None:
+    """Angles beyond a whole turn are degrees, though the first file has no angles at all."""
+    angles = {"roll": [0.0, 3.0, -9.0], "pitch": [1.0, 12.0, -4.0], "yaw": [100.0, 110.0, 120.0]}
+    for name, columns in (("a", {"depth": [1.0, 2.0, 3.0]}), ("b", angles)):
+        pl.DataFrame({"t": [0.0, 0.1, 0.2]} | columns).write_csv(tmp_path / f"{name}.csv")
+    with ExitStack() as stack:
+        files: list[LogFile] = [stack.enter_context(opened(tmp_path / f"{name}.csv")) for name in "ab"]
+        _, blocks = log_files.drafted(files)
+    assert blocks["attitude"] == {"columns": ["roll", "pitch", "yaw"], "unit": "deg"}
