@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydro.core.errors import DataError
-from hydro.core.recording.segments import gaps, resumes, sample_time, segments
+from hydro.core.recording.segments import gaps, resumes, sample_time, segments, sessions
 
 
 def table(*sessions: tuple[str, np.ndarray | list[float]]) -> pl.DataFrame:
@@ -98,3 +98,11 @@ def test_gaps_are_counted_and_the_first_is_placed():
         "2 gaps in t, each begins a new segment (first: row 20, session b, from 0.18 to 5 s)"
     )
     assert gaps(table(("a", broken[:20]))).startswith("1 gap in t, ")
+
+
+def test_sessions_are_listed_in_the_order_of_the_rows():
+    rows = np.random.default_rng(0).permutation(np.arange(2, 202))
+    listed = sessions(table(*((f"of {count}", clock(count)) for count in rows)))
+    assert listed["session"].to_list() == [f"of {count}" for count in rows]
+    assert listed["rows"].to_list() == rows.tolist()
+    assert set(listed["sample_time"]) == {0.02}

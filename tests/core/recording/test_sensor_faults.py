@@ -120,6 +120,18 @@ def test_a_mark_for_no_reading_is_found_wherever_it_is_written():
     assert faulty.marks.sum() == lost.sum()
 
 
+def test_jumps_are_bridged_in_every_session_by_its_own_samples():
+    first, second = log(), log(seed=1).with_columns(session=pl.lit("b"))
+    both = pl.concat([first, second])
+    u = both["u"].to_numpy().copy()
+    u[[500, ROWS + 700]] += 5.0
+    mended = without_faults(synthetic.vehicle(), spoilt(both, u=u)).raw
+    expected = both["u"].to_numpy().copy()
+    for row in (500, ROWS + 700):
+        expected[row] = 0.5 * (expected[row - 1] + expected[row + 1])
+    np.testing.assert_allclose(mended["u"].to_numpy(), expected, atol=1e-9)
+
+
 def test_a_jump_of_a_heading_near_half_a_turn_is_bridged_across_it():
     t = np.arange(ROWS) * 0.02
     raw = log().with_columns(pl.lit(0.0).alias("theta"), pl.lit(0.0).alias("phi"))
