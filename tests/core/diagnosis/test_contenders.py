@@ -76,6 +76,16 @@ def test_a_name_that_leaves_much_needs_a_lead(left, alone, sure):
     assert stated[0] >= 0.0
 
 
+def test_at_finer_places_the_most_promising_effects_come_first(monkeypatch):
+    """A finer place counts where it promises more than the coarse one."""
+    coarse = {"a": (0.1, {"name": "a"}), "b": (0.5, {"name": "b"}), "c": (0.3, {"name": "c"})}
+    finer = {"a": (0.4, {"name": "a", "fine": True}), "c": (0.2, {"name": "c", "fine": True})}
+    monkeypatch.setattr(contenders, "_shapes", lambda compared, last, name: [name])
+    monkeypatch.setattr(contenders, "stepped", lambda compared, last, tried: finer)
+    found = contenders._at_finer_places(cast(Any, None), cast(Any, None), coarse)
+    assert found == [{"name": "b"}, {"name": "a", "fine": True}, {"name": "c"}]
+
+
 def _absorbs(name: str) -> float:
     return CATALOGUE[name].identification.absorbs
 

@@ -51,6 +51,8 @@ def test_the_raw_tables_own_names_are_that_table():
          {"columns": ["servo1_raw", "servo2_raw", "servo10_raw"], "unit": "pwm"}),
         (["thruster1_pct", "thruster2_pct"], "commands",
          {"columns": ["thruster1_pct", "thruster2_pct"], "unit": "percent"}),
+        (["imu.roll", "imu.pitch", "imu.yaw"], "attitude",
+         {"columns": ["imu.roll", "imu.pitch", "imu.yaw"]}),
         (["u", "v"], "velocity", None),
         (["max", "box", "prex"], "position", None),
     ],

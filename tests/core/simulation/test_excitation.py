@@ -144,6 +144,14 @@ def test_the_replay_has_nine_segments_that_never_change():
     assert all(len(axes) >= 2 for axes in used[3:])
 
 
+def test_the_replays_two_drift_turns_are_mirror_images():
+    """To port as to starboard: sway and yaw change their signs and surge does not."""
+    demand = demands(Session("replay90", "replay90", 4500, 0), 0, DT)
+    starboard, port = (demand[500 * i + 400 : 500 * (i + 1)] for i in (6, 7))
+    assert np.abs(starboard[:, [0, 1, 5]]).min() > 0.2
+    np.testing.assert_allclose(port, starboard * [1, -1, 1, 1, 1, -1], atol=0.01)
+
+
 def test_single_axis_sweeps_hold_their_heading():
     assert [kind for kind in (*SWEEPS, "coupled", "walk") if holds_heading(kind)] == [
         "sweep_surge",

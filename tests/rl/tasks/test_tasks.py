@@ -70,6 +70,17 @@ def test_a_slalom_has_no_way_but_between_its_baffles():
         assert all(one != other for one, other in pairwise(walls))
 
 
+@pytest.mark.parametrize("level", [2, 4])
+def test_in_a_tank_just_long_enough_baffles_stand_as_close_as_they_may(level):
+    margin, slalom = SETTINGS.task.margin, SETTINGS.slalom
+    length = 2.0 * (margin + slalom.run_up) + (level - 1) * slalom.spacing
+    least = replace(SETTINGS, world=replace(SETTINGS.world, length=length + 1e-9))
+    for vehicle in range(3):
+        norths = np.unique(scene("slalom", level, vehicle=vehicle, settings=least).pillars[:, 0])
+        expected = margin + slalom.run_up + slalom.spacing * np.arange(level)
+        np.testing.assert_allclose(norths, expected, atol=1e-6)
+
+
 def test_the_way_through_a_slalom_keeps_the_whole_margin_and_weaves():
     from hydro.rl.training.evaluate import alternating
 
