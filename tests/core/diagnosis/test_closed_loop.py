@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -12,8 +14,11 @@ from recordings import damped, moved, noisy
 from hydro.core.diagnosis import closed_loop
 from hydro.core.diagnosis.findings import Finding
 from hydro.core.diagnosis.model import fit_model
+from hydro.core.diagnosis.unexplained import WRENCH
 from hydro.core.effects.surroundings import steady_pull
+from hydro.core.identification.prior import in_file
 from hydro.core.prediction.output_error import OutputError
+from hydro.core.prediction.parameters import free
 from hydro.core.recording.arrays import recording
 from hydro.core.recording.shots import make_shots
 
@@ -40,6 +45,28 @@ def steady(push: float) -> list[dict]:
 def test_damping_that_is_there_stays_and_damping_that_stands_for_a_force_goes():
     assert told(0.0, 2.0) > 0.9
     assert told(40.0, 1.0) < closed_loop.OWN
+
+
+@pytest.mark.parametrize(
+    ("count", "tells", "stays"), [(1, 5.0, 0), (1, 20.0, 1), (6, 20.0, 0), (6, 120.0, 1)]
+)
+def test_an_effect_stays_only_where_the_recording_tells_enough_of_each_of_its_parameters(
+    monkeypatch, count, tells, stays
+):
+    """Twice what is told in all, and so the mean square of chance for each, is not enough for many."""
+    file = damped()
+    unknown = free(file, ["linear_damping"])
+    unknown = replace(unknown, entries=unknown.entries[:count])
+    step = np.full(count, 0.1)
+    values = in_file(file, unknown.entries) + step * unknown.scales
+    information = tells / float(step @ step) * np.eye(count)
+    gram = np.zeros((1, WRENCH + count + 1, WRENCH + count + 1))
+    gram[0, :WRENCH, :WRENCH] = np.eye(WRENCH)
+    gram[0, WRENCH:-1, WRENCH:-1] = information
+    monkeypatch.setattr(closed_loop, "_with_wrenches", lambda model: gram)
+    model = cast(Any, SimpleNamespace(unknown=unknown, values=values, normal=SimpleNamespace(chi2=1.0)))
+    found = closed_loop.own_shares(cast(Any, SimpleNamespace(vehicle=file)), model)
+    assert found == {"linear_damping": pytest.approx(stays, abs=1e-6)}
 
 
 @pytest.mark.parametrize(("own", "verdict"), [(0.9, "missing"), (0.3, "suspect")])
