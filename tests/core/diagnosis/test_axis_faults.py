@@ -76,14 +76,15 @@ def test_a_sound_log_is_left_alone(seed):
     assert cleaned(damped(), raw).raw.equals(raw)
 
 
-def level(depth: float) -> pl.DataFrame:
-    """A body that keeps level and heads north, going up and down, with ordinary noise."""
+def level(depth: float, noise: bool = True) -> pl.DataFrame:
+    """A body that keeps level and heads north, going up and down, with ordinary noise or none."""
     t = np.arange(3000) * 0.02
     u, v, w = 0.4 * np.sin(0.4 * t), 0.3 * np.sin(0.5 * t), 0.28 * np.sin(0.7 * t)
     x, y, z = -np.cos(0.4 * t), -0.6 * np.cos(0.5 * t), depth - 0.4 * np.cos(0.7 * t)
     moving = {"x": x, "y": y, "z": z, "u": u, "v": v, "w": w}
     columns = {"session": ["a"] * 3000, "t": t} | dict.fromkeys((*POSE, *VELOCITY), 0.0 * t) | moving
-    return noisy(pl.DataFrame(columns | {f"cmd_{i + 1}": 0.0 * t for i in range(8)}), 0)
+    raw = pl.DataFrame(columns | {f"cmd_{i + 1}": 0.0 * t for i in range(8)})
+    return noisy(raw, 0) if noise else raw
 
 
 def test_depth_tells_whether_z_or_w_is_reversed_where_the_vehicle_keeps_level():
@@ -106,6 +107,19 @@ def test_a_velocity_that_was_never_measured_stops_the_diagnosis(name):
     raw = log()
     with pytest.raises(DataError, match=f"^{name} is 0.1 .* in every row.*import"):
         cleaned(VEHICLE, spoilt(raw, **{name: np.full(raw.height, 0.1)}))
+
+
+@pytest.mark.parametrize(("speed", "moves"), [(0.02, False), (0.04, True)])
+def test_a_sway_of_zero_is_contradicted_by_a_pose_that_moves_sideways(speed, moves):
+    """From three centimetres per second: less may be a drift of the pose."""
+    raw = level(depth=5.0, noise=False)
+    t = raw["t"].to_numpy()
+    beside = spoilt(raw, y=speed * np.sqrt(2.0) / 0.1 * np.sin(0.1 * t), v=np.zeros(raw.height))
+    if moves:
+        with pytest.raises(DataError, match="^v is 0 m/s in every row, while the pose changes"):
+            cleaned(VEHICLE, beside)
+    else:
+        assert not cleaned(VEHICLE, beside).faults
 
 
 def test_velocities_of_axes_along_which_nothing_moves_may_be_zero():
