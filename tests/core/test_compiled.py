@@ -3,8 +3,12 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from hydro.core import compiled
+from hydro.core.kernel_cache import KernelCache
 
 LOADED = """
 import pathlib, sys
@@ -41,3 +45,19 @@ def test_a_layer_sees_only_what_it_imports():
     assert layers["core"] == {"core"}
     assert layers["sim"] == {"core", "sim"}
     assert "rl" in layers["rl"]
+
+
+def _doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def test_a_function_of_a_file_is_cached_where_there_is_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed: dict[str, Any] = {"__name__": "typed"}
+    exec("def doubled(x):\n    return 2.0 * x\n", typed)  # stands in no file
+    monkeypatch.setattr(compiled, "_cache_folder", lambda part: tmp_path)
+    assert isinstance(compiled._cache(_doubled), KernelCache)
+    assert compiled._cache(typed["doubled"]) is None
+    monkeypatch.setattr(compiled, "_cache_folder", lambda part: None)
+    assert compiled._cache(_doubled) is None

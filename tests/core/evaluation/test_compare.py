@@ -266,6 +266,18 @@ def test_a_planted_place_is_ranked_first():
     assert [place.words for place in listed[1:]] == ["throughout", "elsewhere"]
 
 
+@pytest.mark.parametrize(("seconds", "told"), [(2.0, False), (5.0, True)])
+def test_a_place_of_hardly_any_time_is_not_told_of(seconds, told):
+    """However much of the error it holds: less than a hundredth of the time, and of some seconds, is chance."""
+    count = 2000  # pieces of 0.2 s
+    met = np.zeros(count, int)
+    met[:: round(count / (seconds / 0.2))] = 1
+    turn = Family("turn", ("going straight", "turning"), met)
+    error = np.where(met == 1, 2000.0, 1.0)[:, None]
+    listed = failure_regimes.rank(error / error.sum(), np.full(count, 10.0), np.arange(count) // 200, [turn])
+    assert ("while turning" in {place.words for place in listed}) is told
+
+
 def test_words_in_the_order_of_speech():
     assert phrase([("above 0.8 m/s", False), ("turning right", True)]) == "while turning right above 0.8 m/s"
     assert phrase([("climbing", True), ("braking", True)]) == "while climbing and braking"

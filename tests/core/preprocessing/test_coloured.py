@@ -22,8 +22,13 @@ SIZE = np.repeat([0.01, 0.004], 3)
 CLOSE = Noise(velocity=0.01, rate=0.002, position=0.002, attitude=0.001)
 
 
-def logged(white: Noise = PROFILES["ordinary"], size: np.ndarray | None = None, walk: float = 0.0):
-    """A recording; with noise of the velocities as an Ornstein-Uhlenbeck process, or a pose that wanders."""
+def logged(
+    white: Noise = PROFILES["ordinary"],
+    size: np.ndarray | None = None,
+    walk: float = 0.0,
+    seconds: float = 80.0,
+):
+    """The beginning of a recording; with noise of the velocities as an Ornstein-Uhlenbeck process, or a pose that wanders."""
     t, x, R, v, omega = tumbling()
     rng, keep = np.random.default_rng(3), np.exp(-DT / LASTS)
     motion = disturb(np.hstack([x, Rotation.from_matrix(R).as_euler("ZYX")[:, ::-1], v, omega]), white, rng)
@@ -33,7 +38,10 @@ def logged(white: Noise = PROFILES["ordinary"], size: np.ndarray | None = None, 
     motion[:, :3] += walk * np.sqrt(DT) * rng.standard_normal((len(t), 3)).cumsum(axis=0)
     table = pl.DataFrame(np.column_stack([t, motion]), schema=["t", *POSE, *VELOCITY])
     still = [pl.lit(0.0).alias(f"cmd_{i + 1}") for i in range(8)]
-    return recording(synthetic.vehicle(), table.with_columns(pl.lit("a").alias("session"), *still))
+    return recording(
+        synthetic.vehicle(),
+        table.head(round(seconds / DT)).with_columns(pl.lit("a").alias("session"), *still),
+    )
 
 
 def weighed(record, left: np.ndarray) -> np.ndarray:
@@ -59,6 +67,12 @@ def test_noise_that_lasts_weighs_as_the_white_noise_that_errs_as_much_over_two_s
     longest = 2.0 * LASTS / DT * (1.0 - LASTS / 2.0 * (1.0 - np.exp(-2.0 / LASTS)))
     expected = np.sqrt(SIZE**2 * longest + noise(record)[POSE_CHANNELS:] ** 2)
     np.testing.assert_allclose(found, expected, rtol=0.4)
+
+
+def test_noise_that_lasts_shows_in_less_than_half_a_minute():
+    """There are slopes enough of half a second each, and too few of longer ones."""
+    record = logged(CLOSE, 3.0 * SIZE, seconds=24.0)
+    assert (velocity_noise(record, kinematic_tests(record)) > 3.0 * noise(record)[POSE_CHANNELS:]).all()
 
 
 def test_velocities_weigh_less_only_where_a_model_leaves_what_their_noise_leaves():

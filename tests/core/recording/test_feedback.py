@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hydro.core.recording.arrays import Recording
-from hydro.core.recording.feedback import MATERIAL, feedback
+from hydro.core.recording.feedback import MATERIAL, _robust, feedback
 from hydro.core.vehicle.description import Buoyancy, Hull, RigidBody, Thruster, Vehicle
 
 DT, ROWS = 0.05, 2400
@@ -92,6 +92,22 @@ def test_a_light_hold_beside_an_excitation_is_no_chance_and_yet_not_material(mon
     assert not found.closed
     monkeypatch.setattr("hydro.core.recording.feedback.MATERIAL", 0.0)  # chance is not asked about otherwise
     assert feedback(block(), record).p_values.min() < 1e-6
+
+
+@pytest.mark.parametrize(("size", "outlier"), [(1.5, False), (3.0, True)])
+def test_errors_beyond_two_robust_deviations_pull_less_at_a_law(size, outlier):
+    """A tenth of all rows lie so many deviations to one side; all others err evenly by less than two."""
+    rng = np.random.default_rng(4)
+    X = np.column_stack([np.ones(2000), rng.standard_normal(2000)])
+    error = np.linspace(-1.4826, 1.4826, 2000)  # of which the median size is 0.7413
+    jumps = rng.random(2000) < 0.1
+    y = X @ [0.5, 2.0] + np.where(jumps, 0.7413 * 1.4826 * size, rng.permutation(error))
+    law, _ = _robust(X, y)
+    squares = np.linalg.lstsq(X, y, rcond=None)[0]
+    if outlier:
+        assert abs(law[0] - 0.5) < 0.9 * abs(squares[0] - 0.5)
+    else:
+        np.testing.assert_allclose(law, squares, atol=1e-8)
 
 
 def test_a_short_recording_tells_nothing():
