@@ -116,7 +116,7 @@ def test_a_sway_of_zero_is_contradicted_by_a_pose_that_moves_sideways(speed, mov
     t = raw["t"].to_numpy()
     beside = spoilt(raw, y=speed * np.sqrt(2.0) / 0.1 * np.sin(0.1 * t), v=np.zeros(raw.height))
     if moves:
-        with pytest.raises(DataError, match="^v is 0 m/s in every row, while the pose changes"):
+        with pytest.raises(DataError, match=r"^v is 0 m/s in every row, while the pose changes"):
             cleaned(VEHICLE, beside)
     else:
         assert not cleaned(VEHICLE, beside).faults

@@ -268,7 +268,7 @@ def test_a_planted_place_is_ranked_first():
 
 @pytest.mark.parametrize(("seconds", "told"), [(2.0, False), (5.0, True)])
 def test_a_place_of_hardly_any_time_is_not_told_of(seconds, told):
-    """However much of the error it holds: less than a hundredth of the time, and of some seconds, is chance."""
+    """However much of the error it holds, where it lasts less than a hundredth of the time."""
     count = 2000  # pieces of 0.2 s
     met = np.zeros(count, int)
     met[:: round(count / (seconds / 0.2))] = 1

@@ -28,7 +28,9 @@ def logged(
     walk: float = 0.0,
     seconds: float = 80.0,
 ):
-    """The beginning of a recording; with noise of the velocities as an Ornstein-Uhlenbeck process, or a pose that wanders."""
+    """So much of a recording; with noise of the velocities as an Ornstein-Uhlenbeck process, or a pose that
+    wanders.
+    """
     t, x, R, v, omega = tumbling()
     rng, keep = np.random.default_rng(3), np.exp(-DT / LASTS)
     motion = disturb(np.hstack([x, Rotation.from_matrix(R).as_euler("ZYX")[:, ::-1], v, omega]), white, rng)
