@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -15,7 +15,7 @@ import pytest
 
 from hydro.core.columns import POSE, VELOCITY, Array
 from hydro.core.effects import assemble
-from hydro.core.effects.waves import drawn, harmonics
+from hydro.core.effects.waves import WAVES, drawn, harmonics
 from hydro.core.evaluation.smoothed_motion import Motion
 from hydro.core.prediction.candidate import candidate
 from hydro.core.prediction.multiple_shooting import cost, prepare
@@ -86,6 +86,36 @@ def test_of_minutes_a_swells_peak_is_narrower_than_any_taper_parts() -> None:
         off.append((found.values - swell) / np.sqrt(np.diag(found.spread)))
     assert np.abs(off).max() < 3.5
     assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 1.6
+
+
+def test_no_swell_is_narrower_than_the_catalogue_believes() -> None:
+    """A sea of nearly one frequency, which would be the likelier, the greater the enhancement.
+
+    Values are means of lognormals whose logarithm has a deviation of 1 at most.
+    """
+    peak = WAVES.parameter("peak").plausible
+    assert peak is not None
+    _, most = peak.at((), cast(Any, None))
+    rng, log = np.random.default_rng(0), record(3, 4.0)
+    t = np.arange(round(SECONDS / DT)) * DT
+    narrow = partial(harmonics, np.array([0.6, 8.0, 3.0, 10.0 * most]), G)
+    seas = [water(drawn(narrow, rng), t, 4.0) for _ in range(3)]
+    found = sea_state(np.vstack(seas) + wandering(rng, 3 * t.size), log, G)
+    assert found is not None
+    assert 0.5 * most < found.values[3] < (1.0 + most) * math.exp(0.5) - 1.0
+
+
+@pytest.mark.parametrize(("period", "told"), [(18.4, True), (19.6, False)])
+def test_a_swell_is_told_unless_it_is_as_slow_as_drifts(period: float, told: bool) -> None:
+    """In ten minutes waves of up to 20 s are looked for; what comes out next to that may be any slower."""
+    rng, log = np.random.default_rng(0), record(1, 4.0)
+    t = np.arange(round(600.0 / DT)) * DT
+    log.segments, log.eta = np.array([[0, t.size]]), np.tile(log.eta[:1], (t.size, 1))
+    swell = water(drawn(partial(harmonics, np.array([2.0, period, 3.0, 20.0]), G), rng), t, 4.0)
+    found = sea_state(swell + wandering(rng, t.size), log, G)
+    assert (found is not None) is told
+    if found is not None:
+        assert abs(found.values[1] - period) < 3.5 * math.sqrt(found.spread[1, 1])
 
 
 @pytest.mark.parametrize("kind", ["alone", "sea", "apart"])

@@ -16,6 +16,8 @@ from hydro.core.recording.shots import CHANNELS, TRUST, make_shots
 from hydro.core.simulation.variational_equation import DEVIATION, STIFF, _is_stiff
 
 DT, ROWS = 0.05, 41
+QUICK = {"name": "linear_damping", "diagonal": [0.0, 0.0, 0.0, 1000.0, 0.0, 0.0]}
+"""Roll decays within a step."""
 MEMORY = {"name": "fluid_memory", "K": [[30.0, 40.0, 50.0, 2.0, 5.0, 6.0]], "rates": [1.5]}
 
 
@@ -52,8 +54,9 @@ def shot():
         ((), "thruster_gain", (0, 6)),
         ((), "payload", (0, 4)),
         ((MEMORY,), "fluid_memory", (0, 6)),
+        ((QUICK,), "thruster_gain", (0, 6)),
     ],
-    ids=["a wrench", "a thrust", "an inertia", "a memory"],
+    ids=["a wrench", "a thrust", "an inertia", "a memory", "a quick decay"],
 )
 def test_deviations_are_differences_of_predictions(beside, effect, entries):
     vehicle = damped(*beside)
