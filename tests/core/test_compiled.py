@@ -51,13 +51,17 @@ def _doubled(x: float) -> float:
     return 2.0 * x
 
 
-def test_a_function_of_a_file_is_cached_where_there_is_a_folder(
+def test_kernels_are_cached_where_there_is_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "_cache_folder", lambda part: tmp_path)
+    assert isinstance(compiled._cache(_doubled), KernelCache)
+    monkeypatch.setattr(compiled, "_cache_folder", lambda part: None)
+    assert compiled._cache(_doubled) is None
+
+
+def test_a_function_that_stands_in_no_file_is_not_cached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     typed: dict[str, Any] = {"__name__": "typed"}
-    exec("def doubled(x):\n    return 2.0 * x\n", typed)  # stands in no file
+    exec("def doubled(x):\n    return 2.0 * x\n", typed)
     monkeypatch.setattr(compiled, "_cache_folder", lambda part: tmp_path)
-    assert isinstance(compiled._cache(_doubled), KernelCache)
     assert compiled._cache(typed["doubled"]) is None
-    monkeypatch.setattr(compiled, "_cache_folder", lambda part: None)
-    assert compiled._cache(_doubled) is None

@@ -92,6 +92,17 @@ def recorded(vehicle: Vehicle, **how) -> pl.DataFrame:
     return pl.concat([flown(vehicle, seed=i, session=name, **how) for i, name in enumerate("ab")])
 
 
+def test_what_is_held_against_a_hull_is_its_first_change_unless_said_otherwise(known, monkeypatch):
+    """Of a further change more is asked, so that whoever has one already must say so."""
+    log = cast(Any, SimpleNamespace(observed=None, misdirected=False))
+    monkeypatch.setattr(module, "require_ready", lambda observed: None)
+    monkeypatch.setattr(module, "stable_shots", lambda vehicle, log: None)
+    monkeypatch.setattr(module, "diagnose_change", lambda *given: given[-1])
+    hull = cast(Any, SimpleNamespace())
+    assert diagnose_log(known, log, hull=hull) is False
+    assert diagnose_log(known, log, hull=hull, further=True) is True
+
+
 @pytest.mark.parametrize(
     "hidden",
     [
@@ -474,17 +485,6 @@ def test_where_a_search_was_in_vain_names_transfer_at_once_far_from_the_noise(kn
     monkeypatch.setattr(module, "LOUD", 1e6)
     with pytest.raises(pytest.fail.Exception, match="searched"):
         diagnose_log(known, log, in_vain=True)
-
-
-def test_what_is_held_against_a_hull_is_its_first_change_unless_said_otherwise(known, monkeypatch):
-    """Of a further change more is asked, so that whoever has one already must say so."""
-    log = cast(Any, SimpleNamespace(observed=None, misdirected=False))
-    monkeypatch.setattr(module, "require_ready", lambda observed: None)
-    monkeypatch.setattr(module, "stable_shots", lambda vehicle, log: None)
-    monkeypatch.setattr(module, "diagnose_change", lambda *given: given[-1])
-    hull = cast(Any, SimpleNamespace())
-    assert diagnose_log(known, log, hull=hull) is False
-    assert diagnose_log(known, log, hull=hull, further=True) is True
 
 
 def test_a_search_that_fits_nothing_is_begun_again_from_the_file(known, monkeypatch):
