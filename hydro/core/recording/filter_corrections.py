@@ -13,12 +13,15 @@ import polars as pl
 
 from hydro.core.columns import POSE, Array, Mask
 from hydro.core.recording.arrays import LEAST_NOISE, Recording, samples
+from hydro.core.recording.jumps import is_sparse
 
 STEP = 20.0
 """Robust standard deviations of the change from row to row from which a change is a step: noise makes none in
 1e80 rows, and a hull at 50 Hz changes its speed by a few per cent from row to row."""
 AROUND = 5
 """Rows whose median change a change is held against."""
+ALONE = 5.0
+"""Times the changes of the NEAR rows to either side that a step must be: a quick motion changes them all."""
 STAYS = 0.5
 """Part of a step that must be there NEAR rows before and after: an outlier comes and goes."""
 NEAR = 3
@@ -33,8 +36,11 @@ def filter_corrections(record: Recording) -> dict[str, Mask]:
     """Return the rows right after a filter's corrections, of each position and angle that has them, (N,).
 
     Args:
-        record: The recording; channels without a sample in every row are left alone.
+        record: The recording; channels without a sample in every row are left alone, and so are all of a log that
+            is too sparse to tell a step from a quick motion.
     """
+    if is_sparse(record.dt):
+        return {}
     found = {}
     for i, (name, parts) in enumerate(zip(POSE, samples(record), strict=False)):
         if record.seen is not None and not record.seen[:, i].all():
@@ -64,10 +70,19 @@ def _steps(parts: list[Array]) -> list[Mask]:
         return none
     beyond = [change - _running_median(change) for change in changes]
     usual = max(float(np.median(np.abs(np.concatenate(beyond)))) / 0.6745, LEAST_NOISE)
-    return [
-        (np.abs(off) > STEP * usual) & (np.sign(off) * _stayed(part, change) > STAYS * np.abs(off))
-        for part, change, off in zip(parts, changes, beyond, strict=True)
-    ]
+    found = []
+    for part, change, off in zip(parts, changes, beyond, strict=True):
+        size = np.abs(off)
+        stays = np.sign(off) * _stayed(part, change) > STAYS * size
+        found.append((size > np.maximum(STEP * usual, ALONE * _around(size))) & stays)
+    return found
+
+
+def _around(size: Array) -> Array:
+    """Return the greatest of the NEAR sizes to either side of each, without itself."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(size, NEAR), 2 * NEAR + 1)
+    around: Array = np.delete(windows, NEAR, axis=1).max(axis=1)
+    return around
 
 
 def _running_median(change: Array) -> Array:
