@@ -36,8 +36,8 @@ def filter_corrections(record: Recording) -> dict[str, Mask]:
     """Return the rows right after a filter's corrections, of each position and angle that has them, (N,).
 
     Args:
-        record: The recording; channels without a sample in every row are left alone, and so are all of a log that
-            is too sparse to tell a step from a quick motion.
+        record: The recording.  Channels without a sample in every row are left alone, and so are all of a log
+            that is too sparse to tell a step from a quick motion.
     """
     if is_sparse(record.dt):
         return {}
