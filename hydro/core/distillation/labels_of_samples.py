@@ -138,7 +138,8 @@ def unlabelled(labels: pl.DataFrame, limits: Bounds | None = None) -> str:
         words, rows = max(causes.items(), key=lambda cause: int((cause[1] & left).sum()))
         told.append(f"{words} ({int((rows & left).sum()):,})")
         left &= ~rows
-    more = f" and {len(told) - 3} more causes" if len(told) > 3 else ""
+    others = len(told) - 3
+    more = f" and {others} more cause{'s' if others > 1 else ''}" if others > 0 else ""
     return f"{part.height:,} of {labels.height:,} rows have no label: {', '.join(told[:3])}{more}"
 
 
