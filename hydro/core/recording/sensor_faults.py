@@ -19,6 +19,7 @@ import polars as pl
 from hydro.core.columns import POSE, VELOCITY, Array, Mask, Rows
 from hydro.core.recording.arrays import Recording, channels, evenly_spaced, recording, samples
 from hydro.core.recording.dead_reckoning import pose_error, rate_bias
+from hydro.core.recording.filter_corrections import filter_corrections, without_predictions
 from hydro.core.recording.heavy_tails import Tail, heavy_tails, pseudo_observed
 from hydro.core.recording.jumps import jumping
 from hydro.core.recording.repeated_rows import repeated_rows, without_repeats
@@ -158,6 +159,10 @@ def without_bad_readings(vehicle: Vehicle, raw: pl.DataFrame) -> Corrected:
         kinds.append(_fault(raw, record, np.tile(repeated[:, None], len(CHANNELS)), words))
         raw = without_repeats(raw, record, repeated)
         record = recording(vehicle, raw)
+    if corrected := filter_corrections(record):
+        kinds.append(_predicted(record, corrected))
+        raw = without_predictions(raw, corrected)
+        record = recording(vehicle, raw)
     found = _implausible(vehicle, raw, record, faults(record))
     if others := list(described(raw, record, found)):
         raw = mended(raw, record, found)
@@ -260,6 +265,19 @@ def _fault(raw: pl.DataFrame, record: Recording, bad: Mask, words: str) -> Fault
         f"{stretches} {'stretch' if stretches == 1 else 'stretches'}, the first in session {session} at "
         f"{t:.2f} s; they are left out here; remove them from the log",
     )
+
+
+def _predicted(record: Recording, corrected: Mapping[str, Mask]) -> Fault:
+    """That channels are a filter's predictions but for the rows right after its corrections."""
+    rows = max(int(after.sum()) for after in corrected.values())
+    rate = rows / (record.rows * record.dt)
+    move = "moves" if len(corrected) == 1 else "move"
+    message = (
+        f"{', '.join(corrected)} {move} in steps, {rate:.3g} times a second, as a filter's estimate does at "
+        f"each sample of its sensor; only the {rows} rows right after a step are kept as samples; "
+        "log the sensor itself"
+    )
+    return Fault(tuple(corrected), message)
 
 
 def _biased(bias: Mapping[str, float]) -> Fault:
