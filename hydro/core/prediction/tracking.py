@@ -5,9 +5,10 @@ what the model makes of them is near the truth for a while.  An extended Kalman 
 in windows of half a second, each predicted by the model and corrected by its samples, and a Rauch-Tung-
 Striebel smoother goes back (Sarkka 2013, ch. 5 and 9).  Where no sample shows the heading, several are tried.
 
-How much the model errs is not known beforehand: within a window, where it adds to the noise of the samples, and
-from window to window.  Both are multiples of the least that is supposed of any model, and the multiples that make
-the samples likeliest are taken.  A wrong model is not believed then, and what it fills is known to be doubtful.
+How much the model errs is not known beforehand: within a window, where it adds to the noise of the samples,
+and from window to window.  Both are multiples of the least that is supposed of any model, and the multiples
+that make the samples likeliest are taken.  A wrong model is not believed then, and what it fills is known to
+be doubtful.
 
 What comes of it fills the channels that a segment never saw.  No likelihood has a term of them.
 """
@@ -85,7 +86,7 @@ class _Window(NamedTuple):
 
 
 class _Errs(NamedTuple):
-    """How much a model errs, as multiples of LEAST, or of the samples' noise if that is more, and of ASTRAY."""
+    """How much a model errs, as multiples of the samples' noise, at least LEAST, and of ASTRAY."""
 
     within: float = 1.0
     between: float = 1.0
