@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from pathlib import Path
 
 import compile_once
@@ -11,6 +12,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from benchmarks import nodes
+
+# Where a shell says that Python leaves no compiled files, every process would compile every module anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # TorchRL imports Ray, which reads its environment once: before any test module is collected.
 os.environ.update(nodes.AUTHENTICATION)
