@@ -28,13 +28,13 @@ ELISION = "…\n"
 ROWS, COLUMNS = 50, 170
 
 
-def page(text: str) -> str:
-    """The page with the output of its commands as it is now."""
+def page(text: str, program: str = f'"{sys.executable}" -m hydro.cli') -> str:
+    """The page with the output of its commands as it is now; `program` is what `hydro` stands for."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "datasets").symlink_to(ROOT / "datasets")
         (Path(folder) / "bin").mkdir()
         hydro = Path(folder) / "bin" / "hydro"
-        hydro.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hydro.cli "$@"\n')
+        hydro.write_text(f'#!/bin/sh\nexec {program} "$@"\n')
         hydro.chmod(0o755)
         return COMMANDS_AND_OUTPUT.sub(lambda found: _renewed(found, Path(folder)), text)
 

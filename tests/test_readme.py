@@ -13,6 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import forked
 import pytest
 from tables import shorten
 
@@ -105,20 +106,19 @@ def test_all_of_it_runs_pasted_into_a_fresh_checkout(tmp_path: Path) -> None:
     shorten(checkout / "datasets" / "hidden", 10.0)
     shutil.copy(ROOT / "Makefile", checkout)
     shutil.copy(ROOT / "pyproject.toml", checkout)
-    (binaries / "hydro").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m hydro.cli "$@"\n')
-    (binaries / "hydro").chmod(0o755)
     (binaries / "activate").write_text(f'export PATH="{binaries}:$PATH"\n')
     shell, python = snippets()
     both = shorter(f"{shell}\0{python}")
     shell, python = both.split("\0")
     environment = os.environ | {"PYTHONPATH": str(ROOT), "MUJOCO_GL": "egl", "COLUMNS": "170"}
     printed = []
-    for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
-        done = subprocess.run(
-            line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
-        )
-        assert done.returncode == 0, done.stderr.decode()[-3000:]
-        printed.append((done.stdout + done.stderr).decode(errors="replace"))
+    with forked.hydro(binaries / "hydro"):
+        for line, pasted in ((["bash", "-euo", "pipefail"], shell), ([sys.executable, "-"], python)):
+            done = subprocess.run(
+                line, input=pasted.encode(), cwd=checkout, env=environment, capture_output=True, timeout=1200
+            )
+            assert done.returncode == 0, done.stderr.decode()[-3000:]
+            printed.append((done.stdout + done.stderr).decode(errors="replace"))
     assert {"study", "report.html", "model.parquet", "replay.parquet", "rov.sdf", "policy"} <= {
         path.name for path in (checkout / "runs").iterdir()
     }

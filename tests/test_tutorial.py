@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import runpy
+from collections.abc import Iterator
 from pathlib import Path
 
+import forked
 import pytest
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -24,11 +26,18 @@ def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
     return re.sub("─+", "", NUMBER.sub("#", text)).split(), numbers
 
 
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    place = tmp_path_factory.mktemp("bin") / "hydro"
+    with forked.hydro(place):
+        yield place
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", GENERATOR["PAGES"], ids=lambda path: path.stem)
-def test_a_page_shows_what_its_commands_print(path: Path) -> None:
+def test_a_page_shows_what_its_commands_print(path: Path, program: Path) -> None:
     text = path.read_text()
-    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text)))
+    shown, printed = (words_and_numbers(text) for text in (text, GENERATOR["page"](text, program)))
     assert printed[0] == shown[0], "run `make docs`"
     assert printed[1] == pytest.approx(shown[1], rel=ROUNDING, abs=NOTHING), "run `make docs`"
 
