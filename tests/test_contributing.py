@@ -137,7 +137,7 @@ def near_the_truth(values: list[float], errors: list[float]) -> bool:
 @pytest.mark.slow
 def test_an_explanation_fits_it_names_it_and_adds_it(recorded: Path) -> None:
     explain = ("explain", "datasets/vehicles/auv151.toml", "measured.parquet", "-o", "study")
-    run(recorded, "-m", "hydro.cli", *explain)
+    run(recorded, "-m", "hydro.cli", *explain, NUMBA_OPT="1")  # compiling takes most of the time
     first = pl.read_parquet(recorded / "study" / "diagnosis-0.parquet").row(0, named=True)
     assert first["verdict"] in ("missing", "cannot_tell_apart")
     assert first["effect"] == "cubic_damping"
