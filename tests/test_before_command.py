@@ -24,8 +24,9 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file that knows nothing of the hull, and the vehicle before, after and without a change."""
     folder = tmp_path_factory.mktemp("before")
     hydro.write_vehicle(damped(), folder / "vehicle.toml")
-    recordings = {"earlier": flown(seed=10), "after": flown(WEAK, seed=40), "same": flown(seed=70)}
-    recordings["heldout"] = flown(WEAK, seed=100).filter(pl.col("session") < "s2")
+    recordings = {"earlier": flown(seed=10), "same": flown(seed=70)}
+    for name, seed in (("after", 40), ("heldout", 100)):
+        recordings[name] = flown(WEAK, seed=seed).filter(pl.col("session") < "s2")
     for name, frame in recordings.items():
         hydro.write(frame, folder / f"{name}.parquet", "raw")
     return folder
