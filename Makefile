@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO ?= demo-out
 WORKERS ?= 2
+ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 HYDRO_THREADS=1
 
 .PHONY: help install demo quick test mutants fuzz kills browser lint types docs site wheel wheel-test clean
 
@@ -26,11 +27,11 @@ demo: $(STAMP)        ## the whole story on bundled recordings; writes into demo
 QUICK := tests/test_layers.py tests/test_effect_names.py tests/io/test_schema.py tests/core/effects tests/core/explanation
 
 quick: $(STAMP)       ## layers, schemas, effects and one study: within two minutes
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(QUICK)
+	$(ALONE) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(QUICK)
 
-# Threads of the linear algebra only wait for one another on matrices of a few dozen rows (see hydro/cli.py).
+# Each worker has one processor: threads of the linear algebra, or of hydro itself, would only wait for one another.
 test: $(STAMP)        ## the whole test suite on two workers
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	$(ALONE) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 mutants: $(STAMP)     ## change 200 operators and constants one at a time and see which no test notices: two hours
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.mutants --workers $(WORKERS)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
 from hydro.core.errors import DataError
-from hydro.core.threads import available, shared
+from hydro.core.threads import available, shared, spread
 
 
 def test_what_is_shared_comes_in_order_and_leaves_each_its_part(monkeypatch):
@@ -18,6 +20,16 @@ def test_what_is_shared_comes_in_order_and_leaves_each_its_part(monkeypatch):
     assert list(shared(lambda item: 10 * item, range(20))) == list(range(0, 200, 10))
     assert list(shared(deeper, range(3))) == [[2, 1, 1]] * 3
     assert available() == 6
+
+
+@pytest.mark.parametrize("threads", [None, 1, 3])
+def test_pieces_come_in_order_and_one_thread_is_the_present_one(threads, monkeypatch):
+    monkeypatch.setenv("HYDRO_THREADS", "2")
+    here = threading.get_ident()
+    assert spread(lambda piece: 10 * piece, range(20), threads) == list(range(0, 200, 10))
+    outside = {here} != set(spread(lambda _: threading.get_ident(), range(20), threads))
+    assert outside == (threads != 1)
+    assert spread(lambda _: threading.get_ident(), [0], threads) == [here]
 
 
 def test_an_error_is_raised_where_its_result_would_come():

@@ -20,7 +20,6 @@ A simulator that computes fluid forces at t_k and holds them until t_k+1 lags ha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 import numpy as np
@@ -57,7 +56,7 @@ from hydro.core.recording.smoothing import (
     windows,
 )
 from hydro.core.recording.supply import recorded_commands
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.thrusters import INFLOW, thrusts
 
@@ -138,8 +137,7 @@ def labels(
             forces = effect_forces(vehicle, columns(part, POSE), motion[:, :, 0], within, part["t"], given)
         label_kernel(Terms(motion, attitude, thrust, forces), known, out[:, start:stop])
 
-    with ThreadPoolExecutor(available()) as pool:
-        list(pool.map(lambda batch: work(*batch), _batches(bounds)))
+    spread(lambda batch: work(*batch), _batches(bounds))
     _require_finite(raw, out)
     return raw.with_columns(pl.Series(name, column) for name, column in zip(names(count), out, strict=True))
 

@@ -15,7 +15,6 @@ where its id, read as a fraction of 2^256, is below the test share.
 from __future__ import annotations
 
 import hashlib
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
@@ -27,7 +26,7 @@ from hydro.core.compiled import jit
 from hydro.core.distillation.labels import labelled, smoother_reach
 from hydro.core.errors import DataError
 from hydro.core.recording.segments import segments
-from hydro.core.threads import available
+from hydro.core.threads import spread
 
 CONTENT = ("t", *MOTION)
 CHUNK = 32_768  # rows hashed at once
@@ -127,8 +126,7 @@ def _blocks(labels: pl.DataFrame, block: int, salt: str) -> tuple[Rows, list[str
         ]
 
     chunks = np.array_split(bounds, min(len(bounds), 1 + labels.height // CHUNK))
-    with ThreadPoolExecutor(available()) as pool:
-        return bounds, [digest for ids in pool.map(digests, chunks) for digest in ids]
+    return bounds, [digest for ids in spread(digests, chunks) for digest in ids]
 
 
 def _content(labels: pl.DataFrame) -> Array:

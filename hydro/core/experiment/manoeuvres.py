@@ -10,7 +10,6 @@ count.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +27,7 @@ from hydro.core.recording.arrays import Recording
 from hydro.core.recording.shots import Shots, make_shots
 from hydro.core.simulation.excitation import LOG_RATE
 from hydro.core.simulation.simulate import trajectory
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import body_states
 
@@ -132,8 +131,7 @@ def _grams(
         normal = linearise(own, rest, [1.0] * len(rest), shots, threads=1)
         return None if normal.lost.any() else (manoeuvre, normal.matrix.sum(axis=0))
 
-    with ThreadPoolExecutor(available()) as pool:
-        every = [one for one in pool.map(flown, library(reference)) if one is not None]
+    every = [one for one in spread(flown, library(reference)) if one is not None]
     if not every:
         raise DataError(f"every manoeuvre of vehicle {reference.name} diverges; check its damping")
     return every

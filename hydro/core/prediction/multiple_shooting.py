@@ -9,7 +9,6 @@ the catalogue is judged in one unit: standard deviations of the measurement nois
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,7 +25,7 @@ from hydro.core.simulation.dynamics import BODY, NO_HULL, afloat
 from hydro.core.simulation.integrate import Course, at_rest, march, resume
 from hydro.core.simulation.simulate import steps_of_row
 from hydro.core.simulation.variational_equation import NO_CHANGES, Changes, deviations_of
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.frames import quaternion_product_kernel
 from hydro.core.vehicle.thrusters import same_states
 
@@ -230,8 +229,7 @@ def costs(prepared: Prepared, shots: Shots, *, threads: int | None = None) -> Ar
         squares: Array = np.einsum("mki,mki->m", error, error)
         return squares
 
-    with ThreadPoolExecutor(threads or available()) as pool:
-        each = np.concatenate(list(pool.map(work, range(0, len(shots.starts), SHOTS_TOGETHER))))
+    each = np.concatenate(spread(work, range(0, len(shots.starts), SHOTS_TOGETHER), threads))
     each[~(each < ENDLESS**2)] = np.inf
     return each
 

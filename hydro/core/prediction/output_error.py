@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +22,7 @@ from hydro.core.prediction.candidate import Candidate, candidate
 from hydro.core.prediction.normal_equations import Normal
 from hydro.core.prediction.parameters import Free
 from hydro.core.recording.shots import Shots, kept_evenly
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 
 OTHERWISE_NOISY = 0.1  # share by which a residual differs from its noise for weights to be made anew
@@ -67,9 +66,7 @@ class OutputError:
         def beside(other: Vehicle) -> multiple_shooting.Prepared:
             return multiple_shooting.prepare(candidate(other), self.shots, prepared)
 
-        with ThreadPoolExecutor(available()) as pool:
-            others = list(pool.map(beside, moved))
-        return sensitivity.linearise(prepared, others, steps, self.shots)
+        return sensitivity.linearise(prepared, spread(beside, moved), steps, self.shots)
 
     def cost(self, vehicle: Vehicle, step: Array, normal: Normal) -> tuple[float, OutputError]:
         """Predict anew, from beginnings moved as the linearised problem would have them.

@@ -8,7 +8,6 @@ which commands take effect is predicted once more and the difference taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +28,7 @@ from hydro.core.prediction.normal_equations import Normal, eliminate, taken
 from hydro.core.recording.shots import CHANNELS, Shots
 from hydro.core.simulation.dynamics import BODY
 from hydro.core.simulation.variational_equation import FORCES, THRUST, WHOLE, Changes
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.thrusters import same_states
 
 FARTHEST = 1e3
@@ -132,8 +131,7 @@ def linearise(
         left = flat[..., -1] - np.einsum("srz,sz->sr", flat[..., :CHANNELS], follow[part][..., -1])
         channels[part] = (left.reshape(len(states), -1, CHANNELS) ** 2).sum(axis=1)
 
-    with ThreadPoolExecutor(threads or available()) as pool:
-        list(pool.map(work, range(0, pieces, SHOTS_TOGETHER)))
+    spread(work, range(0, pieces, SHOTS_TOGETHER), threads)
     if shots.seen is None:
         return Normal(gram, shots.residuals - CHANNELS, channels, follow)
     compared = shots.seen[:, shots.lead :].sum(axis=1)

@@ -12,7 +12,6 @@ Of a long recording, windows spread evenly over it are enough, and forces are wo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +30,7 @@ from hydro.core.prediction.normal_equations import Normal
 from hydro.core.recording.arrays import Recording, noise, smoothed
 from hydro.core.recording.filling import unshown
 from hydro.core.recording.shots import evenly
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.description import Vehicle
 from hydro.core.vehicle.frames import rotation
 
@@ -217,8 +216,7 @@ class Windows:
             same = np.array_equal(model.thrusters, here.thrusters)
             return self._residuals(model, rotors if same else self._rotors(model))
 
-        with ThreadPoolExecutor(available()) as pool:
-            error, *others = pool.map(residuals, [base, *moved])
+        error, *others = spread(residuals, [base, *moved])
         columns = np.empty((*error.shape, len(moved) + 1))
         columns[..., -1] = error
         for i, (other, step) in enumerate(zip(others, steps, strict=True)):

@@ -13,7 +13,6 @@ al. 2019, J. Comput. Graph. Stat. 28, take the root of it: slower by half, and n
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,7 +31,7 @@ from hydro.core.recording.kinematic_model import (
     STATES,
     Model,
 )
-from hydro.core.threads import available
+from hydro.core.threads import spread
 from hydro.core.vehicle.frames import euler_from_quaternion, quaternion_from_euler, wrapped
 
 PRIOR = np.repeat([30.0, 1.0, 5.0, 2.0, 3.0, 5.0, 10.0, 30.0], 3)
@@ -297,8 +296,7 @@ def smooth(
         if not _follows(model, known[part], out[part]):
             out[part] = np.nan
 
-    with ThreadPoolExecutor(available()) as pool:
-        list(pool.map(work, bounds[shown]))
+    spread(work, bounds[shown])
     return _unpacked(out)
 
 

@@ -130,6 +130,15 @@ def test_a_hidden_effect_is_named_with_its_values(known, hidden):
     assert end == pytest.approx(1.0, abs=0.05)
 
 
+def test_no_value_depends_on_how_many_threads_there_are(known, monkeypatch):
+    """The suite runs each worker with one thread; what many do at once must come out the same."""
+    raw, found = flown(hiding(known, CURRENT), rows=1000), []
+    for threads in ("1", "4"):
+        monkeypatch.setenv("HYDRO_THREADS", threads)
+        found.append(diagnose(known, raw).frame())
+    assert found[0].equals(found[1])
+
+
 def test_progress_goes_on_and_tells_which_effect_is_tried(known):
     heard: list[tuple[str, float]] = []
     diagnose(
