@@ -183,6 +183,7 @@ def test_no_room_to_fly_is_told_in_one_line_and_the_diagnosis_kept(unsure, tmp_p
 
 @pytest.mark.parametrize(("name", "terminal"), [("sample", True), ("sample", False), ("replay90", True)])
 def test_a_long_diagnosis_says_first_how_long(name, terminal, unsure, tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.delenv("HYDRO_THREADS", raising=False)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
     line = ["diagnose", STONEFISH / "vehicle.toml", STONEFISH / f"{name}.parquet", "-o", tmp_path / "d"]
@@ -192,6 +193,7 @@ def test_a_long_diagnosis_says_first_how_long(name, terminal, unsure, tmp_path, 
 
 
 def test_a_study_says_it_of_its_first_step(capsys, monkeypatch) -> None:
+    monkeypatch.delenv("HYDRO_THREADS", raising=False)
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     known, frame = vehicles.read(VEHICLE)[0], table.read(STONEFISH / "replay90.parquet").frame
