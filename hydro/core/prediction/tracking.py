@@ -5,6 +5,11 @@ what the model makes of them is near the truth for a while.  An extended Kalman 
 in windows of half a second, each predicted by the model and corrected by its samples, and a Rauch-Tung-
 Striebel smoother goes back (Sarkka 2013, ch. 5 and 9).  Where no sample shows the heading, several are tried.
 
+How much the model errs is not known beforehand: within a window, where it adds to the noise of the samples,
+and from window to window.  Both are multiples of the least that is supposed of any model, and the multiples
+that make the samples likeliest are taken.  A wrong model is not believed then, and what it fills is known to
+be doubtful.
+
 What comes of it fills the channels that a segment never saw.  No likelihood has a term of them.
 """
 
@@ -43,9 +48,15 @@ WINDOW = 0.5
 AT_FIRST = np.repeat([0.5, 0.3, 0.5, 0.3], 3)
 """Standard deviation of the state at the beginning of a segment [m, rad, m/s, rad/s]."""
 ASTRAY = np.repeat([1e-3, 1e-3, 0.1, 0.2], 3)
-"""What the model errs in a second, as a random walk, likewise."""
+"""What a good model errs in a second, as a random walk, likewise."""
 LEAST = np.repeat([0.01, 0.01, 0.02, 0.02], 3)
-"""Least noise of a sample beside it, for what the model errs within a window, likewise."""
+"""Least noise of a sample beside it, for what a good model errs within a window, likewise."""
+COARSER = 3.0
+"""Factor from one multiple of both to the next that is tried."""
+MOST_COARSE = 5
+"""Steps at most: a model that errs 243 times as much says nothing."""
+TELLING = 60.0
+"""How long after the first command the samples tell how much the model errs [s]."""
 CORRECTIONS = 3
 """Of a window by Gauss and Newton."""
 HEADINGS = 12
@@ -74,6 +85,17 @@ class _Window(NamedTuple):
     answer: Array
     ahead: Array
     ahead_spread: Array
+
+
+class _Errs(NamedTuple):
+    """How much a model errs, as multiples of the samples' noise, at least LEAST, and of ASTRAY."""
+
+    within: float = 1.0
+    between: float = 1.0
+
+
+DOUBTED = _Errs(within=9.0, between=9.0)
+"""Of a model that is not known to be right, while the heading is looked for."""
 
 
 @dataclass(frozen=True)
@@ -178,35 +200,77 @@ def _followed(here: _Segment, never: Mask) -> tuple[Array, Array] | None:
         spread[PSI, PSI] = (np.pi / HEADINGS) ** 2
         starts = np.repeat(begin[None], HEADINGS, axis=0)
         starts[:, 3:7] = quaternion_from_euler(np.zeros(HEADINGS), np.zeros(HEADINGS), psi)
-        tried = [_filtered(here, each, spread, until)[1] for each in starts]
+        tried = [_filtered(here, each, spread, until, DOUBTED).cost for each in starts]
         begin = starts[int(np.argmin(tried))]
-    windows, cost = _filtered(here, begin, spread, stop)
-    return _smoothed(here, windows) if np.isfinite(cost) else None
+    errs = _likeliest(here, begin, spread, _telling(here))
+    found = _filtered(here, begin, spread, stop, errs)
+    return _smoothed(here, found.windows) if np.isfinite(found.cost) else None
 
 
-def _filtered(here: _Segment, state: Array, spread: Array, stop: int) -> tuple[list[_Window], float]:
-    """Windows from the beginning of a segment to a row, and what their samples are off, squared."""
+def _telling(here: _Segment) -> int:
+    """Row up to which the samples tell how much the model errs: TELLING after the first command."""
+    start, stop = here.bounds
+    commanded = np.flatnonzero(here.record.commands[start:stop].any(axis=1))
+    first = int(commanded[0]) if len(commanded) else 0
+    return int(min(start + first + round(TELLING / here.record.dt), stop))
+
+
+class _Filtered(NamedTuple):
+    """A pass of the filter over a segment.
+
+    Attributes:
+        windows: From the beginning to a row.
+        cost: Twice the negative logarithm of the likelihood of their samples, up to a constant.
+    """
+
+    windows: list[_Window]
+    cost: float
+
+
+def _likeliest(here: _Segment, state: Array, spread: Array, stop: int) -> _Errs:
+    """Return how much the model errs that makes samples likeliest, from the least on, each step COARSER."""
+
+    def cost(errs: _Errs) -> float:
+        return _filtered(here, state, spread, stop, errs).cost
+
+    best, least = _Errs(), cost(_Errs())
+    for _ in range(MOST_COARSE):
+        steps = [
+            best._replace(within=COARSER * best.within),
+            best._replace(between=COARSER * best.between),
+            _Errs(COARSER * best.within, COARSER * best.between),
+        ]
+        costs = list(map(cost, steps))
+        if min(costs) >= least and np.isfinite(least):
+            break
+        least = min(costs)
+        best = steps[costs.index(least)]
+    return best
+
+
+def _filtered(here: _Segment, state: Array, spread: Array, stop: int, errs: _Errs) -> _Filtered:
+    """Go over a segment from its beginning to a row."""
     start, rows = int(here.bounds[0]), max(round(WINDOW / here.record.dt), 1)
     windows, total = list[_Window](), 0.0
     for first in range(start, stop, rows):
         count = min(rows, stop - first)
-        corrected = _corrected(here, state, spread, first, count)
+        corrected = _corrected(here, state, spread, first, count, errs)
         if corrected is None:
-            return windows, np.inf
+            return _Filtered(windows, np.inf)
         window, cost = corrected
         windows.append(window)
         state, spread, total = window.ahead, window.ahead_spread, total + cost
-    return windows, total
+    return _Filtered(windows, total)
 
 
 def _corrected(
-    here: _Segment, expected: Array, spread: Array, first: int, count: int
+    here: _Segment, expected: Array, spread: Array, first: int, count: int, errs: _Errs
 ) -> tuple[_Window, float] | None:
-    """A window with its samples, and what they and the expected state are off; None where it is lost.
+    """A window with its samples, and their cost; None where it is lost.
 
     The state at its beginning is the most likely one given both.
     """
-    known = np.linalg.inv(spread)
+    known, sigma = np.linalg.inv(spread), errs.within * here.sigma
     seen, length = here.seen[first : first + count], min(count + 1, int(here.bounds[1]) - first)
     state = expected
     for _ in range(CORRECTIONS):
@@ -214,18 +278,22 @@ def _corrected(
         if not (np.abs(states) < WILD).all():
             return None
         error = np.empty((1, count, CHANNELS))
-        deviate(states[None, :count], here.logged[None, first : first + count], 1.0 / here.sigma, error)
-        columns = (answers[:count] / here.sigma[:, None])[seen]
+        deviate(states[None, :count], here.logged[None, first : first + count], 1.0 / sigma, error)
+        columns = (answers[:count] / sigma[:, None])[seen]
         information = known + columns.T @ columns
         away = _apart(state, expected)
         step = np.linalg.solve(information, columns.T @ error[0][seen] - known @ away)
         cost = float((error[0][seen] ** 2).sum() + away @ known @ away)
         state = displaced(state[None], step[None])[0]
+    cost += 2.0 * np.log(errs.within) * np.count_nonzero(seen)
+    cost += float(np.linalg.slogdet(information)[1] + np.linalg.slogdet(spread)[1])
     states, answers = here.predicted(state, first, length)
     if not (np.abs(states) < WILD).all():
         return None
     after = np.asarray(np.linalg.inv(information), np.float64)
-    ahead = answers[-1] @ after @ answers[-1].T + np.diag(ASTRAY**2) * count * here.record.dt
+    ahead = (
+        answers[-1] @ after @ answers[-1].T + np.diag((errs.between * ASTRAY) ** 2) * count * here.record.dt
+    )
     return _Window(first, state, after, answers[-1], states[-1], 0.5 * (ahead + ahead.T)), cost
 
 

@@ -73,8 +73,13 @@ def _line(sensor: str, places: list[int], names: list[str], known: Array) -> str
 
 
 def _known(vehicle: Vehicle, record: Recording) -> Array:
-    """Standard deviation to which the samples of a shot place its beginning, the median of all, (12,)."""
+    """Standard deviation to which a recording places the beginnings of shots, (12,).
+
+    It is the median of what the samples of each shot alone show by a right model, and no less than the doubt
+    of what was filled, which tells how much the model errs.
+    """
     filled = tracked(vehicle, record)
     shots = make_shots(filled, seconds=shot_seconds(record), most=MOST_SHOTS)
     prepared = multiple_shooting.prepare(candidate(vehicle), shots)
-    return sensitivity.beginnings(prepared, shots)
+    known = sensitivity.beginnings(prepared, shots)
+    return known if filled.doubt is None else np.maximum(known, filled.doubt)

@@ -62,6 +62,14 @@ def test_surge_and_sway_follow_from_depth_attitude_and_commands(flown, truth, sh
     np.testing.assert_array_equal(found.eta[:, 2:], record.eta[:, 2:])
 
 
+@pytest.mark.parametrize("share", [0.3, 3.0])
+def test_what_a_wrong_model_fills_is_known_to_be_doubtful(flown, truth, share):
+    found = tracked(wrong(share), recording(wrong(share), only(flown, "z", "p", "q", "r")))
+    off = np.sqrt(((found.nu - truth[:, 6:]) ** 2).mean(axis=0))[:3]
+    assert (found.doubt[6:9] > 0.15 * off).all()  # rates and depth tell little of surge and sway
+    assert np.abs(found.nu[:, :3]).max() < 5.0
+
+
 def test_heading_follows_from_position_and_commands(flown, truth):
     c, s = np.cos(TURN), np.sin(TURN)
     turned = flown.with_columns(x=c * pl.col("x") - s * pl.col("y"), y=s * pl.col("x") + c * pl.col("y"))
